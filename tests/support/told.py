@@ -47,10 +47,16 @@ class Quoted(float):
     def __new__(cls, text: str) -> Quoted:
         """Keep the text, whose digits count."""
         made = super().__new__(cls, text)
-        made.digits = len(text.partition("e")[0].partition(".")[2])
+        mantissa, _, exponent = text.partition("e")
+        made.digits = len(mantissa.partition(".")[2]) - int(exponent or 0)
         return made
 
-    digits: int
+    digits: int  # after the point; negative: before it
+
+    @property
+    def half_unit(self) -> float:
+        """Half a unit of the last digit."""
+        return 0.5 * 10.0**-self.digits
 
     def is_rounded(self, number: Any) -> bool:
         """Whether a number, rounded to the digits quoted, is this one."""

@@ -64,7 +64,7 @@ def test_matrices_without_a_factor_are_named_and_harm_no_other(last: float) -> N
     m_nij = np.stack([np.diag([2.0, 4.0]), np.diag([2.0, last]), np.diag([9.0, 1.0])])
     factor, definite_n = cholesky(rows(m_nij))
     assert definite_n.tolist() == [True, False, True]
-    np.testing.assert_allclose(factor[1][1][[0, 2]], [2.0, 1.0])
+    assert factor[1][1][[0, 2]].tolist() == [2.0, 1.0]
     assert np.isfinite(solve_unit(factor, 1)[1]).all()
 
 

@@ -64,14 +64,17 @@ def test_the_largest_effect_is_kept() -> None:
 
 @pytest.mark.lammps
 def test_a_finding_is_seen_where_the_deck_adds_forces_that_hide_it(tmp_path: Path) -> None:
-    """Its own f cannot be compared, as something unknown adds to it; what the finding does to pair forces is known."""
+    """Its own f cannot be compared, as something unknown adds to it; what the finding does to pair forces is known.
+
+    Forces are multiplied by density over mass, 1.01 over 0.01.
+    """
     shaken = "displace_atoms  all random 0.01 0.01 0 135414 units box\nset group all rheo/rho 1.01\n"
     hidden = "fix             7 water spring/self 0.1\nrun             0"
     moved = COLUMN.replace("set             group all rheo/rho 1.0\n", shaken).replace("run             100", hidden)
     case = case_of(moved, tmp_path)
     assert any(line.startswith("f with all that adds to it: fix 7 (spring/self)") for line in case.not_checked)
     (f,) = [of for of in case.effects if (of.finding, of.field) == ("force-per-volume", "f")]
-    assert f.factor == pytest.approx(100, rel=0.05, abs=0) and f.particles > 100
+    assert wording.effect(f).startswith("f is 101 times what it should be") and f.particles > 100
 
 
 # --- why a run broke off
@@ -87,7 +90,7 @@ def test_a_right_deck_that_a_finding_blows_up(tmp_path: Path) -> None:
     without = case.model_copy(update={"outlook": None})
     assert findings.outcome(run.model_copy(update={"cases": [without]})).next_command == case.reproduce
     (f,) = [of for of in case.effects if of.field == "f"]
-    assert f.factor == pytest.approx(100, rel=0.05, abs=0)
+    assert wording.effect(f).startswith("f is 100 times what it should be")
     assert case.message.startswith("unstable because of the known bug force-per-volume: the reference runs on")
     assert "run 1: from step 10 on particles are much faster than sound: fields were not checked there" in case.warnings
 

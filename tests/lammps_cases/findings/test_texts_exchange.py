@@ -141,7 +141,9 @@ def test_the_error_of_a_step_shrinks_with_the_square_of_its_length(lammps: Engin
         scene = parting(7.5, timestep=dt)
         return float(np.abs(lammps.fields(scene)[2]["rho"] - scene.predicted().fields[2]["rho"]).max())
 
-    assert error(0.0005) / error(0.00025) == pytest.approx(4.0, rel=0.02)
+    # Of the next order: particles part by 1e-3 of their distance in the longer step, by fifth powers of which densities
+    # fall, in two steps.
+    assert error(0.0005) / error(0.00025) == pytest.approx(4.0, rel=2 * 5 * 1e-3)
 
 
 @pytest.mark.parametrize(

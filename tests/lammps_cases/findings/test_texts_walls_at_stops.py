@@ -57,7 +57,7 @@ def test_walls_begin_with_pressure(lammps: Engine) -> None:
     assert abs(right.fields[0]["rho"][0] - 1.0) <= right.bounds[0]["rho"][0]
     density, p, slope = said(BEGIN, "argument", r"the density 1, after a second 'run 0' # = 1 \+ 2 \* # \* 2 \* #")
     assert p == -background and density.is_rounded(found["rho"][0])
-    assert found["rho"][0] == pytest.approx(1 + 2 * p * 2 * slope, abs=1e-3)
+    assert found["rho"][0] == pytest.approx(1 + 2 * p * 2 * slope, rel=0, abs=2 * p * 2 * slope.half_unit)
     assert agree(found["rho"], again.predicted(BEGIN), "rho")
     assert not agree(found["f"], right, "f")
     # Neither divided by the mass: the fit in the same scene of other masses is that of forces, not accelerations.

@@ -79,7 +79,7 @@ def test_a_step_suits_the_numbers_of_a_twin_too() -> None:
         return float(fitted(content, Chance("step"), ready)[0]["evolve"]["timestep"])
 
     assert step(newton=False) == step()
-    assert step(units="lj") == pytest.approx(1e-6 * step(), rel=0.005)  # of two digits
+    assert step(units="lj") == rounded(1e-6 * step(), 4)  # three numbers of few digits, and their product
     assert step(rescale=2.0) == step()
 
 

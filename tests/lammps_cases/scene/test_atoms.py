@@ -40,11 +40,12 @@ def test_a_lattice_fills_its_periodic_box(
     d = len(cells)
     atoms = atoms_of(case_file(dimension=d, positions={"lattice": lattice, "spacing": 0.5, "cells": cells}))
     assert len(atoms) == count
-    np.testing.assert_allclose(atoms.high_c[:d], high)
+    np.testing.assert_allclose(atoms.high_c[:d], high, rtol=4 * 2.0**-53)  # a root and a product on either side
     apart_ppc = atoms.x_nc[:, None, :d] - atoms.x_nc[None, :, :d]
     apart_ppc -= np.round(apart_ppc / high) * high
     r_pp = np.sqrt((apart_ppc**2).sum(axis=-1)) + 9.0 * np.eye(count)
-    np.testing.assert_allclose(r_pp.min(axis=1), nearest)
+    # Of places up to six times as long, two roundings each; the difference, two squares and sums, and the root.
+    np.testing.assert_allclose(r_pp.min(axis=1), nearest, rtol=(2 * 2 * 6 + 6) * 2.0**-53)
 
 
 def test_faces_that_are_open_have_a_margin(case_file: Write) -> None:
@@ -93,7 +94,10 @@ def test_energy_is_that_of_the_whole_particle(case_file: Write) -> None:
 def test_ratios_are_of_the_density_of_each_type(case_file: Write) -> None:
     atoms = atoms_of(case_file(types=TWO, rho={"ratio": [0.5, 1.5]}))
     rho0_n = np.where(atoms.type_n == 1, 1.0, 4.0)
-    np.testing.assert_allclose(np.sort(atoms.rho_n / rho0_n), np.linspace(0.5, 1.5, len(atoms)))
+    # The product with the density and the quotient by it; a product and a sum of the ratios, on either side.
+    np.testing.assert_allclose(
+        np.sort(atoms.rho_n / rho0_n), np.linspace(0.5, 1.5, len(atoms)), rtol=(2 + 2 * 2) * 2.0**-53
+    )
 
 
 def test_offsets_are_spaced_by_factors_on_both_sides(case_file: Write) -> None:

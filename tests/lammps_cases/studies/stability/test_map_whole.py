@@ -40,7 +40,8 @@ def test_column_swings_about_its_weight() -> None:
     assert supplied is not None
     assert 0.1 * supplied < max(energies) < supplied  # what the watch allows for is of the right size
     weight = whole.COMPRESSION * (whole.TALL - 0.5) / whole.TALL
-    assert np.mean(pressures) == pytest.approx(weight, rel=0.1)
+    # But for the compression, of the fluid above and of the one that sways.
+    assert np.mean(pressures) == pytest.approx(weight, rel=2 * whole.COMPRESSION)
 
 
 @pytest.mark.lammps

@@ -84,7 +84,8 @@ def test_the_stretch_does_not_matter(side: Engine, every: int, living: Instance)
 def test_engines_fail_alike(living: Instance) -> None:
     ours, theirs = (followed(unstable(), WATCH, side, living).outcome for side in ENGINES)
     assert (ours.kind, ours.step, ours.atom) == (theirs.kind, theirs.step, theirs.atom)
-    assert ours.value == pytest.approx(theirs.value, rel=1e-2)
+    # LAMMPS' forces lack the volumes, which differ from 1 by the Mach number; the energy has grown by its square.
+    assert ours.value == pytest.approx(theirs.value, rel=2 * 1e-3 * np.sqrt(theirs.value))
 
 
 @pytest.mark.parametrize("side", ENGINES)

@@ -70,8 +70,9 @@ def test_the_power_law_has_the_velocity_of_the_closed_form(power: float) -> None
     y = np.linspace(0, 64, 65)
     away = np.abs(y - 32)
     exact = (uncut.gravity / uncut.K) ** (1 / power) * (32 ** (1 + 1 / power) - away ** (1 + 1 / power))
-    # Trapezia of width h miss h^2 f''/12 of an integral; at the wall of the thinning fluid f'' is largest.
-    assert uncut.velocity(y) == pytest.approx(exact / (1 + 1 / power), rel=1e-6)
+    # 20 000 trapezia of width h miss h^2 f''/12 of an integral, and of y^a with a < 1 less than h^(1 + a), at 0.
+    missed = 20_000.0 ** -min(2, 1 + 1 / power)
+    assert uncut.velocity(y) == pytest.approx(exact / (1 + 1 / power), rel=missed)
 
 
 def test_a_stiff_plug_becomes_rigid() -> None:
@@ -126,6 +127,7 @@ def test_a_quick_flow_agrees_is_drawn_and_is_not_run_again(
     ours, theirs = (validated.of(THICK.name, side) for side in (REFERENCE, LAMMPS))
     assert [of.n for of in ours] == [of.n for of in theirs] == list(THICK.flow.quick)
     for one, other in zip(ours, theirs, strict=True):
+        # Volumes, which LAMMPS' forces lack, are 1 but for 2e-6: of an error of 0.03, less than a thousandth.
         assert other.errors["velocity"] == pytest.approx(one.errors["velocity"], rel=1e-3)
     html = (tmp_path / "report.html").read_text()
     assert THICK.title in html
@@ -348,9 +350,9 @@ def test_the_ellipse_keeps_its_energy() -> None:
     a = surfaces._ellipse(times)
     rate = np.gradient(np.log(a), times, edge_order=2)[2:-2]
     energy = (rate**2 + 1) * (a**2 + 1 / a**2)[2:-2]
-    assert energy == pytest.approx(
-        2 * (surfaces.STRETCH**2 + 1), rel=1e-5
-    )  # differences of second order, steps of 1e-3
+    # Central differences miss a sixth of the third one; the energy has twice that times the rate, which 0.4 bounds.
+    third = np.abs(np.diff(np.log(a), 3)).max() / (times[1] - times[0])
+    assert energy == pytest.approx(2 * (surfaces.STRETCH**2 + 1), rel=2 * surfaces.STRETCH * third / 6)
 
 
 @pytest.mark.lammps

@@ -97,6 +97,12 @@ def identify(site: str | None) -> dict[str, str]:
         return describe(lmp, site)
 
 
+def do(task: Callable[..., T], *arguments: Any) -> T:
+    """Do a task in a worker, of which nothing is kept that earlier ones printed: no words of theirs are its last."""
+    os.ftruncate(1, 0)
+    return task(*arguments)
+
+
 def _return_memory() -> None:
     """Keep glibc from raising that size to 32 MB, below which the holes between arrays stay this process' own."""
     with contextlib.suppress(AttributeError):  # another C library
@@ -109,7 +115,7 @@ def _prepare(folder: str, memory: int, parent: int) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, where Python would wait for LAMMPS to return
     tempfile.tempdir = folder  # what a killed worker leaves goes with the pool
     # What LAMMPS or the C++ runtime prints when it dies belongs to the case, not on the terminal.
-    handle = os.open(Path(folder) / str(os.getpid()), os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    handle = os.open(Path(folder) / str(os.getpid()), os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o600)
     os.dup2(handle, 1)
     os.dup2(handle, 2)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
@@ -227,7 +233,12 @@ class Workers:
                 return self._schedule(task)
 
     def _schedule(self, task: Task) -> Future[Any]:
-        future: Future[Any] = self._pool.schedule(task.function, (self._site, *task.arguments), timeout=task.time_limit)
+        future: Future[Any]
+        arguments = (self._site, *task.arguments)
+        if self._cluster:
+            future = self._pool.schedule(task.function, arguments, timeout=task.time_limit)
+        else:
+            future = self._pool.schedule(do, (task.function, *arguments), timeout=task.time_limit)
         self._tasks[future] = task
         return future
 

@@ -79,6 +79,14 @@ def die(site: str | None, code: int) -> None:
     os._exit(code)
 
 
+def warn(site: str | None) -> None:
+    print("a warning", file=sys.stderr, flush=True)
+
+
+def segfault(site: str | None) -> None:
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
 def sleep(site: str | None, started: str) -> None:
     Path(started).write_text(str(os.getpid()))
     time.sleep(600)
@@ -149,6 +157,12 @@ def test_death_costs_its_task_and_the_last_words_are_its_message(
     assert workers.outcome(dead) == Failure("crashed", message, died)
     assert not isinstance(workers.outcome(next_one), Failure)
     assert capfd.readouterr() == ("", "")
+
+
+def test_words_of_earlier_tasks_are_no_last_words(workers: Workers) -> None:
+    warned, died = (workers.call(task, time_limit=LIMIT) for task in (warn, segfault))
+    assert workers.outcome(warned) is None
+    assert workers.outcome(died) == Failure("crashed", "LAMMPS' process was killed by SIGSEGV", "SIGSEGV")
 
 
 def killed_once(site: str | None, mark: str, number: int) -> str:

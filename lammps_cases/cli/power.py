@@ -69,7 +69,7 @@ def power_command(
     shared.page_folder(out)
     if fresh:
         record.planted(out).forget()
-    with Bar(quiet=as_json) as bar:
+    with record.planted(out).kept(), Bar(quiet=as_json) as bar:
         power = collect.collect(
             sections, patterns, family, sample, quick_only, every, engine, jobs, out, command_line(), bar
         )

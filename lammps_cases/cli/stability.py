@@ -66,7 +66,7 @@ def stability_command(
     site = installations.resolve(engine).site
     if fresh:
         record.cells(out).forget()
-    with Bar(quiet=as_json) as bar:
+    with record.cells(out).kept(), Bar(quiet=as_json) as bar:
         measured = atlas.measure(chosen, out, command_line(), quick=quick, site=site, jobs=jobs, progress=bar)
         page.write(measured, out, by_id)
     if save_limits:

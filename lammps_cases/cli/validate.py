@@ -45,7 +45,7 @@ def validate_command(names: tuple[str, ...], quick: bool, out: Path, fresh: bool
     page_folder(out)
     if fresh:
         record.journal(out).forget()
-    with Bar(quiet=as_json) as bar:
+    with record.journal(out).kept(), Bar(quiet=as_json) as bar:
         validated = run.validate(chosen, out, command_line(), quick=quick, engine=engine, progress=bar)
     if as_json:
         click.echo(json.dumps(record.DOCUMENT.plain(validated), indent=1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -53,6 +54,17 @@ class Journal(Generic[T]):
     def entries(self) -> list[T]:
         """Return the entries, without lines that a kill cut short; none where there is no file."""
         return [entry for entry in self.lines() if entry is not None] if self.file.exists() else []
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Have an interruption of the block say that the entries stay, and how to go on."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            if not self.file.exists():
+                raise
+            how = "the same command, without --fresh, does the rest"
+            raise KeyboardInterrupt(f"interrupted: what is done is in {self.file}; {how}") from None
 
     def forget(self) -> None:
         """Take all entries away."""

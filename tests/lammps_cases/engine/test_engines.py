@@ -213,6 +213,12 @@ def test_a_style_of_a_package_left_out_is_lacking_not_refused() -> None:
         raise Exception(words)
 
 
+@pytest.mark.parametrize(("text", "kind"), [(b"ERROR: no \xe9", session.EngineRefused), (b"\xe9", UnicodeDecodeError)])
+def test_an_error_that_is_not_utf8_is_lammps_own(text: bytes, kind: type[Exception]) -> None:
+    with pytest.raises(kind), session.translated():
+        text.decode()
+
+
 # --- MPI
 
 

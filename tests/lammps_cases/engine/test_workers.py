@@ -165,6 +165,13 @@ def test_words_of_earlier_tasks_are_no_last_words(workers: Workers) -> None:
     assert workers.outcome(died) == Failure("crashed", "LAMMPS' process was killed by SIGSEGV", "SIGSEGV")
 
 
+def test_of_an_engines_words_a_terminal_obeys_none() -> None:
+    assert (
+        Failure("refused", "a\x1b[2J\x9b1m\x00\nb\tc \u00e9\udcff").message
+        == "a\\x1b[2J\\x9b1m\\x00\nb\tc \u00e9\\udcff"
+    )
+
+
 def killed_once(site: str | None, mark: str, number: int) -> str:
     if not Path(mark).exists():
         Path(mark).touch()

@@ -130,6 +130,7 @@ def main() -> None:
         if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) is not signal.SIG_IGN:
             signal.signal(getattr(signal, name), signal.default_int_handler)
     try:
+        _check_text(sys.argv[1:])
         code = group.main(prog_name="eos-ref", standalone_mode=False)
     except click.ClickException as error:
         code = _say(2, {"what": "usage", "rule": _one_line(error)}, _one_line(error))
@@ -139,6 +140,15 @@ def main() -> None:
     except Exception as error:
         code = _exit_code(error)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _check_text(words: Sequence[str]) -> None:
+    """Refuse words, as names of files, that are not UTF-8: no report could hold them."""
+    for word in words:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            raise click.UsageError(f"argument: must be UTF-8 text, found {word!r}") from None
 
 
 def _one_line(error: click.ClickException) -> str:

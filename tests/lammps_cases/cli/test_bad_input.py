@@ -424,6 +424,12 @@ def test_home_that_cannot_be_written_costs_no_result(case_file: Write, tmp_path:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_names_that_no_report_can_hold(eos_ref_command: Run, tmp_path: Path) -> None:
+    deck = tmp_path / "in.d\udce9ck"
+    deck.write_text("run 0\n")
+    assert eos_ref_command("audit", deck) == (2, "", f"eos-ref: argument: must be UTF-8 text, found {str(deck)!r}\n")
+
+
 def test_second_run_into_the_same_folder(eos_ref_command: Run, case_file: Write, tmp_path: Path) -> None:
     with (tmp_path / ".report.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # as a run holds it

@@ -92,7 +92,8 @@ def audit_command(
         )
         run = audit_into(directory, deck, options, chosen, provenance.command_line(), fail_on or "new", dump, restart)
     if not as_json:
-        click.echo("\n".join(field_table(run.cases[0])))
+        for line in field_table(run.cases[0]):
+            click.echo(line)
         for line in report_lines(run.cases[0]):
             shared.show(line, "  ")
     return shared.finish(run, directory, as_json)
@@ -107,7 +108,7 @@ def known_bugs(case: CaseRecord) -> list[str]:
 
 
 def field_table(case: CaseRecord) -> list[str]:
-    """Return the lines of a table of the fields."""
+    """Return the lines of a table of the fields; none if none was checked."""
     looks = Counter((check.field, check.type) for check in case.checks)
     atoms = {(check.field, check.type): check.natoms for check in case.checks}
     head = "field        type  looks   atoms   |LAMMPS-ref|     /bound worst step worst atom  verdict"
@@ -118,7 +119,7 @@ def field_table(case: CaseRecord) -> list[str]:
         f"{record.verdict}" + (f" by {listed(record.explained_by)}" if record.explained_by else "")
         for record in case.fields
     ]
-    return [head, *rows]
+    return [head, *rows] if rows else []
 
 
 def report_lines(case: CaseRecord, most: int = 20) -> list[str]:

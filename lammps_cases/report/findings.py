@@ -110,19 +110,22 @@ class Outcome:
             for finding in severe
         ]
         others = how_severe({name: severity for name, severity in self.known.items() if severity != "high"})
-        return [*lines, *([f"  and {others}"] if others else []), f"next: {self.next_command}"]
+        command = self.next_command
+        return [*lines, *([f"  and {others}"] if others else []), *([f"next: {command}"] if command else [])]
 
     @property
     def next_command(self) -> str:
         """What to type next: the worst case alone, a bug report of the worst finding, or the claims of the manual.
 
-        Of a deck that a finding breaks off, that finding: its audit has just been run.
+        Of a deck, whose audit has just been run: the finding that breaks it off, or nothing.
         """
         wrong = [case for case in self.unaccepted if not case.as_expected and case.reproduce]
         if wrong:
             outlook = wrong[0].outlook
             broken = outlook.findings if outlook is not None else []
-            return shlex.join(["eos-ref", "ledger", broken[0]]) if broken else wrong[0].reproduce
+            if broken:
+                return shlex.join(["eos-ref", "ledger", broken[0]])
+            return "" if "audit" in wrong[0].tags else wrong[0].reproduce
         return self.report_bug(self.shown[0].entry) if self.shown else self._command("claims")
 
     def report_bug(self, finding: Finding) -> str:

@@ -12,7 +12,7 @@ from lammps_cases.cli import shared
 from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.records.wording import effects, listed
+from lammps_cases.records.wording import effects, listed, unchecked
 
 
 @click.command("audit")
@@ -134,10 +134,7 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
         outside.append(f"... {len(bad) - most} more looks outside, all in run.json ...")
     from lammps_cases.audit import balance
 
-    reasons: dict[str, list[str]] = {}
-    for name, reason in case.unchecked.items():
-        reasons.setdefault(reason, []).append(name)
-    unchecked = [f"not checked: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
+    not_checked = [f"not checked: {line}" for line in unchecked(case)]
     warnings = [f"warning: {line}" for line in case.warnings]
     warnings += [f"stability: {line}" for line in case.stability]
     bugs = [f"known bug {line}" for line in known_bugs(case)]
@@ -145,4 +142,4 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     end = f"{case.case}: {case.verdict}, {case.steps} steps, {case.natoms} atoms"
     if case.message and case.as_expected:  # else the message follows, with the cases not as expected
         end += f": {case.message}"
-    return [*outside, *unchecked, *warnings, *bugs, end]
+    return [*outside, *not_checked, *warnings, *bugs, end]

@@ -311,6 +311,14 @@ def effects(case: CaseRecord) -> dict[str, str]:
     return {finding: "; ".join(of_fields) for finding, of_fields in lines.items()}
 
 
+def unchecked(case: CaseRecord) -> list[str]:
+    """Say which fields an audit could not check, those with one reason in one line."""
+    reasons: dict[str, list[str]] = {}
+    for name, reason in case.unchecked.items():
+        reasons.setdefault(reason, []).append(name)
+    return [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()] or case.not_checked
+
+
 def effect(of: EffectRecord) -> str:
     """Say what a finding does to a field of an audited deck."""
     where = f"{of.particles} of {counted(of.of, 'particle')}, step {of.step}"

@@ -22,6 +22,7 @@ from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.pages.packed import unpacked
 from lammps_cases.records import files, wording
+from lammps_cases.records.audit_record import OutlookRecord
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import (
     Blame,
@@ -717,6 +718,19 @@ def test_a_page_of_many_cases_lists_some_of_them(run: RunRecord, folder: Path, m
     monkeypatch.setattr(page, "LISTED", 2)
     html = unpacked(page.render(findings.outcome(run, FINDINGS), folder / "fields"))
     assert [a["data-case"] for tag, a in Page(html).elements if tag == "article"] == sorted(bad[:2])
+
+
+def test_of_a_deck_that_broke_off_lammps_words_are_its_own(run: RunRecord, folder: Path) -> None:
+    why = OutlookRecord(cause="findings", findings=["F-3"], run=1, step=0, taken=20, after=3, steps=50)
+    lost = "ERROR: Lost atoms: original 100 current 2"
+    deck = CaseRecord(case="in.deck", verdict="refused", engine_error=lost, outlook=why, tags=["audit"])
+    deck.unchecked = {"cv": "no thermal", "chi": "no walls", "heatflow": "no thermal"}
+    alone = run.model_copy(update={"cases": [deck.model_copy(update={"message": wording.message(deck)})]})
+    html = unpacked(page.render(findings.outcome(alone, FINDINGS), folder / "fields"))
+    says, lists = re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", html), re.findall(r"<li>([^<]*)</li>", html)
+    assert ("LAMMPS said", f"<code>{lost}</code>") in says
+    assert ("Why", wording.outlook(deck)) in says
+    assert {"cv, heatflow: no thermal", "chi: no walls"} < {*lists}
 
 
 @pytest.mark.slow

@@ -134,7 +134,7 @@ class DeckWatch:
         sampled, begin = self.sample_seconds, time.perf_counter()
         try:
             execute()
-        except Exception:
+        except Exception:  # LAMMPS' errors have no type of their own; all are raised again
             self._broke_off = self._step()
             raise
         finally:

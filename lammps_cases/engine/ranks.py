@@ -166,7 +166,7 @@ def solve(site: str | None, job: Job) -> Answer:
         return kept(site, job.ranks).run(job)
     except mpi.LauncherMissing as error:
         raise EngineLacks(str(error)) from None
-    except Exception:
+    except Exception:  # whatever it was, of LAMMPS or on the way to it: ranks in doubt take no other job
         if failed := _kept.pop((site, job.ranks), None):
             failed.end()
         raise

@@ -64,7 +64,6 @@ class Worst:
 
     error: float
     rho: float
-    evaluations: int
 
 
 def worst_case(
@@ -87,7 +86,6 @@ def worst_case(
     rho_n = np.unique(rho_n[law.is_defined(rho_n) & inside(rho_n)])
     if not rho_n.size:
         raise InputError("density", "none of the interval lies in the law's domain")
-    evaluations = rho_n.size
     error_n = _screened(evaluate, law, rho_n, e)
     for _ in range(ROUNDS):
         best = rho_n[np.argsort(error_n)[-CLIMBERS:]]
@@ -95,14 +93,12 @@ def worst_case(
         near = near[np.isfinite(near) & law.is_defined(near)]
         near = np.unique(np.concatenate([best, near[inside(near)]]))
         near_error = _screened(evaluate, law, near, e)
-        evaluations += near.size
         if near_error.max() <= error_n.max():
             break
         rho_n, error_n = near, near_error
     order = np.argsort(error_n)[-3:]
     certified = [(certain_error(evaluate, law, float(rho), e), float(rho)) for rho in rho_n[order]]
-    error, rho = max(certified)
-    return Worst(error, rho, evaluations)
+    return Worst(*max(certified))
 
 
 def certain_error(evaluate: Evaluate, law: EOS, rho: float, e: float | None = None) -> float:

@@ -5,15 +5,12 @@ from __future__ import annotations
 import base64
 import contextlib
 import hashlib
-import re
 import zlib
 
 from markupsafe import Markup
 
 from eos_ref.cache import cache_folder
 from lammps_cases.records.files import replace_file
-
-_PART = re.compile(r'(<script type="text/plain" class="packed"[^>]*>)([A-Za-z0-9+/=]*)</script>')
 
 
 def packed(text: str) -> Markup:
@@ -38,8 +35,3 @@ def packed_once(text: str) -> Markup:
     with contextlib.suppress(OSError):
         replace_file(file, made)
     return made
-
-
-def unpacked(page: str) -> str:
-    """Return a page with the text of every packed part in the place of that part; scripts stay as they are."""
-    return _PART.sub(lambda part: zlib.decompress(base64.b64decode(part[2])).decode(), page)

@@ -58,10 +58,6 @@ def _summed(at: Evaluated) -> Any:
     return (at.evaluator.coordination_n > 0) & at.sim.model.fix.rho_sum
 
 
-def _own_mass(at: Evaluated) -> Any:
-    return np.full(at.evaluator.n, at.sim.model.fix.self_mass)
-
-
 def _evolves(at: Evaluated) -> Any:
     return at.fluid_n & (at.step > 0) & (not at.sim.model.fix.rho_sum)
 
@@ -199,17 +195,5 @@ RULES = (
         _moving_apart,
         "formula.gradient-sign",
         needs="grad/v",
-    ),
-)
-
-# What every engine taken in refuses: it cannot have witnesses.
-REFUSED = (
-    Rule(
-        "density-summed-own-mass",
-        "With self/mass neighbours enter the density sum with the particle's own mass.",
-        _own_mass,
-        needs=("kernel", "rho"),
-        faults=("formula.self-mass-ignored",),
-        dimensions=(),
     ),
 )

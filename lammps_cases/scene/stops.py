@@ -9,34 +9,21 @@ from pydantic import Field
 
 from lammps_cases.scene.values import Finite, Positive, SceneModel, TypeRange
 
+# What the state goes through at a stop, and why it must come out as it was.
 Route = Literal[
-    "run",
-    "restart",
-    "data",
-    "data nofix",
-    "redefined",
-    "other scene",
-    "refused command",
-    "minimize",
-    "replicated",
-    "set",
-    "recreated",
+    "run",  # the next run begins with a set-up of its own
+    "restart",  # write_restart, clear, read_restart: a binary file holds every attribute of an atom
+    "data",  # write_data, clear, read_data: a text file holds them to the digits that it has
+    "data nofix",  # the same without what fixes add to the file
+    "redefined",  # fixes, compute and pair style taken away and defined anew: they hold no part of the state
+    "other scene",  # write_restart, another scene in the same process, read_restart: clear leaves nothing behind
+    "refused command",  # commands that LAMMPS refuses, one of them a run: a refusal changes nothing
+    "minimize",  # a minimisation without iterations: it moves no atom and does not invoke the fixes
+    "replicated",  # the box replicated once in each direction, which is the box
+    "set",  # every attribute set to the value that it has
+    "recreated",  # the last quarter of the atoms deleted, created anew and set
 ]
 ROUTES: tuple[Route, ...] = get_args(Route)
-# What the state goes through at a stop, and why it must come out as it was.
-ABOUT: dict[Route, str] = {
-    "run": "the next run begins with a set-up of its own",
-    "restart": "write_restart, clear, read_restart: a binary file holds every attribute of an atom",
-    "data": "write_data, clear, read_data: a text file holds them to the digits that it has",
-    "data nofix": "the same without what fixes add to the file",
-    "redefined": "fixes, compute and pair style taken away and defined anew: they hold no part of the state",
-    "other scene": "write_restart, another scene in the same process, read_restart: clear leaves nothing behind",
-    "refused command": "commands that LAMMPS refuses, one of them a run: a refusal changes nothing",
-    "minimize": "a minimisation without iterations: it moves no atom and does not invoke the fixes",
-    "replicated": "the box replicated once in each direction, which is the box",
-    "set": "every attribute set to the value that it has",
-    "recreated": "the last quarter of the atoms deleted, created anew and set",
-}
 AS_TEXT: tuple[Route, ...] = ("data", "data nofix")
 FROM_FILE: tuple[Route, ...] = ("restart", *AS_TEXT, "other scene")
 DEFINED_ANEW: tuple[Route, ...] = (*AS_TEXT, "redefined")

@@ -142,7 +142,6 @@ def test_the_search_finds_worse_cases_than_samples() -> None:
     sampled = max(certain_error(evaluate, law, float(rho)) for rho in rho_n[:: SAMPLES // 64])
     found = worst_case(evaluate, law, rho_n, lambda rho: regime.holds(law, rho))
     assert found.error > sampled
-    assert found.evaluations > SAMPLES
     assert found.error == certain_error(evaluate, law, found.rho)
 
 

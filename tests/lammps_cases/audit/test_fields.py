@@ -24,8 +24,8 @@ from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, share, supervise
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.options import AuditTask
-from lammps_cases.pages.packed import unpacked
 from tests.support.audited_decks import DECKS, case_of, run_plain, written
+from tests.support.pages import unpacked
 
 pytestmark = pytest.mark.lammps
 

@@ -16,8 +16,8 @@ from lammps_cases.audit import AuditOptions, audit_deck
 from lammps_cases.audit.deck import hyphens
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.lints import Stillness, number_density
-from lammps_cases.pages.packed import unpacked
 from lammps_cases.records.run_record import CaseRecord
+from tests.support.pages import unpacked
 
 BASIN = (Path(__file__).parents[2] / "decks" / "in.basin").read_text()
 RHO, MASS = "set             group all rheo/rho 1.0", "mass            * 1.0"

@@ -18,10 +18,10 @@ from lammps_cases.history.store import History
 from lammps_cases.history.versions import engines
 from lammps_cases.history.views import Spread
 from lammps_cases.pages import frame
-from lammps_cases.pages.packed import unpacked
 from lammps_cases.records.run_record import RunRecord
 from lammps_cases.report import write_report
 from tests.support import made_runs
+from tests.support.pages import unpacked
 
 HOSTILE = "<img src=x onerror=alert(1)> & \"'"
 

@@ -18,7 +18,7 @@ import pytest
 
 import lammps_cases
 from lammps_cases.pages import frame
-from lammps_cases.pages.packed import unpacked
+from tests.support.pages import unpacked
 
 TEMPLATES = sorted(Path(lammps_cases.__file__).parent.rglob("*.html.j2"))
 PAGES = [path for path in TEMPLATES if '{% extends "frame.html.j2" %}' in path.read_text(encoding="utf-8")]

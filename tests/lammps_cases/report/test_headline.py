@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 from lammps_cases.findings import LEDGER
-from lammps_cases.pages.packed import unpacked
 from lammps_cases.records.headline import LOOKS, State
 from lammps_cases.records.run_record import EngineRecord, RunRecord, read_run
 from lammps_cases.report import findings
 from lammps_cases.scene.casefile import SHIPPED
 from tests.support.outcome import Outcome
+from tests.support.pages import unpacked
 
 pytestmark = pytest.mark.lammps
 

@@ -20,7 +20,6 @@ from eos_ref.errors import InputError
 from lammps_cases.comparison import compare
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import Variant
-from lammps_cases.pages.packed import unpacked
 from lammps_cases.records import files, wording
 from lammps_cases.records.audit_record import OutlookRecord
 from lammps_cases.records.files import read_arrays
@@ -38,6 +37,7 @@ from lammps_cases.records.run_record import (
 from lammps_cases.report import agreement, drawn, findings, markdown, page, plots, write_report
 from lammps_cases.scene.fields import in_step_order
 from tests.support.browser import browser
+from tests.support.pages import unpacked
 
 HOSTILE = "<img src=x onerror=alert(1)> | `b` </script><script>alert(2)</script> \x1b[31m & ]]> *x*"
 NAME = HOSTILE.replace("/", "")  # of a case, which is that of a file

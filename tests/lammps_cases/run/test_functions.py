@@ -18,7 +18,6 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases import audit, compare, run
-from lammps_cases.pages.packed import unpacked
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import read_run
 from lammps_cases.report.drawn import beside_file
@@ -27,6 +26,7 @@ from lammps_cases.run.results import Result
 from lammps_cases.run.tables import VALUE_COLUMNS
 from lammps_cases.run.units import unit
 from tests.support.outcome import Outcome
+from tests.support.pages import unpacked
 
 pytestmark = pytest.mark.lammps
 

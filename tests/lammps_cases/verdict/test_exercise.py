@@ -15,7 +15,6 @@ from eos_ref import InputError
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
-from lammps_cases.pages.packed import unpacked
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.run import prepared_case
@@ -23,6 +22,7 @@ from lammps_cases.scene import casefile
 from lammps_cases.verdict import exercise
 from lammps_cases.verdict.model_cases import problem_of
 from tests.support.outcome import Outcome
+from tests.support.pages import unpacked
 
 Write = Callable[..., Path]
 BLOCK: dict[str, Any] = {

@@ -9,13 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 from filelock import FileLock
 
 from eos_ref import InputError
 from lammps_cases.records import folders
 from lammps_cases.records.documents import SCHEMAS, Document
-from lammps_cases.records.files import csv_text
+from lammps_cases.records.files import csv_text, read_arrays, write_arrays
 from lammps_cases.records.journal import Journal
 
 
@@ -212,9 +213,25 @@ def test_who_waits_for_a_lock_gets_it_when_its_file_is_removed(tmp_path: Path) -
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
-# --- tables
+# --- tables and arrays
 
 
 def test_csv_quotes_what_must_be() -> None:
     assert csv_text([("a", 1.5), ('x,"y"', None)]) == 'a,1.5\n"x,""y""",\n'
     assert csv_text([("a,b", "c\td")], "\t") == 'a,b\t"c\td"\n'
+
+
+def test_arrays_are_read_as_numpy_reads_them(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    written = {
+        "f.lammps": np.array([np.nan, -0.0, 1e-310]),
+        "x": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+    }
+    written |= {"id": np.arange(3), "type": np.arange(3, dtype=np.int32), "none": np.empty((0, 3))}
+    write_arrays(path, written)
+    found = read_arrays(path)
+    with np.load(path) as loaded:
+        assert found.keys() == set(loaded.files)
+        for name in loaded.files:
+            np.testing.assert_array_equal(found[name], loaded[name])
+            assert found[name].dtype == loaded[name].dtype

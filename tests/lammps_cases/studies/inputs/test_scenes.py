@@ -28,7 +28,7 @@ from lammps_cases.studies.inputs.reading import refusal
 from lammps_cases.studies.inputs.refusals import parse
 from lammps_cases.studies.inputs.scenes import BadInput, bad_inputs
 from lammps_cases.studies.inputs.table import InputRow, row, table
-from tests.lammps_cases.cli.test_bad_input import BAD
+from tests.support.bad_scenes import BAD
 from tests.support.progress import Steps
 
 BY_ID = {bad.id: bad for bad in bad_inputs()}

@@ -21,8 +21,8 @@ from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import severities
 from lammps_cases.records import wording
 from lammps_cases.records.files import write_arrays
-from lammps_cases.records.levels import FailOn
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, fails
+from lammps_cases.records.levels import FailOn, fails
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.report.annotations import case_lines
 from lammps_cases.report.drawn import beside_file, split
 from lammps_cases.run.case_judgement import JUDGING, answers, judge, unjudged

@@ -12,8 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lammps_cases.records.levels import SEVERITIES, FailOn, Severity
-from lammps_cases.records.run_record import fails
+from lammps_cases.records.levels import SEVERITIES, FailOn, Severity, fails
 from lammps_cases.records.wording import counted
 
 State = Literal["PASS", "KNOWN BUGS", "FAIL", "EMPTY"]

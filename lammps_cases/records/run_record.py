@@ -21,7 +21,7 @@ from eos_ref.syntax.manual import Manual, manual_of
 from lammps_cases.records import schema1
 from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, EffectRecord, OutlookRecord, SeriesRecord
 from lammps_cases.records.documents import SCHEMAS, Document, Record
-from lammps_cases.records.levels import SEVERITIES, FailOn, Severity
+from lammps_cases.records.levels import FailOn
 
 Verdict = Literal["exact", "pass", "explained", "differs", "refused", "crashed", "timeout", "error", "skipped"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
@@ -425,11 +425,6 @@ class RunRecord(Record):
 
 
 _DOCUMENT = Document("run", RunRecord, {schema1.SCHEMA: schema1.upgraded})
-
-
-def fails(severity: Severity, fail_on: FailOn) -> bool:
-    """Return whether a known finding of some severity makes the exit code 1."""
-    return fail_on != "new" and SEVERITIES.index(severity) <= SEVERITIES.index(fail_on)
 
 
 def as_expected(verdict: Verdict, expects: str) -> bool:

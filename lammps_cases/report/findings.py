@@ -13,8 +13,8 @@ from lammps_cases.findings import KNOWN, LEDGER, Finding, severities
 from lammps_cases.findings.engines import nearest
 from lammps_cases.records import wording
 from lammps_cases.records.headline import Headline, headline, how_severe
-from lammps_cases.records.levels import SEVERITIES, Severity
-from lammps_cases.records.run_record import CarriedOver, CaseRecord, RunRecord, fails
+from lammps_cases.records.levels import SEVERITIES, Severity, fails
+from lammps_cases.records.run_record import CarriedOver, CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
 
 Status = Literal["seen", "unseen", "absent"]

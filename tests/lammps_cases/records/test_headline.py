@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from lammps_cases.records.headline import LOOKS, headline, how_severe, strictest
-from lammps_cases.records.levels import FAIL_ON, SEVERITIES, FailOn, Severity
-from lammps_cases.records.run_record import fails
+from lammps_cases.records.levels import FAIL_ON, SEVERITIES, FailOn, Severity, fails
 
 KNOWN: Mapping[str, Severity] = {"a": "high", "b": "high", "c": "medium", "d": "low"}
 

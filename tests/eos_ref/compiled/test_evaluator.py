@@ -281,6 +281,7 @@ def test_consistency_of_the_gradients_stored(kernel: str, dimension: int) -> Non
         weighted = V_n[other][:, None] * g_pc
         np.add.at(zero_nc, k, weighted)
         np.add.at(minus_one_ncc, k, apart_pc[:, :, None] * weighted[:, None, :])
+    # Sums of terms of size 1 or less, rounded times the condition of the matrices, some hundred.
     assert np.abs(zero_nc).max() < 1e-11
     assert np.abs(minus_one_ncc + np.eye(dimension)).max() < 1e-11
 

@@ -56,8 +56,10 @@ def test_no_slip_ratio() -> None:
     least = math.sqrt(3) / 12
     assert abs(pair.no_slip_ratio(1.0, 0.1, 3.0) - 1 / least) <= 6 * EPS / least
     edge = 0.5 + least / 2  # where 2 (chi - 1/2) meets the limit the ratio is continuous
-    above, below = (pair.no_slip_ratio(1.0, chi, 3.0) for chi in (edge * (1 + 1e-12), edge * (1 - 1e-12)))
-    assert 0 <= below - above <= 1e-10
+    apart = 1e-12 * edge
+    above, below = (pair.no_slip_ratio(1.0, chi, 3.0) for chi in (edge + apart, edge - apart))
+    # Above, 1/(2 (chi - 1/2)) falls with the slope 2/least^2; chi is rounded as 1 is.
+    assert 0 <= below - above <= (apart + EPS) * 2 / least**2 + 12 * EPS / least
 
 
 def test_repulsion() -> None:

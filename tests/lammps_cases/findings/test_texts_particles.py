@@ -96,8 +96,11 @@ def directions(lammps: Engine, **options: Any) -> Any:
 
 
 def same_direction(one: Any, other: Any) -> bool:
-    """Whether directions are parallel, whatever their signs."""
-    return bool(np.all(np.abs(np.abs(one @ other) - 1) < 1e-9))
+    """Whether directions are parallel, whatever their signs.
+
+    Their cosine is 1 but for the square of their rounding, which is EPS over 1e-9, the least size, at most.
+    """
+    return bool(np.all(np.abs(np.abs(one @ other) - 1) < (EPS / 1e-9) ** 2 + 4 * EPS))
 
 
 def test_one_direction_for_all_interfaces(lammps: Engine) -> None:

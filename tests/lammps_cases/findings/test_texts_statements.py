@@ -90,7 +90,8 @@ def test_no_mass_diffusion(lammps: Engine) -> None:
     (steps,) = said("no-mass-diffusion", "argument", "in # steps")
     assert f"run {int(steps)} " in PROBES["density-diffuses"].edits[-1][1]
     assert percent.is_rounded(100 * found(lammps, "density-diffuses-damped"))
-    assert abs(found(lammps, "density-diffuses")) < 1e-13
+    # Each step rounds densities of 1.1 and rates that are 0 but for rounding; the profile is a third as high.
+    assert abs(found(lammps, "density-diffuses")) < steps * 1.1 * 3 * 2 * 2.0**-52
 
 
 def test_bonds_across_a_boundary(lammps: Engine) -> None:

@@ -341,7 +341,8 @@ def test_the_first_pressure_of_the_square_solves_its_equation() -> None:
     laplacian = (surfaces.patch_pressure(around, 1.0, 200).sum() - 4 * middle) / step**2
     assert laplacian == pytest.approx(2, abs=step**2 / 12 * 2 * 10)
     edge = np.array([[0.5, 0.1], [-0.2, 0.5]])
-    assert np.abs(surfaces.patch_pressure(edge, 1.0)).max() < 1e-12
+    # Sines of multiples of pi, up to 40, are rounded as these are; weights add up to less than 1.
+    assert np.abs(surfaces.patch_pressure(edge, 1.0)).max() < 40 * np.pi * 2.0**-52
 
 
 def test_the_ellipse_keeps_its_energy() -> None:

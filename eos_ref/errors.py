@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-SIMILAR = 0.5  # least ratio of `difflib.SequenceMatcher` at which a name is suggested
+SIMILAR = 0.55  # least ratio of `difflib.SequenceMatcher` at which a name is suggested
 LONGEST = {
     "what": 80,
     "rule": 300,
@@ -99,10 +99,12 @@ def together(errors: Sequence[InputError]) -> InputError:
 
 
 def similar(name: str, names: Iterable[str]) -> str:
-    """Return the name that was probably meant; empty if none is similar."""
+    """Return the name that was probably meant: one that begins so, or the nearest; empty if none is similar."""
     import difflib
 
-    return next(iter(difflib.get_close_matches(name[:100], list(names), 1, SIMILAR)), "")
+    known, word = list(names), name[:100]
+    longer = [each for each in known if each.casefold().startswith(word.casefold())] if len(word) > 1 else []
+    return min(longer, key=len, default="") or next(iter(difflib.get_close_matches(word, known, 1, SIMILAR)), "")
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

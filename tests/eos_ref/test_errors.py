@@ -50,3 +50,5 @@ def test_it_pickles(found: object, where: str) -> None:
 def test_the_nearest_name_is_suggested_if_any_is_near() -> None:
     assert nearest("near-rho", ["far", "near-rho0"]) == " (did you mean 'near-rho0'?)"
     assert nearest("zzz", ["far", "near-rho0"]) == ""
+    assert nearest("near-rho0", ["example-rhosum"]) == "", "not near enough"
+    assert nearest("rk", ["risk", "RK1.long", "RK1"]) == " (did you mean 'RK1'?)", "what begins so comes first"

@@ -142,6 +142,8 @@ def read_yaml(path: Path, what: str = "case file") -> Any:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line = f"{path}, {position(mark.line, mark.column)}" if mark else str(path)
-        raise InputError(what, f"is not valid YAML: {error.problem}", where=line) from None
+        tab = mark and "".join(text.split("\n")[mark.line : mark.line + 1])[mark.column : mark.column + 1] == "\t"
+        problem = "tabs do not indent, spaces do" if tab else error.problem
+        raise InputError(what, f"is not valid YAML: {problem}", where=line) from None
     except (yaml.YAMLError, ValueError, AttributeError, RecursionError) as error:  # a tag that its text does not fit
         raise InputError(what, f"is not valid YAML: {error}", where=str(path)) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -73,7 +74,8 @@ class Complaint:
         """Return the rules as a sentence, in which a verb that is the first's is said once."""
         (verb, _), *_ = self.rules
         more = (text if each == verb else f"{each} {text}".strip() for each, text in self.rules)
-        return f"{verb} {' or '.join(more)}".strip()
+        either = f"{verb} {' or '.join(more)}".strip()
+        return re.sub(r"(?<=') or (?='[^']*' or ')", ", ", either)  # of words in a choice within a choice
 
     @property
     def what(self) -> str:

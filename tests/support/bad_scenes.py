@@ -32,7 +32,14 @@ BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("atom type 2", "equation of state"),
     ),
     "missing style": ({"pressure": []}, ("atom type 1", "needs an equation of state")),
-    "unknown style": ({"pressure": [{"types": "*", "style": "taitwater"}]}, ("pressure.0.style", "'taitwater'")),
+    "unknown style": (
+        {"pressure": [{"types": "*", "style": "taitwater"}]},
+        ("pressure.0.style", "'tait/general', 'ideal/gas' or 'background'", "'taitwater'"),
+    ),
+    "lattice of another dimension": (
+        {"positions": POSITIONS | {"lattice": "fcc"}},
+        ("cells needs 3 numbers for fcc, a lattice in 3D", "2"),
+    ),
     "background alone": (
         {"pressure": [{"types": "*", "style": "background", "P_b": 1.0}]},
         ("atom type 1", "besides the background"),

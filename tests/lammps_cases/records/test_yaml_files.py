@@ -37,6 +37,8 @@ def test_what_is_read(tmp_path: Path, text: str, data: Any) -> None:
         ("a: 1\nb: 2\na: 3", r"thing: is not valid YAML: repeated key 'a' \(.*one.yaml, line 3, column 1\)"),
         ("? [1]\n: 2", r"a key must be a plain word .*line 1, column 3"),
         ("a: [1", "is not valid YAML: .*line 2, column 1"),
+        ("a:\n\tb: 1", r"is not valid YAML: tabs do not indent, spaces do \(.*line 2, column 1\)"),
+        ("a: @b", r"is not valid YAML: found character that cannot start any token \(.*line 1, column 4\)"),
         ("b: *k\na: &k 1", r"an alias must come after what it stands for .*line 1, column 4"),
         ("a: " + "[" * 41 + "]" * 41, "must be at most 40 levels deep"),
         ("a: " + "1" * 401, "a number must have at most 400 digits"),

@@ -39,7 +39,7 @@ evolve: unknown key (belongs under scene:) (line 14, column 1)
 types.0.mass: must be a number, found 'heavy' (line 5, column 18)
 positions.cells: must be a list, found 5 (line 6, column 48)
 positions.tilt: must have at most 1 member or 3 members, found [1, 2] (line 6, column 57)
-pressure.0.style: must be 'linear', 'cubic', 'tait/water', 'tait/general' or 'ideal/gas' or 'background' \
+pressure.0.style: must be 'linear', 'cubic', 'tait/water', 'tait/general', 'ideal/gas' or 'background' \
 (did you mean 'linear'?), found 'linaer' (line 8, column 25)
 pressure.1.types: must be a range of types: *, n, *n, n* or m*n, found [1, 2] (line 9, column 13)
 rho.ratio: must have 2 members, found [0.8] (line 10, column 16)
@@ -121,7 +121,10 @@ STOPPING = "  evolve: {steps: 4, timestep: 0.1, stops: [{at: 1, stretch: {z: 2}}
     ("text", "said"),
     [
         (WHOLE, "rho0 must be given for every type or for none (fix rheo takes N values) (line 5, column 10)"),
-        (WHOLE.replace("[5, 4]", "[5, 4, 3]"), "cells needs 2 numbers for sq, found 3 (line 6, column 49)"),
+        (
+            WHOLE.replace("[5, 4]", "[5, 4, 3]"),
+            "cells needs 2 numbers for sq, a lattice in 2D, found 3 (line 6, column 49)",
+        ),
         (WHOLE.replace("sq", "sc").replace("[5, 4]", "[5, 4, 3]"), "does not fit dimension 2 (line 6, column 24)"),
         (WHOLE.replace(", rho0: 1", "") + STOPPING, "stretch.z must be 1 in 2D, found 2.0 (line 10, column 44)"),
     ],

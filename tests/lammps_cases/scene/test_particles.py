@@ -23,8 +23,8 @@ from lammps_cases.scene.particles import (
 SQ: dict[str, Any] = {"lattice": "sq", "spacing": 1.0, "cells": [2, 2]}
 LISTED: dict[str, Any] = {"x": [[0.0, 0.0], [0.5, 0.5]], "low": [0.0, 0.0], "high": [1.0, 1.0]}
 BAD: list[tuple[type, dict[str, Any], str]] = [
-    (Lattice, SQ | {"cells": [2, 2, 2]}, "cells needs 2 numbers for sq, found 3"),
-    (Lattice, SQ | {"lattice": "fcc"}, "cells needs 3 numbers for fcc, found 2"),
+    (Lattice, SQ | {"cells": [2, 2, 2]}, "cells needs 2 numbers for sq, a lattice in 2D, found 3"),
+    (Lattice, SQ | {"lattice": "fcc"}, "cells needs 3 numbers for fcc, a lattice in 3D, found 2"),
     (Lattice, SQ | {"cells": [2, 0]}, r"cells must be at least 1 .*found \[2, 0\]"),
     (Lattice, SQ | {"periodic": [True]}, "periodic needs 2 flags"),
     (Lattice, SQ | {"disorder": 0.5}, "less than 0.5"),

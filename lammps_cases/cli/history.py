@@ -94,7 +94,7 @@ def history_command(
     if not every:
         click.echo(f"no run is kept yet in {history.path}; eos-ref run keeps every run, --add RUN those of before")
     elif not names:
-        _show_runs(lines, len(every))
+        _show_runs(lines, len(every), "" if engine or since else f" (--last {len(every)} lists all)")
     elif len(case_views) == 1:
         _show_case(case_views[0], only)
     else:
@@ -171,7 +171,7 @@ def _outcome(outcome: CaseOutcome) -> dict[str, Any]:
     return {name: getattr(outcome, name) for name in OUTCOME} | {"fields": fields}
 
 
-def _show_runs(lines: Sequence[RunLine], every: int) -> None:
+def _show_runs(lines: Sequence[RunLine], every: int, more: str) -> None:
     rows = [
         (
             line.run.date[:16].replace("T", " "),
@@ -184,9 +184,10 @@ def _show_runs(lines: Sequence[RunLine], every: int) -> None:
         for line in lines
     ]
     columns = ("date", "engine", "cases", "seconds", "against the same engine", "against the engine before")
-    shared.table(columns, rows, drop=columns[:2:-1], prose=(columns[2], *columns[4:]))
+    if rows:
+        shared.table(columns, rows, drop=columns[:2:-1], prose=(columns[2], *columns[4:]))
     if len(lines) < every:
-        click.echo(f"{len(lines)} of {every} runs (--last {every} lists all)")
+        click.echo(f"{len(lines)} of {every} runs{more}")
 
 
 def _show_case(view: CaseView, only: Only | None) -> None:

@@ -114,10 +114,22 @@ class CaseView:
 def chosen_runs(
     runs: Sequence[StoredRun], engine: str = "", since: str = "", last: int | None = None
 ) -> list[StoredRun]:
-    """Select runs by a pattern (or part) of their engine's name, version or label, by date, and the last of them."""
+    """Select runs by a pattern (or part) of their engine's name, version or label, by date, and the last of them.
+
+    Raises
+    ------
+    InputError
+        No run has such an engine.
+    """
     if engine:
         labels = {run.id: line.label for line in engines(runs) for run in line.runs}
-        runs = [run for run in runs if _fits(engine, labels[run.id], run.engine.name, run.engine.distribution)]
+        fitting = [run for run in runs if _fits(engine, labels[run.id], run.engine.name, run.engine.distribution)]
+        if runs and not fitting:
+            there = ", ".join(dict.fromkeys(labels.values()))
+            raise InputError(
+                "engine", f"must be one of which a run is kept ({there}), or part of it", engine, "--engine"
+            )
+        runs = fitting
     runs = [run for run in runs if run.date >= since]
     return runs[-last:] if last else list(runs)
 

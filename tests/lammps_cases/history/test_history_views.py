@@ -215,6 +215,11 @@ def test_runs_are_chosen_by_engine_day_and_number(history: History) -> None:
     assert dates(views.chosen_runs(runs, since="2026-11-03")) == ["3", "4"]
     assert dates(views.chosen_runs(runs, last=1)) == ["4"]
     assert dates(views.chosen_runs(runs, engine="9.0", last=1)) == ["2"]
+    with pytest.raises(
+        InputError, match=r"engine: must be one of which a run is kept \(.*9.0.*found 'nosuch' \(--engine\)"
+    ):
+        views.chosen_runs(runs, engine="nosuch")
+    assert views.chosen_runs([], engine="nosuch") == []
 
 
 def test_a_case_that_no_run_has_is_bad_input() -> None:

@@ -48,8 +48,8 @@ def exclusive(target: Path, what: str, busy: str = "") -> Iterator[None]:
         if target.exists() and not os.access(target, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         lock.acquire(timeout=0 if busy else -1)
-    except Timeout:
-        raise InputError(what, busy, str(target)) from None
+    except Timeout:  # also where no file can be made, as in /proc
+        raise InputError(what, busy if path.exists() else "cannot be written", str(target)) from None
     except OSError as error:
         raise InputError(what, f"cannot be written: {error.strerror}", str(target)) from None
     try:

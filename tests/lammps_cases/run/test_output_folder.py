@@ -62,6 +62,14 @@ def test_neither_the_current_folder_nor_one_above(above: str, tmp_path: Path, mo
         pass
 
 
+def test_a_place_where_no_file_can_be_made() -> None:
+    with (
+        pytest.raises(InputError, match="output folder: cannot be written, found '/proc/x'"),
+        output_folder(Path("/proc/x")),
+    ):
+        pass
+
+
 def test_two_runs_do_not_write_into_one_folder(tmp_path: Path) -> None:
     with output_folder(tmp_path / "report") as folder:
         with pytest.raises(InputError, match="another run is writing into it"), output_folder(tmp_path / "report"):

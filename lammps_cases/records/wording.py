@@ -116,7 +116,7 @@ def by_file(cases: Sequence[str]) -> str:
     if len(cases) <= MOST_NAMES:
         return ", ".join(cases)
     counts = Counter(case.partition(".")[0] for case in cases)
-    files = some([f"{count} {file}.*" for file, count in counts.most_common()])
+    files = some([f"{count} {file}.*" for file, count in counts.most_common()], of="file")
     return f"{counted(len(cases), 'case')} ({files})"
 
 
@@ -180,10 +180,11 @@ def triage_lines(run: RunRecord) -> Iterator[str]:
         yield f"  cases: {some(group.cases)}"
 
 
-def some(names: Sequence[str], listed: int = 6) -> str:
-    """Name the first of some things, and how many more there are."""
+def some(names: Sequence[str], listed: int = 6, of: str = "") -> str:
+    """Name the first of some things, and how many more there are, ``of`` what if that is not plain."""
     rest = len(names) - listed
-    return ", ".join(names[:listed]) + (f", {rest} more" if rest > 0 else "")
+    more = counted(rest, f"more {of}") if of else f"{rest} more"
+    return ", ".join(names[:listed]) + (f", {more}" if rest > 0 else "")
 
 
 # --- names

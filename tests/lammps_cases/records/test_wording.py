@@ -40,7 +40,7 @@ def test_numbers_that_json_has_not_are_those_of_run_json() -> None:
 def test_many_cases_are_counted_by_the_files_that_have_most() -> None:
     assert wording.by_file(["a.1", "b.1"]) == "a.1, b.1"
     files = [f"{file}.{k}" for file, count in zip("abcdefgh", range(9, 1, -1), strict=True) for k in range(count)]
-    assert wording.by_file(files) == "44 cases (9 a.*, 8 b.*, 7 c.*, 6 d.*, 5 e.*, 4 f.*, 2 more)"
+    assert wording.by_file(files) == "44 cases (9 a.*, 8 b.*, 7 c.*, 6 d.*, 5 e.*, 4 f.*, 2 more files)"
 
 
 def test_things_are_counted() -> None:

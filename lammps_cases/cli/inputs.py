@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.argument("names", nargs=-1, metavar="[INPUT]...")
 @click.option("--deck", is_flag=True, help="Print the deck of one input, and run nothing.")
 @click.option("--against", type=shared.PATH, help="Folder of an earlier table: list what ends in another way.")
-@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes at a time.")
+@shared.processes_option
 @shared.folder_option("--out", "reports/inputs", "Folder of the table.")
 @shared.engine_option
 @shared.json_option

@@ -24,7 +24,7 @@ FAMILIES = ("told", "read", "formula", "source")
 @click.option("--quick-only", is_flag=True, help="Only the quick cases.")
 @click.option("--sample", type=click.IntRange(1), help="So many of the faults, the same ones each time.")
 @click.option("--all", "every", is_flag=True, help="Every case that catches a fault, not only those of two files.")
-@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes at a time.")
+@shared.processes_option
 @shared.cluster_option
 @click.option("--fresh", is_flag=True, help="Plant every fault again, also those that the folder has.")
 @shared.folder_option("--out", "reports/power", "Folder of the report.")

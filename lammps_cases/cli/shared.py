@@ -129,6 +129,12 @@ jobs_option = click.option(
     default=lambda: os.cpu_count() or 1,
     help="LAMMPS processes at a time (default: one per core).",
 )
+processes_option = click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    default=lambda: os.cpu_count() or 1,
+    help="Processes at a time (default: one per core).",
+)
 fresh_option = click.option("--fresh", is_flag=True, help="Ignore the cache of reference predictions.")
 paths_option = click.option("--cases", "paths", multiple=True, type=PATH, help="Case file or folder of your own.")
 

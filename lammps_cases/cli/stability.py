@@ -25,7 +25,7 @@ from lammps_cases.records.progress import Bar
     show_default=True,
     help="Folder of the atlas.",
 )
-@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes at a time.")
+@shared.processes_option
 @shared.cluster_option
 @click.option("--fresh", is_flag=True, help="Run every cell again, even those that the folder has.")
 @click.option("--save-limits", is_flag=True, help="Base later advice on the limits that are measured.")

@@ -24,7 +24,7 @@ MOST_NAMES = 3  # of the cases of a rule and dimension; the rest is counted
 @click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
 @click.option("--all", "every", is_flag=True, help="All rules that a case takes, not only those it names: minutes.")
 @shared.folder_option("--out", "reports/witnesses", "Folder of the page.")
-@shared.jobs_option
+@shared.processes_option
 @shared.fresh_option
 @shared.json_option
 def witnesses_command(names: tuple[str, ...], every: bool, out: Path, jobs: int, fresh: bool, as_json: bool) -> int:
@@ -39,6 +39,7 @@ def witnesses_command(names: tuple[str, ...], every: bool, out: Path, jobs: int,
               eos-ref witnesses 'surfaces-3d.*' --all
     """
     from lammps_cases.comparison.prediction_keys import open_store
+    from lammps_cases.run.provenance import command_line
     from lammps_cases.scene import casefile
     from lammps_cases.studies.mutation import witnesses, witnesses_page
 
@@ -48,7 +49,7 @@ def witnesses_command(names: tuple[str, ...], every: bool, out: Path, jobs: int,
         examined = witnesses.collect(cases, every, jobs, open_store(fresh), bar)
     rows = witnesses.rows(examined)
     complaints = list(witnesses.complaints(cases, examined, rules=not names))
-    witnesses_page.write(rows, complaints, len(examined), out, whole=not names)
+    witnesses_page.write(rows, complaints, len(examined), out, command_line(), whole=not names)
     if as_json:
         table = [asdict(row) | {"missing": row.missing} for row in rows]
         click.echo(json.dumps({"rules": table, "complaints": complaints}, indent=1))

@@ -13,7 +13,9 @@ from lammps_cases.studies.mutation.witnesses import ENOUGH, RuleRow
 ASSETS = Path(__file__).parent / "assets"
 
 
-def write(rows: Sequence[RuleRow], complaints: Sequence[str], cases: int, folder: Path, whole: bool = True) -> None:
+def write(
+    rows: Sequence[RuleRow], complaints: Sequence[str], cases: int, folder: Path, command: str, whole: bool = True
+) -> None:
     """Write ``witnesses.html``, one file that opens offline; only the ``whole`` of the cases can have too few.
 
     Of some cases the rules are shown that they witness.
@@ -29,6 +31,7 @@ def write(rows: Sequence[RuleRow], complaints: Sequence[str], cases: int, folder
             "witnesses",
             "bad" if complaints else "good",
             scripts=[frame.FILTER],
+            typed=command,
             complaints=complaints,
             cases=cases,
             number=len(rows),

@@ -96,11 +96,12 @@ def test_the_table_and_its_page_say_what_is_missing(tmp_path: Path) -> None:
     assert (layer.cases, layer.scenes, layer.taken) == ({2: ("b",), 3: ("a.one", "a.two")}, {2: 1, 3: 1}, 3)
     assert layer.missing == "1 of 2 witnesses in 2D, 1 of 2 witnesses in 3D"
     assert rows["rho0"].missing == "", "laws know no dimension"
-    witnesses_page.write(list(rows.values()), ["rule layer: too few"], 3, tmp_path)
+    witnesses_page.write(list(rows.values()), ["rule layer: too few"], 3, tmp_path, "eos-ref witnesses a")
     page = (tmp_path / "witnesses.html").read_text()
     assert "a.one, a.two" in page and "rule layer: too few" in page and "formula.normal-inward" in page
+    assert "<code>eos-ref witnesses a</code>" in page
     assert page.count('<tr id="') == len(rows)
-    witnesses_page.write(list(rows.values()), [], 3, tmp_path, whole=False)
+    witnesses_page.write(list(rows.values()), [], 3, tmp_path, "", whole=False)
     page = (tmp_path / "witnesses.html").read_text()
     assert page.count('<tr id="') == 2 and f"2 of {len(rows)} rules of the reference" in page
 

@@ -172,7 +172,7 @@
       other.hidden = other !== article;
     }
     if (!article) {
-      restore(state);
+      restore(name ? new URLSearchParams({ find: name }) : state); // a case that is not in the page: its name is sought
       target();
       return;
     }
@@ -272,5 +272,7 @@
   const first = document.querySelectorAll("#cases th")[1]; // worst first
   order(first, true);
   filter();
+  // The report of an audit is about one deck.
+  if (!location.hash && rows.length === 1 && rows[0].dataset.tags === "audit") history.replaceState(null, "", rows[0].querySelector("a").hash);
   show();
 })();

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lammps_cases.records.run_record import RunRecord
-from lammps_cases.report import plots
+from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.report import plots, write_report
 from tests.support.browser import browser
 from tests.support.made_report import Page
 
@@ -100,3 +100,29 @@ def test_an_address_keeps_what_the_table_shows(run: RunRecord, folder: Path, tmp
     assert int(listed[1]) == sum("hidden" not in row for row in rows) == 1
     sorted_by = [a.get("aria-sort") for tag, a in shown.elements if tag == "th" and "aria-sort" in a]
     assert sorted_by == ["descending"]
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_a_case_that_is_not_there_is_sought(folder: Path, tmp_path: Path) -> None:
+    shown, dom = _shown(folder, "case=nowhere.to-be-found", tmp_path)
+    assert re.search(r"\b0 of \d+ cases", dom)
+    assert not [a for tag, a in shown.elements if tag == "article" and "hidden" not in a]
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_the_report_of_an_audit_opens_at_its_deck(run: RunRecord, tmp_path: Path) -> None:
+    decks = [CaseRecord(case=name, verdict="pass", tags=["audit"]) for name in ("in.one", "in.two")]
+    hidden = "document.getElementById('list').hidden"
+    with browser(tmp_path / "browser") as page:
+        for cases, address in ((decks[:1], "#case=in.one"), (decks, "")):
+            write_report(run.model_copy(update={"cases": cases}).counted(), tmp_path)
+            page.open((tmp_path / "report.html").as_uri())
+            page.wait("document.readyState === 'complete'")
+            assert page.value("location.hash") == address
+            assert page.value(hidden) == bool(address)
+            if address:
+                page.value("document.querySelector('article .back').click()")
+                page.wait(f"!{hidden}")
+        assert page.complaints == []

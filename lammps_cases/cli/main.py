@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import importlib
 import signal
 import sys
@@ -51,6 +53,8 @@ GROUPS = {
         "completion": "Let the shell complete cases, tags, findings and engines.",
     },
 }
+PIPE_CLOSED = 141  # exit code, as shells have it of SIGPIPE
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # of a file, or of what the output is led into
 COMMANDS = {name: text for commands in GROUPS.values() for name, text in commands.items()}
 
 
@@ -137,6 +141,8 @@ def main() -> None:
     except (click.Abort, KeyboardInterrupt) as error:
         rule = str(error.__cause__ or error) or "interrupted; no partial files were written"
         code = _say(130, {"what": "run", "rule": rule}, rule)
+    except SystemExit as left:  # by click of completion, with 0; by click or rich where who reads the output has gone
+        code = PIPE_CLOSED if left.code else 0
     except Exception as error:
         code = _exit_code(error)
     sys.exit(code if isinstance(code, int) else 0)
@@ -197,6 +203,12 @@ def _exit_code(error: Exception) -> int:
     if isinstance(error, OSError) and error.strerror and error.filename:
         rule = f"cannot be used: {error.strerror}"
         return _say(2, {"what": "file", "rule": rule, "where": str(error.filename)}, f"{error.filename}: {rule}")
+    if isinstance(error, OSError) and error.errno in NO_ROOM:
+        rule = f"cannot be written: {error.strerror}"
+        with contextlib.suppress(OSError):  # of --json, which says it there as well
+            return _say(2, {"what": "output", "rule": rule}, f"output: {rule}")
+        click.echo(f"eos-ref: output: {rule}", err=True)
+        return 2
     import traceback
 
     traceback.print_exception(error)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -167,3 +169,17 @@ def test_an_engine_that_is_not_found_lists_those_there_are(
 def test_one_is_singular(eos_ref_command: Run) -> None:
     for name, count in (("near-rho0.linear.2d", "1 case"), ("near-rho0.linear.*", "2 cases")):
         assert eos_ref_command("list", name).out.splitlines()[0].strip() == count
+
+
+@pytest.mark.parametrize("command", [("ledger",), ("ledger", "--json"), ("--help",)])
+def test_an_output_that_is_full_or_no_longer_read(command: tuple[str, ...]) -> None:
+    program = [sys.executable, "-m", "lammps_cases.cli.main", *command]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(program, stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    said = "eos-ref: output: cannot be written: No space left on device\n"
+    assert (done.returncode, done.stderr) == (2, said)
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(program, stdout=write, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")

@@ -77,6 +77,8 @@ def run_command(
     with shared.uncollected():
         from lammps_cases.comparison import prediction_keys
         from lammps_cases.engine import installations
+        from lammps_cases.records import folders
+        from lammps_cases.records.wording import counted
         from lammps_cases.run import campaign, provenance, shards
         from lammps_cases.scene import casefile
 
@@ -93,6 +95,9 @@ def run_command(
     # No tag is that of all cases, so that a run of one is a part: the others need not be read to know.
     names_run = () if tag else [case.name for case in chosen]
     with shared.run_folder(out, names_run, engine, resume) as folder:
+        if resume and not as_json and folders.resumable(folder) is None:
+            all_of_them = f"{counted(len(chosen), 'case')} from the beginning"
+            shared.show(f"note: there is no interrupted run to go on with: {all_of_them}", "  ", fg="yellow")
         with Bar(quiet=as_json, complaints=True) as bar:
             run = campaign.run_cases(
                 chosen,

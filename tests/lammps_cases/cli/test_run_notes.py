@@ -51,3 +51,23 @@ def test_viscosity_that_is_compared_is_noted(case_file: Write, eos_ref_command: 
     file = case_file(types=[{"mass": 1.31, "rho0": 1.2, "cs": 3.1}], compare=["viscosity"])
     out = eos_ref_command("run", "--cases", file, "--out", tmp_path / "report").out
     assert notes(out)[0] == "note: viscosity = 0.1 in 1 case that does not say"
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_a_run_that_was_not_interrupted_is_noted(
+    interrupted: bool, case_file: Write, eos_ref_command: Run, tmp_path: Path
+) -> None:
+    command = [
+        "run",
+        "--cases",
+        case_file(types=[{"mass": 1.31, "rho0": 1.2, "cs": 3.1}]),
+        "--out",
+        tmp_path / "report",
+    ]
+    if interrupted:
+        (tmp_path / "report.interrupted" / "journal").mkdir(parents=True)
+        (tmp_path / "report.interrupted" / "journal" / "broken").touch()
+    begins = ["note: there is no interrupted run to go on with: 1 case from the beginning"]
+    assert notes(eos_ref_command(*command, "--resume").out) == ([] if interrupted else begins)
+    assert notes(eos_ref_command(*command, "--resume", "--json").out) == []

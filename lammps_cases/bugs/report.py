@@ -92,10 +92,9 @@ def make(name: str, engine: Engine, paths: tuple[Path, ...] = ()) -> Report:
             who = workers.outcome(workers.identify())
         return of_finding(entry, provenance.engine_record(engine, who).manual)
     cases = casefile.load(paths)
-    case = next((case for case in cases if case.name == name), None)
-    if case is None:
+    if not casefile.names_like(name, cases):
         raise unknown("finding or case", name, [*(entry.id for entry in LEDGER), *(case.name for case in cases)])
-    return of_case(case, engine)
+    return of_case(casefile.only(cases, name), engine)
 
 
 def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:

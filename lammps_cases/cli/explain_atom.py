@@ -13,7 +13,7 @@ import numpy as np
 from eos_ref.errors import InputError
 from lammps_cases.cli import shared
 from lammps_cases.comparison.pair_sums import Sum, added_up, terms
-from lammps_cases.records.wording import counted, number
+from lammps_cases.records.wording import counted, number, some
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict.model_cases import problem_of
@@ -30,7 +30,8 @@ def say(cases: Sequence[Case], atom: int, step: int | None, as_json: bool) -> No
         More than one case, one without particles that interact, an id or a step that it has not.
     """
     if len(cases) != 1:
-        raise InputError("case", "must be one, of whose particles one is looked at", len(cases))
+        such = some([case.name for case in cases], 2)
+        raise InputError("case", f"must be one, whose particle is looked at, not {len(cases)}", such)
     (case,) = cases
     given = _sum(case, atom, _step(case, step))
     if as_json:

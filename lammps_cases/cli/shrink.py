@@ -41,14 +41,12 @@ def shrink_command(
 
     if finding and finding not in (ids := [entry.id for entry in LEDGER]):
         raise unknown("finding", finding, ids)
-    cases = casefile.select(casefile.load(paths), (name,))
-    if len(cases) > 1:
-        raise InputError("case", f"must be one, this name selects {len(cases)}", name)
-    file = out or Path("reports") / "shrunk" / f"{cases[0].name}.yaml"
+    case = casefile.only(casefile.load(paths), name)
+    file = out or Path("reports") / "shrunk" / f"{case.name}.yaml"
     if file.is_dir():
         raise InputError("--out", "must be a file to write, found a folder", str(file))
     with Bar(quiet=as_json) as bar:
-        shrunk = shrink.shrink_on(cases[0], installations.resolve(engine), finding, bar)
+        shrunk = shrink.shrink_on(case, installations.resolve(engine), finding, bar)
     write_atomically(file, shrunk.text)
     reproduce = shrink.reproduced_by(shrunk, file, engine)
     report = shrunk.report(file, reproduce)

@@ -117,7 +117,7 @@ def _arrays(path: Path) -> dict[str, Any]:
     try:
         content = untrusted.read_bytes(path, "extxyz", LARGEST)
     except InputError as error:
-        raise InputError("extxyz", f"no such file or not readable ({error.rule})", path.name) from None
+        raise InputError("extxyz", error.rule, path.name) from None
     digest = hashlib.sha256(content + Path(__file__).read_bytes() + version("ase").encode()).hexdigest()
     cached = cache_folder("extxyz") / f"{digest}.npz"
     if not cached.exists():

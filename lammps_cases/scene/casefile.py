@@ -22,6 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, WithJsonSche
 from eos_ref import InputError
 from eos_ref.errors import nearest, together, unknown
 from eos_ref.syntax.manual import Manual
+from lammps_cases.records.wording import some
 from lammps_cases.records.yaml_files import flow, read_yaml
 from lammps_cases.rules import RULES
 from lammps_cases.scene import FromFile, Scene, check_name
@@ -319,6 +320,21 @@ def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = N
     if not chosen:
         raise InputError("cases", "none is left to run (all are tagged long?)")
     return chosen
+
+
+def only(cases: Sequence[Case], name: str) -> Case:
+    """Return the one case that a name selects.
+
+    Raises
+    ------
+    InputError
+        There is none, or more than one.
+    """
+    chosen = select(cases, (name,))
+    if len(chosen) > 1:
+        such = some([case.name for case in chosen], 2)
+        raise InputError("case", f"must be one, this name selects {len(chosen)} ({such})", name)
+    return chosen[0]
 
 
 def names_like(name: str, cases: Sequence[Case]) -> list[str]:

@@ -278,14 +278,14 @@ def _bytes(path: Path) -> bytes:
     try:
         return untrusted.read_bytes(path, "file", LARGEST)
     except InputError as error:
-        raise InputError("file", f"no such file or not readable ({error.rule})", path.name) from None
+        raise InputError("file", error.rule, path.name) from None
 
 
 def _text(path: Path) -> str:
     try:
         return untrusted.read_text(path, "file", LARGEST)
     except InputError as error:
-        raise InputError("file", f"no such file or not readable ({error.rule})", path.name) from None
+        raise InputError("file", error.rule, path.name) from None
 
 
 def _sections(lines: Sequence[str]) -> tuple[list[str], dict[str, tuple[str, list[str]]]]:

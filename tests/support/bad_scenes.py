@@ -87,7 +87,10 @@ BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("at most", "10000000000"),
     ),
     "file outside": ({"positions": {"extxyz": "../../etc/passwd"}}, ("own folder", "etc/passwd")),
-    "file missing": ({"positions": {"extxyz": "none.extxyz"}}, ("extxyz", "no such file", "none.extxyz")),
+    "file missing": (
+        {"positions": {"extxyz": "none.extxyz"}},
+        ("extxyz", "cannot be read: No such file", "none.extxyz"),
+    ),
     "table missing": (
         {"rho": {"table": {"csv": "none.csv", "column": "rho"}}},
         ("table", "cannot be read", "none.csv"),

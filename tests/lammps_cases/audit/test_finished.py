@@ -429,7 +429,7 @@ def test_restart_with_fixes_of_its_own_run(written: Callable[[str], Path], tmp_p
         (("--dump", "all.dump"), "deck: must be given once"),
         (("in.deck", "--deck", "in.deck"), "deck: must be given once"),
         (("in.deck", "--dump", "all.dump", "--restart", "kept.5"), "restart"),
-        (("in.deck", "--dump", "none.dump"), "no such file"),
+        (("in.deck", "--dump", "none.dump"), "file: cannot be read: No such file"),
         (("in.deck", "--dump", "in.deck"), "must be one of text"),
         (("in.deck", "--dump", "cut.dump"), "must end with a whole snapshot"),
         (("in.deck", "--dump", "empty.dump"), "must hold a snapshot"),

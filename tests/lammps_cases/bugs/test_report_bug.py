@@ -353,6 +353,12 @@ def test_a_green_case_has_no_bug() -> None:
         report.make("near-rho0.linear.2d", Engine())
 
 
+def test_a_name_of_several_cases_is_none() -> None:
+    says = r"must be one, this name selects 12 \(near-rho0\..*, near-rho0\..*, 10 more\), found 'near-rho0'"
+    with pytest.raises(InputError, match=says):
+        report.make("near-rho0", Engine())
+
+
 def test_a_twin_has_no_deck() -> None:
     twin = next(case for case in casefile.load() if case.scene.twin)
     with pytest.raises(InputError, match="must not be a twin"):

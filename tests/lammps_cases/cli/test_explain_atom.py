@@ -93,7 +93,10 @@ def test_numbers_are_whole_on_a_narrow_terminal(
         ),
         (("forces.all.quintic.2d", "--step", "1"), "option --step: is that of a particle"),
         (("near-rho0.tait-water.2d", "--atom", "5"), "case: must have particles that interact"),
-        (("forces.all.quintic.*", "--atom", "5"), "case: must be one, of whose particles one is looked at, found 2"),
+        (
+            ("forces.all.quintic", "--atom", "5"),
+            "must be one, whose particle is looked at, not 2, found 'forces.all.quintic.2d, forces.all.quintic.3d'",
+        ),
     ],
 )
 def test_bad_input(words: tuple[str, ...], said: str, eos_ref_command: Callable[..., Outcome]) -> None:

@@ -153,8 +153,8 @@ OUTSIDE = LISTED | {"x": [[0.2, 0.2], [2, 2]], "periodic": [False, False]}
         ("velocity", {"values": [[1.0, 0.0]]}, "one value per particle", ", velocity"),
         ("positions", LISTED | {"types": [1, 2]}, "type: must lie within 1 to 1, found 2", ""),
         ("positions", OUTSIDE, "position: must lie in the box", ", atom 2"),
-        ("positions", {"dump": "none.dump"}, "file: no such file", ", none.dump"),
-        ("positions", {"extxyz": "none.xyz"}, "extxyz: no such file", ""),
+        ("positions", {"dump": "none.dump"}, "file: cannot be read: No such file", ", none.dump"),
+        ("positions", {"extxyz": "none.xyz"}, "extxyz: cannot be read: No such file", ""),
     ],
 )
 def test_a_case_that_cannot_be_built_names_line_and_column(

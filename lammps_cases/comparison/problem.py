@@ -55,6 +55,11 @@ class Problem:
         return any(self.box.periodic) or self.ranks > 1
 
     @property
+    def leans(self) -> bool:
+        """Return whether edges of the box lean, or come to: to LAMMPS it is triclinic from the beginning."""
+        return self.box.tilted or (self.model.deform is not None and any(self.model.deform.shear))
+
+    @property
     def goes_on(self) -> bool:
         """Return whether anything comes after the first evaluation: a step, or a run that begins again."""
         return bool(self.steps[-1] or self.stops)

@@ -202,6 +202,11 @@ def test_aligned_pairs_twice(lammps: Engine) -> None:
             assert all(map(middle.is_rounded, scene.predicted().fields[0]["rho"]))
 
 
+def shearing(rate: float) -> dict[str, Any]:
+    """One step, at whose end the box grows, and leans if there is a rate."""
+    return {"steps": 1, "timestep": 1e-9, "compare_at": [0, 1], "deform": {"x": 0.1, "xy": rate}}
+
+
 def beside(limit: float, side: int) -> float:
     """The next distance below or above a limit of which a few multiples are exact: of six bits."""
     fraction, exponent = math.frexp(limit)
@@ -224,12 +229,14 @@ def beside(limit: float, side: int) -> float:
         ],
         (aligned(0.008, off=1e-9), False),
         (aligned(0.008, lean=0.0), False),
+        (aligned(0.008, lean=0.0, evolve=shearing(0.0)), False),
+        (aligned(0.008, lean=0.0, evolve=shearing(0.1)), True),
         (aligned(0.008, engine={"newton": False}), False),
         (aligned(0.008, engine={"newton": True, "newton_bond": False}), True),
     ],
 )
 def test_which_pairs_are_close_and_aligned(lammps: Engine, scene: Told, twice: bool) -> None:
-    (snapshot,) = lammps.fields(scene, every_step=True)
+    snapshot, *_ = lammps.fields(scene, every_step=True)
     assert agree(snapshot["rho"], scene.predicted(), "rho") == (not twice)
     assert agree(snapshot["rho"], scene.predicted(ALIGNED, snapshot=snapshot), "rho")
     variant = ENTRIES[ALIGNED].model_variant

@@ -9,7 +9,18 @@ import numpy as np
 from eos_ref.eos import bounds
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.pairs import separations
+from eos_ref.model.box import Box
 from eos_ref.numbers.rounded import Rounded, value
+
+
+def rounding_at(cut: float, x_nc: Any, box: Box) -> float:
+    """Return how far the distance of a pair at the cutoff may lie apart in two codes.
+
+    Each coordinate of a pair is a difference of two, of which one may have been moved by a period, and rounded on
+    either side; so are the squares, their sum and the root.
+    """
+    reach = float(np.abs(x_nc).max(initial=0.0)) + np.abs(box.cell_cc).sum(axis=0).max()
+    return float(8 * bounds.EPS * (reach + cut) + 4 * box.rounding(cut).max())
 
 
 class AtCutoff(ArrayEvaluator):
@@ -23,12 +34,8 @@ class AtCutoff(ArrayEvaluator):
     def count(self, x_nc: Any) -> None:
         """Count the pairs, and those that may as well be on the other side."""
         super().count(x_nc)
-        cut = self.model.cut
-        # Each coordinate of a pair is a difference of two, of which one may have been moved by a period, and rounded
-        # on either side; so are the squares, their sum and the root.
-        reach = float(np.abs(value(x_nc)).max(initial=0.0)) + np.abs(self.box.cell_cc).sum(axis=0).max()
-        width = 8 * bounds.EPS * (reach + cut) + 4 * self.box.rounding(cut).max() + self.spread
-        x = value(x_nc)
+        cut, x = self.model.cut, value(x_nc)
+        width = rounding_at(cut, x, self.box) + self.spread
         i, j, shift_pc = self.pairs(x.astype(float), cut + 2 * width)
         r = separations(x, i, j, shift_pc)
         near_n = np.bincount(i[r > cut - width], minlength=self.n)

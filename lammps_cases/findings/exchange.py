@@ -253,12 +253,12 @@ ALIGNED_PAIRS_TWICE = Finding(
     effect="Forces and densities at the boundaries of a leaning box are wrong where distances are small numbers",
     documented="newton: the flags for pairs and for bonds may differ, and results must not depend on them but for "
     "rounding.",
-    observed="With newton on for pairs, a pair across a boundary of a box that leans or has yet to lean, or one between "
-    "processes, is listed for each of its particles if the two have the same x and are closer than 0.01 in every other "
-    "direction (0.01 Angstrom in units nano, micro, cgs and si), and counts twice in summed densities, gradients, "
-    "same-phase fractions and densities of walls, divergences and normals of surfaces, shifts and forces; once in "
-    "coordination numbers and in the moments of RK1 and RK2. With newton off, in a box that stays upright or at larger "
-    "distances it counts once.",
+    observed="With newton on for pairs, a pair across a boundary of a box that leans or has yet to lean, or one "
+    "between processes, is listed for each of its particles if the two have the same x and are closer than 0.01 in "
+    "every other direction (0.01 Angstrom in units nano, micro, cgs and si), and counts twice in summed densities, "
+    "gradients, same-phase fractions and densities of walls, divergences and normals of surfaces, shifts and forces; "
+    "once in coordination numbers and in the moments of RK1 and RK2. With newton off, in a box that stays upright or "
+    "at larger distances it counts once.",
     argument="Two particles of mass 6.4e-5 at distance 0.008 (2D, cutoff 0.024) have summed densities of 0.4289 in the "
     "middle of a box that leans, and of 0.5501 with a periodic boundary between them; with all lengths ten times as "
     "long and a mass of 6.4e-3 they have 0.4289 at both places. Neither where the box is cut nor the unit of length "

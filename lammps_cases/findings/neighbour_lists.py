@@ -166,17 +166,25 @@ class FollowingLists(ArrayEvaluator):
         super().move(x_nc)
         if not self.lists:
             return
-        x, i, j, listed = value(x_nc).astype(float), self.i, self.j, self.lists[self.at]
-        one_s, other_s = listed.pair_ps.T
+        x, i, j = value(x_nc).astype(float), self.i, self.j
         apart_pc = np.stack([value(x_p).astype(float) for x_p in self.x], axis=1)
-        image_pc = self.box.periods(x[i] - x[j] - apart_pc).astype(np.int64)
-        image_sc = self.box.periods(listed.x_sc[:, : x.shape[1]] - x[listed.row_s]).astype(np.int64)
-        own = np.column_stack([i, j, image_pc])
-        other = np.column_stack([j, i, -image_pc])
+        own, other = self.directed(i, j, x[i] - x[j] - apart_pc)
+        self.forward_p, self.backward_p = self.entries(x, own, other)
+        self.reverse_p = _places(other, own)
+
+    def directed(self, i: IntArray, j: IntArray, shift_pc: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return what names pairs: both particles and periods between; and what names them for the other particle."""
+        image_pc = self.box.periods(shift_pc).astype(np.int64)
+        return np.column_stack([i, j, image_pc]), np.column_stack([j, i, -image_pc])
+
+    def entries(self, x_nc: FloatArray, own: IntArray, other: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the entries of the list under either particle of pairs; see `directed`."""
+        listed = self.lists[self.at]
+        one_s, other_s = listed.pair_ps.T
+        image_sc = self.box.periods(listed.x_sc[:, : x_nc.shape[1]] - x_nc[listed.row_s]).astype(np.int64)
         rows = listed.row_s[one_s], listed.row_s[other_s]
         entries = np.column_stack([*rows, image_sc[other_s] - image_sc[one_s]])
-        self.forward_p, self.backward_p = _places(own, entries), _places(other, entries)
-        self.reverse_p = _places(other, own)
+        return _places(own, entries), _places(other, entries)
 
     def tells_particles(self) -> bool:
         """Return whether particles are told what their images collect from pairs that both particles list: not so."""

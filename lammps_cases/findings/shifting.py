@@ -6,10 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.cutoff import rounding_at
 from eos_ref.evaluation.evaluator import Evaluator
+from eos_ref.evaluation.pairs import separations
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model import quantities
+from eos_ref.model.parameters import IntArray
 from eos_ref.model.state import State
 from eos_ref.numbers.columns import Axes, axes, dot, joined
 from eos_ref.numbers.elementary import sqrt, where
@@ -67,6 +71,23 @@ class NormalOfLastPair(ColorMassOfType):
 
     pair: tuple[int, int] = (-1, -1)
     apart: tuple[float, ...] = ()
+
+    def pairs(self, x_nc: FloatArray, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the pairs; those at the cutoff, which count like all others, by where LAMMPS has them."""
+        if not self.lists or cut != self.model.cut:
+            return super().pairs(x_nc, cut)
+        width = rounding_at(cut, x_nc, self.box)
+        i, j, shift_pc = super().pairs(x_nc, cut + width)
+        r = separations(x_nc, i, j, shift_pc)
+        inside, open_ = r < cut, np.flatnonzero(r > cut - width)
+        if open_.size:
+            listed = self.lists[self.at]
+            forward_o, backward_o = self.entries(x_nc, *self.directed(i[open_], j[open_], shift_pc[open_]))
+            entry_o = np.where(forward_o < 0, backward_o, forward_o)
+            one_oc, other_oc = listed.x_sc[listed.pair_ps[entry_o].T]
+            square_o = ((one_oc - other_oc) ** 2).sum(axis=1)
+            inside[open_] = np.where(entry_o < 0, inside[open_], square_o <= cut * cut)
+        return i[inside], j[inside], shift_pc[inside]
 
     def color_sums(self, volume_n: Array) -> tuple[Axes, Array, Array]:
         """Return the sums, the gradient from what LAMMPS' loop over its list leaves."""
@@ -215,8 +236,9 @@ CROSS_TYPE_NORMAL = Finding(
     observed="The gradient of the color function takes for every pair the kernel gradient of one and the same pair: "
     "that which the loop over neighbours ended with. The direction that is scaled is therefore that of this pair for "
     "all particles. With RK1 and RK2 a pair has a gradient for its first and one for its second particle, and each "
-    "process has a last pair of its own, so that directions are mixtures of these. Where all volumes are the same, the "
-    "sums of single particles cancel, and what rounding leaves is their direction, or they are not scaled.",
+    "process has a last pair of its own, so that directions are mixtures of these, in which a pair at the cutoff "
+    "counts like all others. Where all volumes are the same, the sums of single particles cancel, and what rounding "
+    "leaves is their direction, or they are not scaled.",
     argument="A flat interface normal to x and one normal to y lose the same component of the shift. Relabelling "
     "the atoms turns the direction, although nothing physical has changed; so may another skin or number of "
     "ranks. With the order of LAMMPS' own lists every shift is predicted, with every kernel, over steps and on "

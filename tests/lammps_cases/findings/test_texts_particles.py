@@ -127,6 +127,25 @@ def test_one_direction_for_all_interfaces(lammps: Engine) -> None:
         assert same_direction(turned, turned[0]) and not same_direction(turned, shared), change
 
 
+@pytest.mark.parametrize("kernel", ["RK1", "RK2"])
+def test_pairs_at_the_cutoff_count_like_all_others(lammps: Engine, kernel: str) -> None:
+    """Of a lattice whose spacing is no binary number the squared distance 3 is the cutoff's, or beside it."""
+    spacing, edge = 0.607, 4
+    x = (np.indices((edge, edge)).reshape(2, -1).T + 0.25) * spacing
+    random = np.random.default_rng(1)
+    rheo = {"cut": 3 * spacing, "kernel": kernel, "shift": {"scale_cross_type": [0.0, 0.0, 0.0]}}
+    kind, v, rho = 1 + random.integers(0, 2, len(x)), random.uniform(-1, 1, x.shape), random.uniform(0.9, 1.1, len(x))
+    scene = told(x, (edge * spacing,) * 2, v, rho, kind=kind, types=[{"mass": 1.0}] * 2, rheo=rheo, compare=["shift/v"])
+    (found,) = lammps.fields(scene, every_step=True)
+    (listed,) = found["lists"]
+    one_pc, other_pc = listed.x_sc[listed.pair_ps.T]
+    excess_p = ((one_pc - other_pc) ** 2).sum(axis=1) / scene.problem.model.cut**2 - 1
+    assert {-1, 0, 1} == {*np.sign(excess_p[np.abs(excess_p) < 4 * EPS])}  # of which the first two count
+    assert agree(found["shift/v"], scene.predicted(NORMAL, snapshot=found), "shift/v")
+    beyond = replace(listed, x_sc=listed.x_sc * (1 + 8 * EPS))  # where none of them would
+    assert not agree(found["shift/v"], scene.predicted(NORMAL, snapshot=found | {"lists": (beyond,)}), "shift/v")
+
+
 def test_directions_that_differ(lammps: Engine) -> None:
     for change in ({"rheo": {"kernel": "RK1"}}, {"rheo": {"kernel": "RK2"}}, {"engine": {"ranks": 2}}):
         turned = directions(lammps, **change)

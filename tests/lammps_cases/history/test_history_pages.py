@@ -169,6 +169,15 @@ def test_the_page_says_what_changed(history: History, tmp_path: Path) -> None:
     assert "1.0: other verdict in 1, other bits in 1, other finding in 1" in text  # the run of the second day
 
 
+def test_the_page_of_runs_that_are_alike_says_so(tmp_path: Path) -> None:
+    with History(tmp_path / "alike.sqlite") as history:
+        for day in (1, 2):
+            history.add(made_runs.run("1.0", f"2026-11-0{day}", [made_runs.case("one")]))
+    html = _page(history, tmp_path, pictured=False)
+    assert "Cases that changed (0 of 1)" in html and "None changed from one engine to another." in html
+    assert "Last verdict on every engine" not in html
+
+
 def _past(history: History, record: RunRecord) -> Past:
     with history:
         found = before(history, record)

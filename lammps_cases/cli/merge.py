@@ -19,10 +19,13 @@ def merge_command(runs: tuple[Path, ...], out: Path | None, as_json: bool) -> in
     \b
     Example:  eos-ref merge reports/shard-1 reports/shard-2
     """
+    from eos_ref import InputError
     from lammps_cases.records.run_record import read_run
     from lammps_cases.run.merge import merge
 
     parts = [read_run(run) for run in runs]
+    if len(parts) == 1 and not parts[0].shard:
+        raise InputError("runs", "must be several, or the one shard of a run: there is nothing to join", str(runs[0]))
     with shared.run_folder(out, (case.case for part in parts for case in part.cases), parts[0].engine.name) as folder:
         merged = merge(runs, folder)
     return shared.finish(merged, folder, as_json)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support import made_runs
 from tests.support.bad_scenes import BAD
 from tests.support.outcome import Outcome
 
@@ -200,6 +201,14 @@ def test_names_that_no_report_can_hold(eos_ref_command: Run, tmp_path: Path) -> 
     deck = tmp_path / "in.d\udce9ck"
     deck.write_text("run 0\n")
     assert eos_ref_command("audit", deck) == (2, "", f"eos-ref: argument: must be UTF-8 text, found {str(deck)!r}\n")
+
+
+def test_a_whole_run_is_joined_with_nothing(eos_ref_command: Run, tmp_path: Path) -> None:
+    (tmp_path / "whole").mkdir()
+    (tmp_path / "whole" / "run.json").write_text(made_runs.run("1.0", "2026-11-01", [made_runs.case("one")]).to_json())
+    code, _, err = eos_ref_command("merge", tmp_path / "whole", "--out", tmp_path / "merged")
+    assert code == 2 and "runs: must be several, or the one shard of a run" in err
+    assert not (tmp_path / "merged").exists()
 
 
 def test_second_run_into_the_same_folder(eos_ref_command: Run, case_file: Write, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numba
 import numpy as np
 
+import eos_ref.jit  # noqa: F401  chooses the registers before anything is compiled
 from eos_ref import EOS
 from eos_ref.eos import compiled
 from eos_ref.eos.table import FloatArray

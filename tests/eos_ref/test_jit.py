@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from numba.core import codegen
 
+ROOT = Path(__file__).parents[2]
 PRINTS = """
 import hashlib
 import numpy as np
@@ -18,6 +21,19 @@ rho, out = np.random.default_rng(1).uniform(0.1, 9.0, 1001), np.empty(1001)
 compiled.pressure_of_one_type(rho, np.empty(0), *EOS("tait/general", 1.2, 3.4, 1.4).settings, out)
 print(hashlib.sha256(out.tobytes()).hexdigest())
 """
+
+
+def test_the_registers_are_chosen_before_anything_is_compiled() -> None:
+    """The first function that numba decorates settles them for the process."""
+    sources = [path for package in ("eos_ref", "lammps_cases") for path in (ROOT / package).rglob("*.py")]
+    by_numba = [path for path in sources if re.search("^(import|from) numba", path.read_text(), re.MULTILINE)]
+    late = [path for path in by_numba if "eos_ref.jit import" not in path.read_text() and not chooses(path)]
+    assert len(by_numba) > 5
+    assert {path.name for path in late} == {"jit.py", "vectors.py"}  # the latter declares types alone
+
+
+def chooses(path: Path) -> bool:
+    return "\nimport eos_ref.jit " in path.read_text()
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from typing import Any
 import numba
 import numpy as np
 
+import eos_ref.jit  # noqa: F401  chooses the registers before anything is compiled
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box
 from eos_ref.model.state import State

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
+import eos_ref.jit  # noqa: F401  chooses the registers before anything is compiled
 from eos_ref.compiled.neighbours import Neighbours
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.box import Box

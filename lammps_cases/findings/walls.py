@@ -116,13 +116,18 @@ class GradientOfSecond(FollowingLists):
     """The pressure that is taken out of accelerations has, for both of a pair, the gradient of the second one.
 
     Without newton a pair across a boundary is listed twice, once for each particle, which then has its own gradient.
+    One that counts twice has it once, as the second of the entry under the other particle.
     """
 
     def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
         """Return all terms as they are, and the pressure force kept from exchanged gradients."""
         terms, own = super().pair_terms(*fields, **options), self.g
-        exchanged_p = (self.forward_p >= 0) & (self.backward_p < 0) & (self.reverse_p >= 0)
-        self.g, self.exchanged = [where(exchanged_p, -g_a[self.reverse_p], g_a) for g_a in own], True
+        twice_p, known_p = self.twice_p(), self.reverse_p >= 0
+        exchanged_p = (self.forward_p >= 0) & (self.backward_p < 0) & known_p
+        self.g, self.exchanged = [], True
+        for own_a in own:
+            other_a = -own_a[self.reverse_p]
+            self.g.append(where(twice_p & known_p, 0.5 * (own_a + other_a), where(exchanged_p, other_a, own_a)))
         kept = super().pair_terms(*fields, **options)
         self.g, self.exchanged = own, False
         return replace(terms, pressure_force_nc=kept.pressure_force_nc)

@@ -20,7 +20,7 @@ from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
 pytestmark = pytest.mark.lammps
 
 FORCES, LOST, SUMMED = "force-per-volume", "wall-velocity-lost", "walls-summed-after-setup"
-REBUILT, ORDER = "walls-after-rebuild", "walls-depend-on-pair-order"
+REBUILT, ORDER, ALIGNED = "walls-after-rebuild", "walls-depend-on-pair-order", "aligned-pairs-twice"
 COLUMNS = 4
 HELD = [{"style": "setforce", "types": 2, "vector": [0.0, 0.0]}]
 
@@ -250,6 +250,32 @@ def test_walls_depend_on_pair_order(lammps: Engine, older: Engine, kernel: str, 
             assert agree(found[-1]["rho"], scene.predicted(ORDER, snapshot=found[0]), "rho", -1)
         assert agree(lammps.fields(scene)[-1]["rho"], scene.predicted(FORCES), "rho", -1), "the newer one is right"
     assert (np.ptp(solids) > 1e-4) == (kernel != "quintic"), solids
+
+
+def test_pairs_that_count_twice_have_a_gradient_of_either_particle(older: Engine) -> None:
+    """In a leaning box whose distances are small numbers, with newton on: once the first one's, once the second's."""
+    spacing = 2.0**-7
+    x = (np.indices((3, 4)).reshape(2, -1).T + 0.5) * spacing
+    x[:, 0] += (x[:, 1] > 2 * spacing) * spacing  # within the box
+    random, kind = np.random.default_rng(3), np.where(x[:, 1] < spacing, 2, 1)
+    v = random.uniform(-0.1, 0.1, x.shape) * (kind == 1)[:, None]
+    scene = told(
+        x,
+        (3 * spacing, 4 * spacing),
+        v,
+        random.uniform(0.95, 1.05, len(x)),
+        kind=kind,
+        types=[{"mass": spacing**2}, {"mass": spacing**2, "phase": "solid"}],
+        positions={"lattice": "sq", "spacing": spacing, "cells": [1, 1], "tilt": [spacing]},
+        rheo={"cut": 3 * spacing, "kernel": "RK1", "interface_reconstruct": True},
+        forces=HELD,
+        evolve={"steps": 1, "timestep": 1e-6},
+        compare=["rho"],
+    )
+    found = older.fields(scene, every_step=True)
+    for findings, reproduced in (((ORDER, ALIGNED), True), ((ORDER,), False), ((ALIGNED,), False)):
+        predicted = scene.predicted(*findings, snapshot=found[0])
+        assert agree(found[-1]["rho"], predicted, "rho", -1) == reproduced, findings
 
 
 def test_a_wall_that_freezes_is_a_wall(lammps: Engine) -> None:

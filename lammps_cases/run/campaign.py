@@ -100,7 +100,8 @@ def run_cases(
             write_partial(campaign.run(), folder)
             partial = folders.interrupted(directory) / "summary.md"
             judged = f"{len(campaign.judged)} of {wording.counted(len(cases), 'case')}"
-            raise KeyboardInterrupt(f"interrupted after {judged}: see {partial}; --resume does the rest") from None
+            rest = "the same command with --resume does the rest"
+            raise KeyboardInterrupt(f"interrupted after {judged}: see {partial}; {rest}") from None
     history.collect(run, directory)
     if store and run.predictions.computed:
         store.trim()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import importlib
+import os
 import signal
 import sys
 import time
@@ -205,8 +206,10 @@ def _exit_code(error: Exception) -> int:
         return _say(2, {"what": "file", "rule": rule, "where": str(error.filename)}, f"{error.filename}: {rule}")
     if isinstance(error, OSError) and error.errno in NO_ROOM:
         rule = f"cannot be written: {error.strerror}"
-        with contextlib.suppress(OSError):  # of --json, which says it there as well
+        with contextlib.suppress(OSError):
+            sys.stdout.flush()
             return _say(2, {"what": "output", "rule": rule}, f"output: {rule}")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what Python still holds, and would write at its end
         click.echo(f"eos-ref: output: {rule}", err=True)
         return 2
     import traceback

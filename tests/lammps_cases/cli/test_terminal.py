@@ -171,8 +171,12 @@ def test_one_is_singular(eos_ref_command: Run) -> None:
         assert eos_ref_command("list", name).out.splitlines()[0].strip() == count
 
 
+@pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("command", [("ledger",), ("ledger", "--json"), ("--help",)])
-def test_an_output_that_is_full_or_no_longer_read(command: tuple[str, ...]) -> None:
+def test_an_output_that_is_full_or_no_longer_read(
+    command: tuple[str, ...], unbuffered: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     program = [sys.executable, "-m", "lammps_cases.cli.main", *command]
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(program, stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT)

@@ -63,8 +63,11 @@ class Lattice(SceneModel):
     def _size(self) -> Lattice:
         wanted = 2 if self.lattice in PLANAR else 3
         if len(self.cells) != wanted:
-            rule = f"cells needs {wanted} numbers for {self.lattice}, a lattice in {wanted}D"
-            raise BrokenRule(rule, "cells", found=len(self.cells))
+            raise BrokenRule(
+                f"cells needs {wanted} numbers for {self.lattice}, a lattice in {wanted}D",
+                "cells",
+                found=len(self.cells),
+            )
         if min(self.cells) < 1:
             raise BrokenRule(
                 "cells must be at least 1 along each axis, else the scene is empty", "cells", found=list(self.cells)

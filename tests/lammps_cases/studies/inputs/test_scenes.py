@@ -60,6 +60,7 @@ NOT_FOR_LAMMPS = {
     "forces-in-real-units-of-a-plane": "what is compared",
     "steps-beyond-the-end": "what is compared",
     "nothing-to-compare-at": "what is compared",
+    "lattice-of-another-dimension": "particles are given to LAMMPS one by one",
     "region-of-three-axes": "particles are given to LAMMPS one by one",
     "region-without-type": "particles are given to LAMMPS one by one",
     "everything-removed": "the same as empty-scene",

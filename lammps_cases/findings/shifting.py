@@ -84,9 +84,9 @@ class NormalOfLastPair(ColorMassOfType):
             listed = self.lists[self.at]
             forward_o, backward_o = self.entries(x_nc, *self.directed(i[open_], j[open_], shift_pc[open_]))
             entry_o = np.where(forward_o < 0, backward_o, forward_o)
-            one_oc, other_oc = listed.x_sc[listed.pair_ps[entry_o].T]
-            square_o = ((one_oc - other_oc) ** 2).sum(axis=1)
-            inside[open_] = np.where(entry_o < 0, inside[open_], square_o <= cut * cut)
+            known_o = entry_o >= 0
+            one_oc, other_oc = listed.x_sc[listed.pair_ps[entry_o[known_o]].T]
+            inside[open_[known_o]] = ((one_oc - other_oc) ** 2).sum(axis=1) <= cut * cut
         return i[inside], j[inside], shift_pc[inside]
 
     def color_sums(self, volume_n: Array) -> tuple[Axes, Array, Array]:

@@ -119,9 +119,12 @@ class Predictions(Record):
 
     computed: int = Field(0, description="evaluated in this run")
     stored: int = Field(0, description="found in the store of predictions (eos-ref run --fresh ignores it)")
+    judgements: int = Field(0, description="judgements found there, of answers that LAMMPS gave before, bit for bit")
 
     def __str__(self) -> str:
-        return f"{self.stored} of {self.stored + self.computed} predictions of the reference from the store"
+        judgements = f"{self.judgements} judgements and " if self.judgements else ""
+        total = self.stored + self.computed
+        return f"{judgements}{self.stored} of {total} predictions of the reference from the store"
 
 
 class Blame(Record):
@@ -392,7 +395,8 @@ class RunRecord(Record):
         counts = Counter(case.verdict for case in self.cases)
         self.summary = {verdict: counts[verdict] for verdict in VERDICTS if counts[verdict]}
         each = [case.predictions for case in self.cases]
-        self.predictions = Predictions(computed=sum(p.computed for p in each), stored=sum(p.stored for p in each))
+        sums = {name: sum(getattr(p, name) for p in each) for name in Predictions.model_fields}
+        self.predictions = Predictions(**sums)
         return self
 
     def exit_code(self, rejected: Collection[str] = ()) -> int:

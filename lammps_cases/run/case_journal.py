@@ -90,19 +90,19 @@ class CaseJournal:
 
     def keep(self, record: CaseRecord) -> None:
         """Keep a case whose arrays are written."""
-        entry = Entry(record=record, arrays={path.name: _hash(path) for path in self._arrays(record.case)})
+        entry = Entry(record=record, arrays={path.name: _hash(path) for path in self.arrays(record.case)})
         write_atomically(self._entries / f"{record.case}.json", entry.model_dump_json(by_alias=True))
 
     def records(self, read: Mapping[str, CaseRecord] = MappingProxyType({})) -> dict[str, CaseRecord]:
         """Return the cases that are judged by their names, those known unread; drop what no entry vouches for."""
         records = dict(read)
-        vouched = {path for case in read for path in (self._entries / f"{case}.json", *self._arrays(case))}
+        vouched = {path for case in read for path in (self._entries / f"{case}.json", *self.arrays(case))}
         for path in sorted({*self._entries.glob("*.json")} - vouched):
             try:
                 entry = Entry.model_validate_json(path.read_bytes())
             except (ValidationError, OSError):
                 continue
-            arrays = self._arrays(entry.record.case)
+            arrays = self.arrays(entry.record.case)
             if {file.name: _hash(file) for file in arrays} == entry.arrays:
                 records[entry.record.case] = entry.record
                 vouched |= {path, *arrays}
@@ -120,7 +120,7 @@ class CaseJournal:
             name
             for name, record in records.items()
             if not (record.harness_error or (self._entries / f"{name}.json").is_file())
-            or (record.fields and not self._arrays(name))
+            or (record.fields and not self.arrays(name))
         ]
 
     def forget(self) -> None:
@@ -128,21 +128,23 @@ class CaseJournal:
         for folder in (folders.JOURNAL, "fields"):
             shutil.rmtree(self.folder / folder, ignore_errors=True)
 
-    def _arrays(self, case: str) -> list[Path]:
+    def arrays(self, case: str) -> list[Path]:
+        """Return the files of a case's arrays."""
         names = (f"{case}.npz", f"{case}@page.npz", f"{case}@steps.npz")
         return [path for name in names if (path := self.folder / "fields" / name).is_file()]
 
 
 def start(run: RunRecord, cases: Sequence[Case]) -> RunStart:
     """Return what a run is that begins with some cases."""
-    return RunStart(run=run, code=_code(), cases={case.name: _hash_of_case(case) for case in cases})
+    return RunStart(run=run, code=code(), cases={case.name: hash_of_case(case) for case in cases})
 
 
 def _hash(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _hash_of_case(case: Case) -> str:
+def hash_of_case(case: Case) -> str:
+    """Return the hash of all that a case says, but for its name."""
     parts = [case.about, *case.tags, *case.exercises, str(case.source), case.scene.model_dump_json()]
     positions = case.scene.positions
     if isinstance(positions, FromFile):
@@ -150,7 +152,7 @@ def _hash_of_case(case: Case) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
-def _code() -> str:
+def code() -> str:
     """Return the hash of all that judges and reports: the sources, and what predictions depend on beside them."""
     root = Path(__file__).parents[2]
     digest = hashlib.sha256(prediction_keys.context(root).encode())

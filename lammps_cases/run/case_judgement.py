@@ -24,6 +24,7 @@ from lammps_cases.setup.plan import plan
 if TYPE_CHECKING:  # judging is the workers' affair: the main process starts sooner without
     from lammps_cases.comparison.predictor import Predictor
     from lammps_cases.report.drawn import Drawn
+    from lammps_cases.run.judged_before import JudgedBefore
     from lammps_cases.verdict.outcome import Arrays
     from lammps_cases.verdict.particle_model import Reason
 
@@ -33,11 +34,36 @@ JUDGING = 1800.0  # seconds that judging a case may take
 def judge_into(
     site: str | None, folder: Path, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, store: Store | None
 ) -> tuple[CaseRecord, Drawn]:
-    """Task: judge a case, write its arrays and its entry in the journal, and take from them what the page shows."""
+    """Task: judge a case, write its arrays and its entry in the journal, and take from them what the page shows.
+
+    An answer that was judged before is not judged again; see `lammps_cases.run.judged_before`.
+    """
+    from lammps_cases.run.judged_before import JudgedBefore, judgement_store
+
+    with stage("judged before"):
+        kept = judgement_store(store)
+        before = JudgedBefore.of(kept, ready, outcomes, engine) if kept else None
+        found = before.find(folder, lambda: listed(site, ready, outcomes, ready.reading_lists)) if before else None
+    record, shown = found or _judged_into(site, folder, ready, outcomes, engine, store, before)
+    record.seconds.stages = taken()
+    CaseJournal(folder).keep(record)
+    return record, shown
+
+
+def _judged_into(
+    site: str | None,
+    folder: Path,
+    ready: PreparedCase,
+    outcomes: Outcomes,
+    engine: EngineRecord,
+    store: Store | None,
+    before: JudgedBefore | None,
+) -> tuple[CaseRecord, Drawn]:
+    """Judge a case and write its arrays."""
     from lammps_cases.report.drawn import beside_file, drawn, split
 
     with stage("comparison"):
-        record, arrays = judge(site, ready, outcomes, engine, store)
+        record, arrays, looked = _judgement(site, ready, outcomes, engine, store)
     with stage("report"):
         arrays, beside = split(arrays)
         shown = drawn(record, arrays, beside)
@@ -51,8 +77,9 @@ def judge_into(
 
             assert isinstance(outcomes[0], Answer)
             kept.keep(folder / "fields", record.case, ready.case.scene, outcomes[0])
-    record.seconds.stages = taken()
-    CaseJournal(folder).keep(record)
+    with stage("writing"):
+        if before and record.as_expected:
+            before.keep(folder, record, shown, looked)
     return record, shown
 
 
@@ -60,6 +87,13 @@ def judge(
     site: str | None, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, store: Store | None = None
 ) -> tuple[CaseRecord, Arrays]:
     """Judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
+    return _judgement(site, ready, outcomes, engine, store)[:2]
+
+
+def _judgement(
+    site: str | None, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, store: Store | None
+) -> tuple[CaseRecord, Arrays, Outcomes]:
+    """Judge a case; return what LAMMPS said with its lists, too, if that was judged."""
     from lammps_cases.comparison.prediction_keys import current
     from lammps_cases.comparison.predictor import Predictor
     from lammps_cases.verdict.exercise import exercised
@@ -68,6 +102,7 @@ def judge(
 
     predictor = Predictor(store if store and current(store) else None)
     exercises: dict[str, int] = {}
+    looked: Outcomes = []
     try:
         with stage("exercises"):
             exercises = exercised(ready.case, ready.atoms, predictor)
@@ -92,7 +127,7 @@ def judge(
     if record.unexercised:
         record.verdict = "error" if record.as_expected else record.verdict  # a difference comes first
         record.message = wording.message(record)
-    return record, sampled(arrays)
+    return record, sampled(arrays), looked
 
 
 def evaluated(

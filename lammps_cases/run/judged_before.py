@@ -1,0 +1,118 @@
+"""Judgements of answers that LAMMPS gave before, bit for bit: nobody needs to judge those again.
+
+LAMMPS is asked everything that it is asked in a first run. What is looked up is the judgement of its answer, by all
+that follows from: the case, the arrays that LAMMPS returned, its neighbour lists if they are read, the release whose
+findings are known, and all code and data of this package. Only what is as expected is kept; what differs is judged
+each time.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from markupsafe import Markup
+
+from lammps_cases.comparison.prediction_keys import fingerprint
+from lammps_cases.comparison.store import Arrays, Store
+from lammps_cases.engine.session import Answer
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, Predictions, Seconds
+from lammps_cases.run.case_journal import CaseJournal, code, hash_of_case
+from lammps_cases.run.prepared_case import Outcomes, PreparedCase
+
+if TYPE_CHECKING:
+    from lammps_cases.report.drawn import Drawn
+
+_code = functools.cache(code)  # of this process: sources may have changed since a store was opened
+_LISTS = "lists"  # an entry with this name alone: the judgement is that of the answer with its lists
+
+
+def judgement_store(predictions: Store | None) -> Store | None:
+    """Return where judgements lie, beside the predictions; None if there is no store, or it is of other sources."""
+    return Store(predictions.folder, f"judgements/{_code()}", predictions.fresh) if predictions else None
+
+
+@dataclass(frozen=True)
+class JudgedBefore:
+    """The judgement of a case, in a store, and in the folder of a report.
+
+    Attributes
+    ----------
+    store : where judgements lie
+    key : what LAMMPS was asked and answered
+    lammps : seconds that it took this time
+    """
+
+    store: Store
+    key: str
+    lammps: float
+
+    @classmethod
+    def of(cls, store: Store, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord) -> JudgedBefore | None:
+        """Return where the judgement of LAMMPS' answers lies; None for what is no answer, which is judged at once."""
+        answers = [outcome for outcome in outcomes if isinstance(outcome, Answer)]
+        if len(answers) < len(outcomes):
+            return None
+        case = ready.case.name, hash_of_case(ready.case), ready.case.shipped, ready.atoms
+        said = [_said(answer) for answer in answers]
+        key = fingerprint(*case, engine.name, engine.distribution, said)
+        return cls(store, key, sum(answer.seconds for answer in answers))
+
+    def find(self, folder: Path, listed: Callable[[], Outcomes]) -> tuple[CaseRecord, Drawn] | None:
+        """Return the judgement and what the page shows of it, its arrays put into a folder; None: to be judged.
+
+        ``listed`` asks LAMMPS for its answers with its neighbour lists, if these were judged.
+        """
+        entry = self.store.read(self.key)
+        if entry is not None and _LISTS in entry:
+            lists = [answer.lists for answer in listed() if isinstance(answer, Answer)]
+            entry = self.store.read(self._with(lists)) if lists else None
+        return None if entry is None else self._restored(folder, entry)
+
+    def keep(self, folder: Path, record: CaseRecord, shown: Drawn, looked: Outcomes) -> None:
+        """Keep a judgement whose arrays lie in a folder; ``looked``: the answers with lists, if these were judged."""
+        files = {path.name: path.read_bytes() for path in CaseJournal(folder).arrays(record.case)}
+        texts = {"record": record.model_dump_json(by_alias=True), "shown": json.dumps(astuple(shown))}
+        contents = files | {name: text.encode() for name, text in texts.items()}
+        entry = {name: np.frombuffer(content, np.uint8) for name, content in contents.items()}
+        lists = [answer.lists for answer in looked if isinstance(answer, Answer)]
+        if lists:
+            self.store.write(self.key, {_LISTS: np.array(len(lists))})
+        self.store.write(self._with(lists) if lists else self.key, entry)
+
+    def _restored(self, folder: Path, entry: Arrays) -> tuple[CaseRecord, Drawn]:
+        from lammps_cases.report.drawn import Drawn, WorstAtom
+
+        contents = {name: array.tobytes() for name, array in entry.items()}
+        record = CaseRecord.model_validate_json(contents.pop("record"))
+        data, more, fields, worst = json.loads(contents.pop("shown"))
+        for name, arrays in contents.items():
+            write_atomically(folder / "fields" / name, arrays)
+        record.seconds = Seconds(lammps=self.lammps, total=self.lammps)
+        predictions = record.predictions.computed + record.predictions.stored
+        record.predictions = Predictions(stored=predictions, judgements=1)
+        data, more = (None if text is None else Markup(text) for text in (data, more))
+        return record, Drawn(data, more, tuple(fields), tuple(WorstAtom(*each) for each in worst))
+
+    def _with(self, lists: Any) -> str:
+        return fingerprint(self.key, _plain(lists))
+
+
+def _said(answer: Answer) -> tuple[Any, ...]:
+    """Return all of an answer that is judged: not how long it took."""
+    carried = [(each.before, each.after) for each in answer.carried]
+    parts: tuple[Any, ...] = _plain((answer.arrays, answer.snapshots, answer.steps, answer.lists, carried))
+    return parts
+
+
+def _plain(part: Any) -> Any:
+    """Return dictionaries, wherever they are in sequences, as sequences."""
+    if isinstance(part, dict):
+        return tuple((name, _plain(value)) for name, value in sorted(part.items()))
+    return tuple(_plain(each) for each in part) if isinstance(part, tuple | list) else part

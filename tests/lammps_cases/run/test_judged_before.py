@@ -1,0 +1,241 @@
+"""An answer that was judged before is not judged again; any other is, by whatever bit it differs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lammps_cases.comparison.prediction_keys import open_store
+from lammps_cases.comparison.store import Store
+from lammps_cases.engine.session import Answer, Job
+from lammps_cases.engine.workers import Failure
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.run import case_judgement, judged_before
+from lammps_cases.run.judged_before import JudgedBefore, judgement_store
+from lammps_cases.run.prepared_case import Outcomes, PreparedCase, prepare
+from lammps_cases.scene import casefile
+from tests.support.outcome import Solver
+
+pytestmark = pytest.mark.lammps
+
+ENGINE = EngineRecord(distribution="2025.7.22.4.0")
+CASES = {case.name: case for case in casefile.load()}
+PLAIN, STOPS, LISTED, TWIN = "forces.all.quintic.2d", "runs.fluid.atoms", "deformed.walls.remap", "twins.walls.boost"
+
+
+@pytest.fixture(scope="module")
+def answered(solver: Solver) -> Callable[[str], tuple[PreparedCase, Outcomes]]:
+    """LAMMPS' answers to a case, asked once."""
+    known: dict[str, tuple[PreparedCase, Outcomes]] = {}
+
+    def ask(name: str) -> tuple[PreparedCase, Outcomes]:
+        if name not in known:
+            ready = prepare(CASES[name])
+            known[name] = ready, [solver(job) for job in ready.jobs]
+        return known[name]
+
+    return ask
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch, solver: Solver) -> list[Job]:
+    """What LAMMPS is asked while a case is judged."""
+    jobs: list[Job] = []
+
+    def solve(site: str | None, job: Job) -> Answer:
+        jobs.append(job)
+        return solver(job)
+
+    monkeypatch.setattr(case_judgement, "solve", solve)
+    return jobs
+
+
+@pytest.fixture
+def store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Store:
+    monkeypatch.setenv("EOS_REF_PREDICTIONS", str(tmp_path / "store"))
+    return open_store()
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted((folder / "fields").iterdir())}
+
+
+def _told(record: CaseRecord) -> dict[str, Any]:
+    """All that a record says but for times, and where predictions came from."""
+    told: dict[str, Any] = json.loads(record.model_dump_json(exclude={"seconds", "predictions"}))
+    return told
+
+
+def _never(*arguments: object) -> Any:
+    raise AssertionError("judged again")
+
+
+@pytest.mark.parametrize("name", [PLAIN, STOPS, LISTED, TWIN])
+def test_answer_given_before_is_not_judged_again_and_everything_is_as_it_was(
+    name: str,
+    answered: Callable[[str], tuple[PreparedCase, Outcomes]],
+    asked: list[Job],
+    store: Store,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ready, outcomes = answered(name)
+    first, shown = case_judgement.judge_into(None, tmp_path / "first", ready, outcomes, ENGINE, store)
+    read = len(asked)
+    assert (name == LISTED) == bool(read)
+    assert first.predictions.judgements == 0
+    monkeypatch.setattr(case_judgement, "_judgement", _never)
+    second, shown_again = case_judgement.judge_into(None, tmp_path / "second", ready, outcomes, ENGINE, store)
+    assert len(asked) == 2 * read  # for its lists LAMMPS is asked once more
+    assert _told(second) == _told(first)
+    assert shown_again == shown
+    assert type(shown_again.data) is type(shown.data)
+    assert _files(tmp_path / "second") == _files(tmp_path / "first")
+    assert second.predictions.judgements == 1
+    assert second.predictions.stored == first.predictions.computed + first.predictions.stored
+    assert second.seconds.lammps == first.seconds.lammps
+
+
+def _changed(answer: Answer) -> Iterator[tuple[str, Answer]]:
+    """Yield answers that differ in the last bit of one number, with where it is."""
+    for name in answer.arrays:
+        yield f"arrays {name}", replace(answer, arrays=_other(answer.arrays, name))
+    for k, arrays in enumerate(answer.snapshots):
+        for name in arrays:
+            others = list(answer.snapshots)
+            others[k] = _other(arrays, name)
+            yield f"snapshot {k} {name}", replace(answer, snapshots=tuple(others))
+    for k, arrays in enumerate(answer.lists):
+        for name in arrays:
+            yield f"list {k} {name}", replace(answer, lists=(*answer.lists[:k], _other(arrays, name)))
+    for k, carried in enumerate(answer.carried):
+        for name in carried.before:
+            before = replace(carried, before=_other(carried.before, name))
+            yield f"before {k} {name}", replace(answer, carried=(*answer.carried[:k], before))
+        for name in carried.after:
+            after = replace(carried, after=_other(carried.after, name))
+            yield f"after {k} {name}", replace(answer, carried=(*answer.carried[:k], after))
+    yield "steps", replace(answer, steps=(*answer.steps[:-1], answer.steps[-1] + 1))
+
+
+def _other(arrays: dict[str, Any], name: str) -> dict[str, Any]:
+    array = np.array(arrays[name])
+    raw = bytearray(array.tobytes())
+    raw[-array.itemsize] ^= 1  # its last bit, of the last number
+    return {**arrays, name: np.frombuffer(raw, array.dtype).reshape(array.shape)}
+
+
+@pytest.mark.parametrize("name", [PLAIN, STOPS])
+def test_every_bit_that_lammps_returned_decides(
+    name: str, answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store
+) -> None:
+    ready, [answer] = answered(name)
+    assert isinstance(answer, Answer)
+    assert bool(answer.carried) == (name == STOPS)
+    own = JudgedBefore.of(store, ready, [answer], ENGINE)
+    assert own is not None
+    keys = {"own": own.key}
+    for where, other in _changed(answer):
+        changed = JudgedBefore.of(store, ready, [other], ENGINE)
+        assert changed is not None
+        keys[where] = changed.key
+    assert len(set(keys.values())) == len(keys) > len(answer.arrays) + 2
+    again = JudgedBefore.of(store, ready, [replace(answer, seconds=7.0, run_seconds=(7.0,))], ENGINE)
+    assert again is not None
+    assert again.key == own.key  # how long it took is no matter
+
+
+def test_case_and_engine_decide(answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store) -> None:
+    ready, outcomes = answered(PLAIN)
+    case, atoms = ready.case, ready.atoms
+    moved = replace(atoms, mass_n=np.nextafter(atoms.mass_n, 9.0))
+    others = [
+        (replace(ready, case=replace(case, name="another")), ENGINE),
+        (replace(ready, case=replace(case, about="something else")), ENGINE),
+        (replace(ready, case=replace(case, exercises=("images",))), ENGINE),
+        (replace(ready, case=replace(case, scene=case.scene.model_copy(update={"compare": ("f",)}))), ENGINE),
+        (replace(ready, atoms=moved), ENGINE),
+        (ready, EngineRecord(distribution="2025.7.22.1.0")),
+        (ready, EngineRecord(name="path:elsewhere", distribution="2025.7.22.4.0")),
+        (ready, ENGINE),
+    ]
+    found = [JudgedBefore.of(store, other, outcomes, engine) for other, engine in others]
+    assert len({each.key for each in found if each}) == len(others)
+
+
+def test_lists_that_differ_are_judged_again(
+    answered: Callable[[str], tuple[PreparedCase, Outcomes]],
+    asked: list[Job],
+    store: Store,
+    tmp_path: Path,
+) -> None:
+    ready, outcomes = answered(LISTED)
+    before = _before(store, ready, outcomes)
+    case_judgement.judge_into(None, tmp_path, ready, outcomes, ENGINE, store)
+    (every,) = case_judgement.listed(None, ready, outcomes, ready.reading_lists)
+    assert isinstance(every, Answer)
+    assert before.find(tmp_path, lambda: [every]) is not None
+    for where, other in _changed(every):
+        if where.startswith("list"):
+            assert before.find(tmp_path, lambda: [other]) is None, where  # noqa: B023 - called at once
+    assert before.find(tmp_path, list) is None  # LAMMPS ran otherwise when it was asked for them
+
+
+def _before(store: Store, ready: PreparedCase, outcomes: Outcomes) -> JudgedBefore:
+    kept = judgement_store(store)
+    assert kept is not None
+    before = JudgedBefore.of(kept, ready, outcomes, ENGINE)
+    assert before is not None
+    return before
+
+
+def test_only_what_is_as_expected_is_kept(
+    answered: Callable[[str], tuple[PreparedCase, Outcomes]], asked: list[Job], store: Store, tmp_path: Path
+) -> None:
+    ready, [answer] = answered(PLAIN)
+    assert isinstance(answer, Answer)
+
+    spoilt: Outcomes = [
+        replace(answer, snapshots=tuple({**each, "rho": 1.1 * each["rho"]} for each in answer.snapshots))
+    ]
+    for _ in range(2):
+        record, _ = case_judgement.judge_into(None, tmp_path, ready, spoilt, ENGINE, store)
+        assert record.verdict == "differs"
+        assert record.predictions.judgements == 0
+    assert JudgedBefore.of(store, ready, [Failure("crashed", "it died")], ENGINE) is None
+
+
+def test_fresh_run_and_other_code_find_nothing(
+    answered: Callable[[str], tuple[PreparedCase, Outcomes]],
+    asked: list[Job],
+    store: Store,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ready, outcomes = answered(PLAIN)
+
+    def judgements(of: Store | None) -> int:
+        record, _ = case_judgement.judge_into(None, tmp_path, ready, outcomes, ENGINE, of)
+        return record.predictions.judgements
+
+    assert [judgements(each) for each in (store, store, open_store(fresh=True), store, None)] == [0, 1, 0, 1, 0]
+    monkeypatch.setattr(judged_before, "_code", lambda: "another")
+    assert judgements(store) == 0
+
+
+def test_damaged_judgement_is_made_again(
+    answered: Callable[[str], tuple[PreparedCase, Outcomes]], asked: list[Job], store: Store, tmp_path: Path
+) -> None:
+    ready, outcomes = answered(PLAIN)
+    first, _ = case_judgement.judge_into(None, tmp_path, ready, outcomes, ENGINE, store)
+    for path in store.folder.iterdir():
+        path.write_bytes(path.read_bytes()[:-1] + b"?")
+    second, _ = case_judgement.judge_into(None, tmp_path, ready, outcomes, ENGINE, store)
+    assert second.predictions.judgements == 0
+    assert _told(second) == _told(first)

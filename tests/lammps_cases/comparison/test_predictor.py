@@ -387,9 +387,9 @@ def test_second_run_finds_every_prediction_and_says_so(
     made = counts["cold"]["computed"]
     assert made > 10
     assert counts == {
-        "cold": {"computed": made, "stored": 0},
-        "warm": {"computed": 0, "stored": made},
-        "fresh": {"computed": made, "stored": 0},
+        "cold": {"computed": made, "stored": 0, "judgements": 0},
+        "warm": {"computed": 0, "stored": made, "judgements": len(cases)},
+        "fresh": {"computed": made, "stored": 0, "judgements": 0},
     }
     doctor = json.loads(eos_ref_command("doctor", "--json").out)["checks"]
     assert any(check["what"] == "predictions" and str(tmp_path / "kept") in check["found"] for check in doctor)

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lammps_cases.engine import mpi
-from lammps_cases.engine.interlude import STATE, Carried, Interlude, NotRefused, perform, scratch
+from lammps_cases.engine.interlude import FOLDER, STATE, Carried, Interlude, NotRefused, perform, scratch
 
 Array = npt.NDArray[Any]
 COMPONENTS = ((0, 3, 4), (3, 1, 5), (4, 5, 2))  # of a tensor among xx, yy, zz, xy, xz, yz
@@ -268,8 +268,10 @@ def _configuration(lmp: Any) -> dict[str, str]:
 
 
 @contextmanager
-def translated() -> Iterator[None]:
+def translated(folder: str = "") -> Iterator[None]:
     """Turn LAMMPS' exceptions, which have no type of their own, into those of this module; others pass.
+
+    In their text a ``folder`` of a job's files, another in every run, is what commands call it.
 
     Raises
     ------
@@ -282,13 +284,15 @@ def translated() -> Iterator[None]:
             raise
         raise EngineRefused(error.object.decode(errors="replace").strip()) from None
     except Exception as error:
+        told = str(error).strip()
+        told = told.replace(folder, FOLDER) if folder else told
         if type(error) is Exception:  # LAMMPS' own message
             package = re.search(r"is part of the (\S+) package which is not enabled in this LAMMPS", str(error))
             if package:
                 raise EngineLacks(f"this LAMMPS was built without its package {package[1]}") from None
-            raise EngineRefused(str(error).strip()) from None
+            raise EngineRefused(told) from None
         if type(error).__name__ == "MPIAbortException":
-            raise EngineBroken(str(error).strip()) from None
+            raise EngineBroken(told) from None
         raise
 
 
@@ -320,7 +324,7 @@ def run(lmp: Any, job: Job, folder: str = "") -> Answer:
             lists.append(read_list(lmp))
 
     begin = time.perf_counter()
-    with translated():
+    with translated(folder):
         _create(lmp, job)
         _commands(lmp, job.commands)
         for stretch in job.runs:

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from lammps_cases.engine.interlude import Interlude, InterludeAction, NotRefused, perform, rows, scratch
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.run.prepared_case import prepare
+from lammps_cases.scene import casefile
 
 BEFORE = {
     "id": np.array([1, 2, 5]),
@@ -90,3 +93,13 @@ def test_who_asks_is_told_of_every_evaluation() -> None:
     actions = InterludeAction("one"), InterludeAction("two", evaluates=True), InterludeAction("three")
     perform(library, Interlude(actions), lambda: BEFORE, "", Exception, lambda: told.append(len(library.given)))
     assert told == [2]
+
+
+@pytest.mark.lammps
+def test_a_refusal_says_the_same_in_every_run_whatever_the_folder_is_called(workers: Workers) -> None:
+    (case,) = [case for case in casefile.load() if case.name == "runs-walls.fluid.data"]
+    (job,) = prepare(case).jobs
+    one, other = (workers.outcome(workers.submit(job, 120.0)) for _ in range(2))
+    assert isinstance(one, Failure)
+    assert "read_data {folder}/data.1" in one.message
+    assert one == other

@@ -69,7 +69,9 @@ class Kills:
         return count
 
     def _started(self, resume: bool) -> subprocess.Popen[bytes]:
-        words = [*COMMAND, "--out", str(self.out), *self._options(), *(["--resume"] if resume else [])]
+        options = [*self._options(), *(["--resume"] if resume else [])]
+        fresh = ["--fresh"] if self.random.random() < 0.5 else []  # everything is judged, or looked up
+        words = [*COMMAND, "--out", str(self.out), *options, *fresh]
         with (self.folder / "printed").open("wb") as printed:
             return subprocess.Popen(
                 words, env=self.environment, stdin=subprocess.DEVNULL, stdout=printed, stderr=printed

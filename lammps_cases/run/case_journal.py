@@ -22,7 +22,6 @@ from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
-from lammps_cases.scene import FromFile
 from lammps_cases.scene.casefile import SHIPPED, Case
 
 PACKAGES = ("eos_ref", "lammps_cases")
@@ -136,19 +135,20 @@ class CaseJournal:
 
 def start(run: RunRecord, cases: Sequence[Case]) -> RunStart:
     """Return what a run is that begins with some cases."""
-    return RunStart(run=run, code=code(), cases={case.name: hash_of_case(case) for case in cases})
+    return RunStart(run=run, code=code(), cases={case.name: _hash_of_case(case) for case in cases})
 
 
 def _hash(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def hash_of_case(case: Case) -> str:
-    """Return the hash of all that a case says, but for its name."""
-    parts = [case.about, *case.tags, *case.exercises, str(case.source), case.scene.model_dump_json()]
-    positions = case.scene.positions
-    if isinstance(positions, FromFile):
-        parts.append(_hash(case.source.parent / positions.file))
+def said(case: Case) -> list[str]:
+    """Return all that a case says but for its name, and what lies in other files."""
+    return [case.about, *case.tags, *case.exercises, str(case.source), case.scene.model_dump_json()]
+
+
+def _hash_of_case(case: Case) -> str:
+    parts = [*said(case), *(_hash(case.source.parent / file) for file in case.scene.files)]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 

@@ -23,7 +23,7 @@ from lammps_cases.comparison.store import Arrays, Store
 from lammps_cases.engine.session import Answer
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, Predictions, Seconds
-from lammps_cases.run.case_journal import CaseJournal, code, hash_of_case
+from lammps_cases.run.case_journal import CaseJournal, code, said
 from lammps_cases.run.prepared_case import Outcomes, PreparedCase
 
 if TYPE_CHECKING:
@@ -59,9 +59,8 @@ class JudgedBefore:
         answers = [outcome for outcome in outcomes if isinstance(outcome, Answer)]
         if len(answers) < len(outcomes):
             return None
-        case = ready.case.name, hash_of_case(ready.case), ready.case.shipped, ready.atoms
-        said = [_said(answer) for answer in answers]
-        key = fingerprint(*case, engine.name, engine.distribution, said)
+        case = ready.case.name, said(ready.case), ready.case.shipped, ready.atoms
+        key = fingerprint(*case, engine.name, engine.distribution, [_returned(answer) for answer in answers])
         return cls(store, key, sum(answer.seconds for answer in answers))
 
     def find(self, folder: Path, listed: Callable[[], Outcomes]) -> tuple[CaseRecord, Drawn] | None:
@@ -104,7 +103,7 @@ class JudgedBefore:
         return fingerprint(self.key, _plain(lists))
 
 
-def _said(answer: Answer) -> tuple[Any, ...]:
+def _returned(answer: Answer) -> tuple[Any, ...]:
     """Return all of an answer that is judged: not how long it took."""
     carried = [(each.before, each.after) for each in answer.carried]
     parts: tuple[Any, ...] = _plain((answer.arrays, answer.snapshots, answer.steps, answer.lists, carried))

@@ -341,6 +341,13 @@ class Scene(SceneModel):
         return self.rheo.rho_sum
 
     @property
+    def files(self) -> tuple[str, ...]:
+        """The files beside its own that a scene is read from."""
+        positions = (self.positions.file,) if isinstance(self.positions, FromFile) else ()
+        tables = (values.table for values in (self.mass, self.rho, self.energy) if values)
+        return (*positions, *(table.csv for table in tables if table))
+
+    @property
     def whole_model(self) -> bool:
         """Return whether the particle model is compared, not the equation of state alone."""
         return self.compare != ("pressure",) or (self.evolve is not None and self.evolve.compare_at is not None)

@@ -95,3 +95,19 @@ def test_a_start_knows_scene_tags_and_text_of_its_cases(case_file: Callable[...,
     hashes = [case_journal.start(run, casefile.load_file(case_file(**of))) for of in ({}, {}, {"rho": {"constant": 1}})]
     assert hashes[0] == hashes[1] != hashes[2]
     assert hashes[0].code == hashes[2].code and [*hashes[0].cases] == ["mine"]
+
+
+def test_a_start_knows_the_files_that_its_cases_are_read_from(tmp_path: Path) -> None:
+    names = ("files.yaml", "droplet.extxyz", "droplet.data", "droplet.dump", "densities.csv")
+    for name in names:
+        (tmp_path / name).write_bytes((casefile.SHIPPED / name).read_bytes())
+    files = {file for case in casefile.load_file(tmp_path / names[0]) for file in case.scene.files}
+    assert files == set(names[1:])
+
+    def hashes() -> dict[str, str]:
+        return case_journal.start(run_start().run, casefile.load_file(tmp_path / names[0])).cases
+
+    before = hashes()
+    with (tmp_path / "densities.csv").open("a") as table:
+        table.write("\n")
+    assert {name for name, one in hashes().items() if one != before[name]} == {"files.csv"}

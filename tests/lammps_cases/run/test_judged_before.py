@@ -239,3 +239,11 @@ def test_damaged_judgement_is_made_again(
     second, _ = case_judgement.judge_into(None, tmp_path, ready, outcomes, ENGINE, store)
     assert second.predictions.judgements == 0
     assert _told(second) == _told(first)
+
+
+def test_worker_that_does_not_see_a_case_s_files_judges_all_the_same(
+    answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store
+) -> None:
+    ready, outcomes = answered("files.extxyz")
+    elsewhere = replace(ready, case=replace(ready.case, source=Path("elsewhere") / "droplet.yaml"))
+    assert JudgedBefore.of(store, elsewhere, outcomes, ENGINE) is not None

@@ -11,11 +11,12 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import reduction
 from typing import Any
 
-from pebble import ProcessPool
+from pebble import CONSTS, ProcessPool
 from pebble.pool.channel import ChannelError, ChannelMutex
 from pebble.pool.process import PoolManager
 
 SIZE = 8  # bytes of the number of a process
+CONSTS.sleep_unit = 0.02  # seconds between two looks at the workers: Pebble's 0.1 are what a death, or the end, costs
 
 
 class OrderedPool(ProcessPool):  # type: ignore[misc]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import os
+import pickle
 import re
 import resource
 import signal
@@ -94,6 +96,31 @@ def solve(site: str | None, job: Job) -> Answer:
         return answer
 
 
+@dataclass(frozen=True)
+class KeptAnswer:
+    """An answer in a file of the pool, which a task of the pool reads: the parent need not see the arrays."""
+
+    file: Path
+
+    def read(self) -> Answer:
+        """Return the answer, in a worker."""
+        answer: Answer = pickle.loads(self.file.read_bytes())
+        return answer
+
+    def forget(self) -> None:
+        """Remove the file, when no task needs it any more."""
+        self.file.unlink(missing_ok=True)
+
+
+def solve_and_keep(site: str | None, job: Job) -> KeptAnswer:
+    """Run one job, in a worker, and leave the answer there for another task."""
+    answer = solve(site, job)
+    handle, name = tempfile.mkstemp(prefix="answer-")
+    with os.fdopen(handle, "wb") as file:
+        pickle.dump(answer, file, pickle.HIGHEST_PROTOCOL)
+    return KeptAnswer(Path(name))
+
+
 def identify(site: str | None) -> dict[str, str]:
     """Identify this LAMMPS, in a worker."""
     with instance(site).use() as lmp:
@@ -114,6 +141,7 @@ def _return_memory() -> None:
 
 def _prepare(folder: str, memory: int, parent: int) -> None:
     _return_memory()
+    gc.freeze()  # what the server has imported stays: no search for garbage in it, which would copy its memory
     threading.Thread(target=ranks.die_with, args=(parent, folder), daemon=True).start()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, where Python would wait for LAMMPS to return
     tempfile.tempdir = folder  # what a killed worker leaves goes with the pool
@@ -209,6 +237,11 @@ class Workers:
         """Number of tasks at a time; those of a cluster come and go."""
         return self._cluster.count if self._cluster else self._count
 
+    @property
+    def local(self) -> bool:
+        """Whether they are processes of this machine."""
+        return not self._cluster
+
     def check_shared(self, folder: Path) -> None:
         """Raise `InputError` if tasks that write into a folder cannot."""
         if self._cluster:
@@ -217,6 +250,12 @@ class Workers:
     def submit(self, job: Job, time_limit: float) -> Future[Answer]:
         """Queue a job."""
         return self.call(solve, job, time_limit=time_limit)
+
+    def submit_for_task(self, job: Job, time_limit: float) -> Future[Answer] | Future[KeptAnswer]:
+        """Queue a job whose answer goes to another task; processes of a cluster share no files."""
+        if self._cluster:
+            return self.submit(job, time_limit)
+        return self.call(solve_and_keep, job, time_limit=time_limit)
 
     def identify(self, time_limit: float = 120.0) -> Future[dict[str, str]]:
         """Queue a task that identifies this LAMMPS."""

@@ -98,7 +98,7 @@ def main() -> None:
     from tests.support.traps import solve as traced  # by the name that a worker knows
 
     PreparedCase.jobs = property(jobs)
-    workers.Workers.submit = submit
+    workers.Workers.submit = workers.Workers.submit_for_task = submit
     eos_ref()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import resource
@@ -13,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import wait
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -26,7 +28,7 @@ from eos_ref import InputError
 from lammps_cases.engine import workers as engine
 from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused, Job
 from lammps_cases.engine.stepping import instance
-from lammps_cases.engine.workers import LARGEST, Failure, Workers, limited, memory_share, size, solve
+from lammps_cases.engine.workers import LARGEST, Failure, KeptAnswer, Workers, limited, memory_share, size, solve
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene.casefile import load
 
@@ -110,6 +112,25 @@ def test_memory_of_large_arrays_goes_back_to_the_system(workers: Workers) -> Non
 
 
 @pytest.mark.lammps
+def ids(site: str | None, kept: KeptAnswer) -> list[int]:
+    return [int(one) for one in kept.read().arrays["id"]]
+
+
+@pytest.mark.lammps
+def test_an_answer_is_kept_for_tasks_and_goes_when_it_is_forgotten_or_with_the_pool(
+    case_file: Callable[..., Path],
+) -> None:
+    job = prepare(load([case_file()])[0]).jobs[0]
+    with Workers(None, 2) as pool:
+        answers = [pool.outcome(pool.submit_for_task(job, LIMIT)) for _ in range(2)]
+        one, other = (each for each in answers if isinstance(each, KeptAnswer))
+        for _ in range(2):  # a task whose worker is killed from outside is done once more
+            assert pool.outcome(pool.call(ids, one, time_limit=LIMIT)) == [*range(1, len(job.id_n) + 1)]
+        one.forget()
+        assert not one.file.exists() and other.file.exists()
+    assert not other.file.exists()
+
+
 def test_lammps_keeps_no_atoms_of_a_large_job(case_file: Callable[..., Path], workers: Workers) -> None:
     (job,) = prepare(load((case_file(),))[0]).jobs
     n = len(job.id_n)
@@ -223,6 +244,7 @@ def killed_with_the_pipe(site: str | None, mark: str, end: str) -> str:
     """Die once in the midst of a message."""
     if not Path(mark).exists():
         Path(mark).touch()
+        gc.unfreeze()  # what a worker begins with
         (channel,) = (each for each in gc.get_objects() if type(each) is WorkerChannel)
         with getattr(channel.mutex, end):
             if end == "writer":
@@ -286,8 +308,9 @@ def test_a_death_is_that_of_the_task_begun_last(read: int, monkeypatch: pytest.M
     late, end = threading.Event(), LIMIT / 10
 
     def reader(manager: Any) -> None:
-        for _ in range(read):
-            manager.process_next_message(end)
+        with contextlib.suppress(BrokenProcessPool):  # the pool has ended: who found the death read the message
+            for _ in range(read):
+                manager.process_next_message(end)
         late.wait(end)
         process.message_manager_loop(manager)
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from lammps_cases.findings import Finding
     from lammps_cases.history.reported import Past
     from lammps_cases.report.drawn import Drawn
+    from lammps_cases.report.page import Making
 
 
 def write_report(
@@ -25,6 +26,7 @@ def write_report(
     ledger: Sequence[Finding] | None = None,
     drawn: Mapping[str, Drawn] | None = None,
     history: Past | None = None,
+    making: Making | None = None,
 ) -> Path:
     """Write ``summary.md``, ``junit.xml`` and ``report.html`` into a report folder.
 
@@ -40,6 +42,8 @@ def write_report(
         What is shown of cases whose arrays were at hand; those of the others are read.
     history : Past, optional
         The runs before this one, as `lammps_cases.history.past` gives them; without them the page has no such part.
+    making : Making, optional
+        What makes the articles of cases, such as other processes; this one unless given.
 
     Returns
     -------
@@ -56,8 +60,9 @@ def write_report(
     from lammps_cases.report.findings import outcome
 
     of_run = outcome(run, LEDGER if ledger is None else ledger)
+    of_cases = page.RunPage(of_run, directory / "fields", drawn, history, making or page.here)
     write_atomically(directory / "summary.md", markdown.summary(of_run))
     write_atomically(directory / "junit.xml", junit.document(of_run))
     path = directory / "report.html"
-    write_atomically(path, page.render(of_run, directory / "fields", drawn, history))
+    write_atomically(path, of_cases.render())
     return path

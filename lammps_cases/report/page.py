@@ -6,15 +6,18 @@ import importlib.util
 import itertools
 import math
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from markupsafe import Markup
+
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
+from lammps_cases.history.draw import RunMark
 from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
-from lammps_cases.pages.packed import packed_once
+from lammps_cases.pages.packed import packed, packed_once
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
 from lammps_cases.report import agreement, plots
@@ -41,7 +44,21 @@ class SteppedField:
 
 @dataclass(frozen=True)
 class CaseEntry:
-    """A case as the page shows it."""
+    """A case that the page lists; ``drawn`` is read from its arrays unless it is at hand."""
+
+    record: CaseRecord
+    accepted: bool
+    drawn: Drawn | None
+
+    @property
+    def weight(self) -> int:
+        """Roughly the characters of its article."""
+        return 10_000 + (len(self.drawn.data or "") if self.drawn else 0)
+
+
+@dataclass(frozen=True)
+class CaseArticle:
+    """A case as its article shows it."""
 
     record: CaseRecord
     accepted: bool
@@ -51,49 +68,133 @@ class CaseEntry:
     rows: list[SteppedField]
 
 
-def render(
-    of_run: Outcome,
-    fields: Path,
-    drawn: Mapping[str, Drawn] | None = None,
-    history: Past | None = None,
-) -> str:
-    """Return the page of a run; arrays of cases that are not in ``drawn`` are read from the folder ``fields``."""
-    at_hand, run = drawn or {}, of_run.run
-    plotly = _plotly().read_text(encoding="utf-8")
-    tags = Counter(tag for case in run.cases for tag in set(case.tags))
-    matrices, claims = agreement.matrices(run), verdicts.summary(run)
-    cases = listed(of_run, _named(matrices, claims))
-    names = {case.case for case in cases}
-    entries = [_entry(case, of_run, at_hand.get(case.case) or drawn_from(case, fields)) for case in cases]
-    return frame.page(
-        ASSETS,
-        "report",
-        of_run.headline.look.css,
-        engine=run.engine.label,
-        date=run.date,
-        filters={"shade": shade, "sortable": _sortable},
-        styles=[HISTORY_CSS] if history else [],
-        scripts=[frame.PACKED, ASSETS / "plots.js"],
-        unpacked=[plotly],
-        plotly=packed_once(plotly),
-        whole=len(run.cases) <= WHOLE,
-        run=run,
-        of_run=of_run,
-        wording=wording,
-        rules=RULES,
-        entries=entries,
-        names=names,
-        families=_families(entries),
-        tags={tag: tags[tag] for tag in sorted(tags)},
-        matrices=matrices,
-        findings=of_run.findings,
-        known={finding.entry.id for finding in of_run.findings},
-        claims=claims,
-        provenance=dict(_provenance(run)),
-        seeds={case.case: case.seed for case in cases if case.seed is not None},
-        history=history,
-        marks={case: marks for case, marks in history.marks.items() if len(marks) > 1} if history else {},
-    )
+@dataclass(frozen=True)
+class Family:
+    """Cases that have the first part of their names in common, and much else: their articles are packed together.
+
+    Attributes
+    ----------
+    fields : the folder of their arrays
+    marks : how cases went by version, of those that have a history
+    known : the findings of the ledger
+    whole : whether all steps of all fields are drawn
+    """
+
+    entries: list[CaseEntry]
+    fields: Path
+    marks: Mapping[str, tuple[RunMark, ...]]
+    known: frozenset[str]
+    whole: bool
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the cases."""
+        return [entry.record.case for entry in self.entries]
+
+
+Articles = Callable[[], list[Markup]]  # of every family, to be waited for
+Making = Callable[[Sequence[Family]], Articles]  # what begins to make them
+
+
+def articles(families: Sequence[Family]) -> list[Markup]:
+    """Return the packed articles of every family."""
+    environment = frame.environment_of(ASSETS)
+    environment.filters |= FILTERS
+    template = environment.get_template("articles.html.j2")
+    return [
+        packed(
+            template.render(
+                entries=[_article(entry, family.fields) for entry in family.entries],
+                marks=family.marks,
+                known=family.known,
+                whole=family.whole,
+                wording=wording,
+                rules=RULES,
+            )
+        )
+        for family in families
+    ]
+
+
+def here(families: Sequence[Family]) -> Articles:
+    """Make articles in this process, when they are waited for."""
+    return lambda: articles(families)
+
+
+class RunPage:
+    """The page of a run; arrays of cases that are not in ``drawn`` are read from the folder ``fields``.
+
+    ``making`` begins with the articles of cases at once, if it is that of other processes.
+    """
+
+    def __init__(
+        self,
+        of_run: Outcome,
+        fields: Path,
+        drawn: Mapping[str, Drawn] | None = None,
+        history: Past | None = None,
+        making: Making = here,
+    ) -> None:
+        self.of_run, self.history = of_run, history
+        run, at_hand = of_run.run, drawn or {}
+        self.matrices, self.claims = agreement.matrices(run), verdicts.summary(run)
+        cases = listed(of_run, _named(self.matrices, self.claims))
+        self.entries = [CaseEntry(case, of_run.accepted(case), at_hand.get(case.case)) for case in cases]
+        self.families = list(self._families(fields))
+        self._articles = making(self.families)
+
+    def render(self) -> str:
+        """Return the page."""
+        of_run, run = self.of_run, self.of_run.run
+        plotly = _plotly().read_text(encoding="utf-8")
+        tags = Counter(tag for case in run.cases for tag in set(case.tags))
+        return frame.page(
+            ASSETS,
+            "report",
+            of_run.headline.look.css,
+            engine=run.engine.label,
+            date=run.date,
+            filters=FILTERS,
+            styles=[HISTORY_CSS] if self.history else [],
+            scripts=[frame.PACKED, ASSETS / "plots.js"],
+            unpacked=[plotly],
+            plotly=packed_once(plotly),
+            run=run,
+            of_run=of_run,
+            wording=wording,
+            entries=self.entries,
+            names={entry.record.case for entry in self.entries},
+            families=self.families,
+            articles=self._articles,
+            tags={tag: tags[tag] for tag in sorted(tags)},
+            matrices=self.matrices,
+            findings=of_run.findings,
+            known=self._known,
+            claims=self.claims,
+            provenance=dict(_provenance(run)),
+            seeds={entry.record.case: entry.record.seed for entry in self.entries if entry.record.seed is not None},
+            history=self.history,
+        )
+
+    @property
+    def _known(self) -> frozenset[str]:
+        return frozenset(finding.entry.id for finding in self.of_run.findings)
+
+    def _families(self, fields: Path) -> Iterator[Family]:
+        by_name: dict[str, list[CaseEntry]] = {}
+        for entry in self.entries:
+            by_name.setdefault(entry.record.case.partition(".")[0], []).append(entry)
+        marks = self.history.marks if self.history else {}
+        whole = len(self.of_run.run.cases) <= WHOLE
+        for entries in by_name.values():
+            names = [entry.record.case for entry in entries]
+            of_them = {name: marks[name] for name in names if len(marks.get(name, ())) > 1}
+            yield Family(entries, fields, of_them, self._known, whole)
+
+
+def render(of_run: Outcome, fields: Path, drawn: Mapping[str, Drawn] | None = None, history: Past | None = None) -> str:
+    """Return the page of a run, as `RunPage` makes it in one process."""
+    return RunPage(of_run, fields, drawn, history).render()
 
 
 def listed(of_run: Outcome, named: Collection[str] = ()) -> list[CaseRecord]:
@@ -136,24 +237,17 @@ def _rows(case: CaseRecord, steps: list[int], drawn: Collection[str]) -> list[St
     return rows
 
 
-def _entry(case: CaseRecord, of_run: Outcome, drawn: Drawn) -> CaseEntry:
+def _article(entry: CaseEntry, fields: Path) -> CaseArticle:
+    case, drawn = entry.record, entry.drawn or drawn_from(entry.record, fields)
     steps = sorted({at.step for record in case.fields for at in record.steps})
-    return CaseEntry(
+    return CaseArticle(
         record=case,
-        accepted=of_run.accepted(case),
+        accepted=entry.accepted,
         drawn=drawn,
         checks=[case.checks[i] for i in plots.thinned_checks(case.checks, ROWS)],
         steps=steps,
         rows=_rows(case, steps, drawn.fields) if steps else [],
     )
-
-
-def _families(entries: list[CaseEntry]) -> list[list[CaseEntry]]:
-    """Return the cases by the first part of their names: such cases have much in common, and are packed together."""
-    families: dict[str, list[CaseEntry]] = {}
-    for entry in entries:
-        families.setdefault(entry.record.case.partition(".")[0], []).append(entry)
-    return list(families.values())
 
 
 def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
@@ -174,6 +268,9 @@ def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
 def _sortable(value: float | None) -> str:
     """Return a number as the page's script sorts it: what is not a number comes last."""
     return "" if value is None else repr(float(value)).replace("inf", "Infinity").replace("nan", "Infinity")
+
+
+FILTERS: Mapping[str, Callable[..., object]] = {"shade": shade, "sortable": _sortable}
 
 
 def _plotly() -> Path:

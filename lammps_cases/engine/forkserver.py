@@ -18,7 +18,7 @@ from multiprocessing.process import BaseProcess
 from types import ModuleType
 
 OF_WORKERS = "lammps_cases.engine.workers"
-OF_JUDGING = ("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
+OF_JUDGING = ("lammps_cases.verdict.judgement", "lammps_cases.run.case_task", "lammps_cases.report.page")
 OF_PAIRS = "scipy.spatial"  # as long to import as a third of all the rest
 _starting = threading.RLock()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,8 +22,10 @@ from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage
 from lammps_cases.records.stages import stage
+from lammps_cases.run.article_task import begin_articles
 from lammps_cases.run.case_journal import CaseJournal, start
-from lammps_cases.run.case_judgement import JUDGING, answers, judge_into, unjudged
+from lammps_cases.run.case_judgement import JUDGING, unjudged
+from lammps_cases.run.case_task import Told, forget, judge_answers
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.run.provenance import engine_record, run_record
@@ -47,7 +48,12 @@ class UnderWay:
 
     ready: PreparedCase
     futures: list[Future[Any]]
-    judging: bool = False
+    told: Told = ()
+
+    @property
+    def judging(self) -> bool:
+        """Whether its runs are over."""
+        return bool(self.told)
 
     @property
     def done(self) -> bool:
@@ -87,7 +93,9 @@ def run_cases(
     with output_folder(directory, resume) as folder:
         campaign = Campaign(cases, folder, options, progress, store)
         try:
-            run = _finished(campaign, campaign.judge(engine, jobs, command), begin)
+            with Workers(engine.site, max(1, min(jobs, len(cases)))) as workers:
+                drawn = campaign.judge(workers, engine, command)
+                run = _finished(campaign, workers, drawn, begin)
             if lost := campaign.lost():
                 cases_lost = wording.counted(len(lost), "judged case")
                 rule = f"lost {cases_lost} while the run was made; --resume does the rest"
@@ -108,14 +116,15 @@ def run_cases(
     return run
 
 
-def _finished(campaign: Campaign, drawn: dict[str, Drawn], begin: float) -> RunRecord:
+def _finished(campaign: Campaign, workers: Workers, drawn: dict[str, Drawn], begin: float) -> RunRecord:
     """Return the record of a campaign whose cases are judged, and write the report."""
     campaign.collect()  # and what workers left half-written that were killed goes
     run = campaign.run()
     run.triage = triaged(run, campaign.cases, campaign.folder, campaign.store)
     run.seconds = round(time.perf_counter() - begin, 3)
     with stage("report"):
-        write_run(run, campaign.folder, drawn, history.past(run))
+        making = (lambda families: begin_articles(workers, families)) if workers.local else None
+        write_run(run, campaign.folder, drawn, history.past(run), making)
     return run
 
 
@@ -128,6 +137,7 @@ class Campaign:
     ----------
     judged : the names of the cases that are judged
     records : those at hand: what no journal has, `KEPT` others, and all of them after `collect`
+    whole : whether the page draws all steps of cases as expected
     """
 
     def __init__(
@@ -137,12 +147,13 @@ class Campaign:
         self.progress, self.store = progress, store
         self.journal = CaseJournal(folder)
         self.begun = self.journal.begun()
+        self.whole = True
         self.judged = set[str]()
         self.records: dict[str, CaseRecord] = {}
         if self.collect() > KEPT:
             self.records.clear()
 
-    def judge(self, engine: Engine, jobs: int, command: str) -> dict[str, Drawn]:
+    def judge(self, workers: Workers, engine: Engine, command: str) -> dict[str, Drawn]:
         """Judge all cases that are not; return what the page shows of them.
 
         Raises
@@ -152,33 +163,34 @@ class Campaign:
         EngineMissing
         """
         drawn: dict[str, Drawn] = {}
-        with Workers(engine.site, max(1, min(jobs, len(self.cases)))) as workers:
-            workers.check_shared(self.folder)
-            identity = workers.identify(patience := _patience(self.cases))
-            with stage("preparing"):
-                left = [case for case in sorted(self.cases, key=_last) if case.name not in self.judged]
-                rest = [_kept(prepare(case), k) for k, case in enumerate(left)]  # none is bad
-            importlib.import_module("lammps_cases.report.page")  # while LAMMPS starts
-            who = workers.outcome(identity, patience)
-            if isinstance(who, Failure):
-                raise EngineMissing(f"LAMMPS cannot be opened, for any case: {wording.one_line(who.message)}")
-            answering = engine_record(engine, who)
-            now = run_record(answering, command).model_copy(update=self.options)
-            self.begun = self.journal.begin(start(now, self.cases))
-            rest = [following(each, answering.manual) for each in rest]
-            for ready, verdict in self._judged(workers, rest, answering):
-                judgement = workers.outcome(verdict, JUDGING)
-                if isinstance(judgement, Failure):
-                    self.records[ready.case.name] = record = unjudged(ready, judgement, answering)
-                else:
-                    record, shown = judgement
-                    if len(self.records) < KEPT:
-                        self.records[record.case], drawn[record.case] = record, shown
-                self.judged.add(ready.case.name)
-                if self.store and len(self.judged) % KEPT == 0:
-                    self.store.trim()
-                complaint = "" if record.as_expected else f"{record.verdict} {record.case}"
-                self.progress.advance(len(self.judged), len(self.cases), record.case, complaint)
+        workers.check_shared(self.folder)
+        identity = workers.identify(patience := _patience(self.cases))
+        with stage("preparing"):
+            left = [case for case in sorted(self.cases, key=_last) if case.name not in self.judged]
+            rest = [_kept(prepare(case), k) for k, case in enumerate(left)]  # none is bad
+        from lammps_cases.report import page  # while LAMMPS starts
+
+        self.whole = len(self.cases) <= page.WHOLE or self.options["fail_on"] != "new"
+        who = workers.outcome(identity, patience)
+        if isinstance(who, Failure):
+            raise EngineMissing(f"LAMMPS cannot be opened, for any case: {wording.one_line(who.message)}")
+        answering = engine_record(engine, who)
+        now = run_record(answering, command).model_copy(update=self.options)
+        self.begun = self.journal.begin(start(now, self.cases))
+        rest = [following(each, answering.manual) for each in rest]
+        for ready, verdict in self._judged(workers, rest, answering):
+            judgement = workers.outcome(verdict, JUDGING)
+            if isinstance(judgement, Failure):
+                self.records[ready.case.name] = record = unjudged(ready, judgement, answering)
+            else:
+                record, shown = judgement
+                if len(self.records) < KEPT:
+                    self.records[record.case], drawn[record.case] = record, shown
+            self.judged.add(ready.case.name)
+            if self.store and len(self.judged) % KEPT == 0:
+                self.store.trim()
+            complaint = "" if record.as_expected else f"{record.verdict} {record.case}"
+            self.progress.advance(len(self.judged), len(self.cases), record.case, complaint)
         return drawn
 
     def _judged(
@@ -191,15 +203,18 @@ class Campaign:
                 case = waiting.popleft()
                 ready = case if isinstance(case, PreparedCase) else prepare(case)
                 limit = ready.case.scene.engine.time_limit
-                under_way.append(UnderWay(ready, [workers.submit(one, limit) for one in ready.jobs]))
+                under_way.append(UnderWay(ready, [workers.submit_for_task(one, limit) for one in ready.jobs]))
             wait([future for each in under_way for future in each.futures if not future.done()], None, FIRST_COMPLETED)
             for each in [each for each in under_way if each.done]:
                 if each.judging:
                     under_way.remove(each)
                     yield each.ready, each.futures[0]
+                    forget(each.told)
                 else:
-                    task = self.folder, each.ready, answers(workers, each.ready, each.futures), engine, self.store
-                    each.futures, each.judging = [workers.call(judge_into, *task, time_limit=JUDGING)], True
+                    limit = each.ready.case.scene.engine.time_limit
+                    each.told = [workers.outcome(future, limit) for future in each.futures]
+                    task = self.folder, each.ready, each.told, engine, self.store, self.whole
+                    each.futures = [workers.call(judge_answers, *task, time_limit=JUDGING)]
 
     def collect(self) -> int:
         """Read the cases that were judged and are not at hand; return how many are judged."""
@@ -261,6 +276,9 @@ def _patience(cases: Sequence[Case]) -> float:
     return max(OPENING, *(case.scene.engine.time_limit for case in cases))
 
 
-def _last(case: Case) -> int:
-    """Return the order of submission: cases that may kill a worker late, those that take long to read last."""
-    return 2 * isinstance(case.scene.positions, FromFile) + (case.scene.expect is not None)
+def _last(case: Case) -> tuple[bool, int]:
+    """Return the order of submission: cases that may kill a worker late, those that take long to read last.
+
+    Those that do kill one come after all others, which would have to open LAMMPS, and its ranks, once more.
+    """
+    return "crash" in case.tags, 2 * isinstance(case.scene.positions, FromFile) + (case.scene.expect is not None)

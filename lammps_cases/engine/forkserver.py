@@ -17,6 +17,7 @@ from multiprocessing.popen_forkserver import Popen
 from multiprocessing.process import BaseProcess
 from types import ModuleType
 
+FIRST = "lammps_cases.engine.beginning"
 OF_WORKERS = "lammps_cases.engine.workers"
 OF_JUDGING = ("lammps_cases.verdict.judgement", "lammps_cases.run.case_task", "lammps_cases.report.page")
 OF_PAIRS = "scipy.spatial"  # as long to import as a third of all the rest
@@ -97,7 +98,7 @@ def context(*modules: str) -> ForkServerContext:
 
     Workers begin with the modules named, which the server imports once for all of them.
     """
-    forkserver.set_forkserver_preload([OF_WORKERS, *modules])
+    forkserver.set_forkserver_preload([FIRST, OF_WORKERS, *modules])
     with _safe_path():
         forkserver.ensure_running()
     return _Context()

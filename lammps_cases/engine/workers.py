@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import gc
 import os
 import pickle
 import re
@@ -141,7 +140,6 @@ def _return_memory() -> None:
 
 def _prepare(folder: str, memory: int, parent: int) -> None:
     _return_memory()
-    gc.freeze()  # what the server has imported stays: no search for garbage in it, which would copy its memory
     threading.Thread(target=ranks.die_with, args=(parent, folder), daemon=True).start()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, where Python would wait for LAMMPS to return
     tempfile.tempdir = folder  # what a killed worker leaves goes with the pool

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from lammps_cases.engine.workers import Failure, Workers
 
 PROGRAM = """
 from lammps_cases.engine import forkserver
@@ -17,6 +20,19 @@ for context in (forkserver.context(), forkserver.second_context("json"), forkser
     with OrderedPool(max_workers=1, context=context) as pool:
         print(pool.schedule(eval, ["'eos_ref' in __import__('sys').modules"]).result())
 """
+
+
+def _garbage(_: str | None) -> tuple[bool, int]:
+    return gc.isenabled(), gc.get_freeze_count()
+
+
+@pytest.mark.slow
+def test_workers_look_for_garbage_but_not_in_what_the_server_imported() -> None:
+    with Workers(None, 1) as pool:
+        found = pool.outcome(pool.call(_garbage, time_limit=60.0))
+    assert not isinstance(found, Failure)
+    enabled, set_aside = found
+    assert enabled and set_aside > 10_000
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ NAME = "index.html"
 DEPTH = 4  # of the pages: compare/A/report.html has three names
 LEFT_OUT = {"site", "accepted", "fields", "figures", "decks"}
 HEAD = 4096  # bytes that hold the description of a page
+BEGINNING = 2**17  # bytes that hold the bar of most pages, which may have many millions
 BAR = re.compile(rb"(?<=<!--bar-->).*?(?=<!--/bar-->)", re.DOTALL)
 DESCRIBED = re.compile(r'<meta name="eos-ref"([^>]*)>')
 SAYS = re.compile(r'data-([a-z]+)="([^"]*)"')
@@ -206,6 +207,10 @@ def _fill(reports: Path, page: Page, of_kind: Sequence[tuple[str, str, Path]]) -
         bar += f'\n<a href="{escape(Path(os.path.relpath(link, page.path.parent)).as_posix())}"{here}>{label}</a>'
     path = reports / page.path
     try:
+        with path.open("rb") as file:
+            found = BAR.search(file.read(BEGINNING))
+        if found and found[0] == bar.encode():
+            return
         before, written = path.read_bytes(), path.stat()
         after = BAR.sub(lambda _: bar.encode(), before, count=1)
         if after != before:

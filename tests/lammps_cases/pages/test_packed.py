@@ -13,18 +13,23 @@ TEXT = "const a = 'ü';\n" * 100
 
 @pytest.mark.parametrize(
     "damage",
-    [b"", b"\xff", b"!", packed.packed(TEXT.upper()).encode()],
-    ids=["empty", "no text", "no base64", "another"],
+    [b"", b"\xff", b"!", packed.packed(TEXT.upper()).encode(), None],
+    ids=["empty", "no text", "no hash", "of an earlier version", "another"],
 )
 def test_a_text_that_is_kept_packed_is_packed_anew_where_what_was_kept_is_not_it(
-    damage: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    damage: bytes | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(packed, "cache_folder", lambda _: tmp_path)
     assert packed.packed_once(TEXT) == packed.packed(TEXT)
     (kept,) = tmp_path.iterdir()
-    assert kept.read_text() == packed.packed(TEXT)
+    right = kept.read_bytes()
+    if damage is None:
+        packed.packed_once(TEXT.upper())
+        (other,) = {*tmp_path.iterdir()} - {kept}
+        damage = other.read_bytes()
     kept.write_bytes(damage)
-    assert packed.packed_once(TEXT) == packed.packed(TEXT) == kept.read_text()
+    assert packed.packed_once(TEXT) == packed.packed(TEXT)
+    assert kept.read_bytes() == right
 
 
 def test_a_text_that_is_kept_is_not_packed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
@@ -165,18 +165,20 @@ class Campaign:
         drawn: dict[str, Drawn] = {}
         workers.check_shared(self.folder)
         identity = workers.identify(patience := _patience(self.cases))
+        # What does not depend on LAMMPS is done while it starts.
         with stage("preparing"):
-            left = [case for case in sorted(self.cases, key=_last) if case.name not in self.judged]
-            rest = [_kept(prepare(case), k) for k, case in enumerate(left)]  # none is bad
-        from lammps_cases.report import page  # while LAMMPS starts
+            left = ordered(case for case in self.cases if case.name not in self.judged)
+            # None is bad: of those shipped tests say so, and they are prepared while LAMMPS runs others.
+            rest = [case if case.shipped else _kept(prepare(case), k) for k, case in enumerate(left)]
+        now = start(run_record(EngineRecord(), command).model_copy(update=self.options), self.cases)
+        from lammps_cases.report import page
 
         self.whole = len(self.cases) <= page.WHOLE or self.options["fail_on"] != "new"
         who = workers.outcome(identity, patience)
         if isinstance(who, Failure):
             raise EngineMissing(f"LAMMPS cannot be opened, for any case: {wording.one_line(who.message)}")
-        answering = engine_record(engine, who)
-        now = run_record(answering, command).model_copy(update=self.options)
-        self.begun = self.journal.begin(start(now, self.cases))
+        now.run.engine = answering = engine_record(engine, who)
+        self.begun = self.journal.begin(now)
         rest = [following(each, answering.manual) for each in rest]
         for ready, verdict in self._judged(workers, rest, answering):
             judgement = workers.outcome(verdict, JUDGING)
@@ -276,9 +278,17 @@ def _patience(cases: Sequence[Case]) -> float:
     return max(OPENING, *(case.scene.engine.time_limit for case in cases))
 
 
-def _last(case: Case) -> tuple[bool, int]:
-    """Return the order of submission: cases that may kill a worker late, those that take long to read last.
+def ordered(cases: Iterable[Case]) -> list[Case]:
+    """Return cases in the order of submission: those that may kill a worker late, those that take long to read last.
 
-    Those that do kill one come after all others, which would have to open LAMMPS, and its ranks, once more.
+    Those that are known to kill one come after all others, which would have to open LAMMPS, and its ranks, once more.
     """
-    return "crash" in case.tags, 2 * isinstance(case.scene.positions, FromFile) + (case.scene.expect is not None)
+    from lammps_cases.findings import LEDGER
+
+    crashes = [entry for entry in LEDGER if entry.outcome == "crashed"]
+
+    def order(case: Case) -> tuple[bool, bool, bool]:
+        kills = any(entry.covers(case.name) for entry in crashes)
+        return kills, isinstance(case.scene.positions, FromFile), case.scene.expect is not None
+
+    return sorted(cases, key=order)

@@ -7,6 +7,7 @@ vouches by their hashes. What is damaged, or has no entry, counts as not judged.
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -156,10 +157,10 @@ def code() -> str:
     """Return the hash of all that judges and reports: the sources, and what predictions depend on beside them."""
     root = Path(__file__).parents[2]
     digest = hashlib.sha256(prediction_keys.context(root).encode())
-    for package in PACKAGES:
-        for path in sorted((root / package).rglob("*")):
-            if path.is_file() and "__pycache__" not in path.parts and SHIPPED not in path.parents:
-                digest.update(f"{path.relative_to(root)} {_hash(path)}\n".encode())
+    for folder, below, names in (found for package in PACKAGES for found in os.walk(root / package)):
+        below[:] = sorted(name for name in below if name != "__pycache__" and Path(folder, name) != SHIPPED)
+        for path in (Path(folder, name) for name in sorted(names)):
+            digest.update(f"{path.relative_to(root)} {_hash(path)}\n".encode())
     return digest.hexdigest()
 
 

@@ -21,7 +21,7 @@ from lammps_cases.comparison import store
 from lammps_cases.records import folders
 from lammps_cases.records.run_record import RunRecord, read_run
 from lammps_cases.records.yaml_files import read_yaml
-from lammps_cases.run import schemas
+from lammps_cases.run import campaign, schemas
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
 from tests.support.same_reports import assert_same
@@ -258,6 +258,13 @@ def test_shipped_cases_cover_what_they_must() -> None:
     assert sum(scene.expect is not None for scene in scenes) >= 10
     forms = {law.types for scene in scenes for law in scene.pressure}
     assert {"*", "1", "*3", "3*", "2*3"} <= forms
+
+
+def test_cases_that_are_known_to_kill_a_worker_come_last() -> None:
+    names = [case.name for case in campaign.ordered(casefile.load())]
+    crashes = {"strain.unasked.2d", "strain.unasked.3d", "refused.range-two-stars", "refused.no-fix-pressure-read"}
+    assert crashes < {*names[-5:]}
+    assert names[-9:-5] == ["files.csv", "files.data", "files.dump", "files.extxyz"], "those that are read from files"
 
 
 def test_published_schemas_are_current() -> None:

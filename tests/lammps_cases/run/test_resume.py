@@ -16,7 +16,7 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records import folders
 from lammps_cases.records.progress import Progress
-from lammps_cases.records.run_record import RunRecord, read_run
+from lammps_cases.records.run_record import EngineRecord, read_run
 from lammps_cases.regression.acceptance import accept
 from lammps_cases.run import campaign, provenance
 from lammps_cases.run.merge import merge
@@ -184,12 +184,10 @@ def test_another_run_is_refused_in_one_line(cases: list[Case], tmp_path: Path, m
         with pytest.raises(InputError, match="--resume: needs the code"):
             run(cases, out, resume=True)
 
-    def other(engine: object, command: str) -> RunRecord:
-        made = provenance.run_record(engine, command)
-        made.engine = made.engine.model_copy(update={"library_sha256": 64 * "0"})
-        return made
+    def other(*arguments: Any) -> EngineRecord:
+        return provenance.engine_record(*arguments).model_copy(update={"library_sha256": 64 * "0"})
 
-    monkeypatch.setattr(campaign, "run_record", other)
+    monkeypatch.setattr(campaign, "engine_record", other)
     with pytest.raises(InputError, match="--resume: needs the engine of the interrupted run, "):
         run(cases, out, resume=True)
     assert before == {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}, "nothing is lost"

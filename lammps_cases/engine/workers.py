@@ -11,6 +11,7 @@ import resource
 import signal
 import tempfile
 import threading
+import uuid
 import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -111,13 +112,17 @@ class KeptAnswer:
         self.file.unlink(missing_ok=True)
 
 
-def solve_and_keep(site: str | None, job: Job) -> KeptAnswer:
-    """Run one job, in a worker, and leave the answer there for another task."""
+def solve_and_keep(site: str | None, job: Job) -> Answer | KeptAnswer:
+    """Run one job, in a worker, and leave the answer there for another task, if there is room for it."""
     answer = solve(site, job)
-    handle, name = tempfile.mkstemp(prefix="answer-")
-    with os.fdopen(handle, "wb") as file:
-        pickle.dump(answer, file, pickle.HIGHEST_PROTOCOL)
-    return KeptAnswer(Path(name))
+    kept = KeptAnswer(Path(tempfile.gettempdir(), f"answer-{uuid.uuid4().hex}"))
+    try:
+        with kept.file.open("xb") as file:
+            pickle.dump(answer, file, pickle.HIGHEST_PROTOCOL)
+    except OSError:
+        kept.forget()
+        return answer
+    return kept
 
 
 def identify(site: str | None) -> dict[str, str]:
@@ -249,7 +254,7 @@ class Workers:
         """Queue a job."""
         return self.call(solve, job, time_limit=time_limit)
 
-    def submit_for_task(self, job: Job, time_limit: float) -> Future[Answer] | Future[KeptAnswer]:
+    def submit_for_task(self, job: Job, time_limit: float) -> Future[Answer] | Future[Answer | KeptAnswer]:
         """Queue a job whose answer goes to another task; processes of a cluster share no files."""
         if self._cluster:
             return self.submit(job, time_limit)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import gc
 import os
 import resource
@@ -129,6 +130,24 @@ def test_an_answer_is_kept_for_tasks_and_goes_when_it_is_forgotten_or_with_the_p
         one.forget()
         assert not one.file.exists() and other.file.exists()
     assert not other.file.exists()
+
+
+def test_an_answer_that_finds_no_room_is_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer: Any = {"x": np.zeros(1000)}
+    monkeypatch.setattr(engine, "solve", lambda *_: answer)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    job: Any = None
+    kept = engine.solve_and_keep(None, job)
+    assert isinstance(kept, KeptAnswer) and [*tmp_path.iterdir()] == [kept.file]
+    kept.forget()
+
+    def full(content: object, file: Any, *_: object) -> None:
+        file.write(b"a part")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("pickle.dump", full)
+    assert engine.solve_and_keep(None, job) is answer
+    assert not [*tmp_path.iterdir()]
 
 
 def test_lammps_keeps_no_atoms_of_a_large_job(case_file: Callable[..., Path], workers: Workers) -> None:

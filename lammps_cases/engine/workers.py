@@ -11,7 +11,6 @@ import resource
 import signal
 import tempfile
 import threading
-import uuid
 import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -115,7 +114,7 @@ class KeptAnswer:
 def solve_and_keep(site: str | None, job: Job) -> Answer | KeptAnswer:
     """Run one job, in a worker, and leave the answer there for another task, if there is room for it."""
     answer = solve(site, job)
-    kept = KeptAnswer(Path(tempfile.gettempdir(), f"answer-{uuid.uuid4().hex}"))
+    kept = KeptAnswer(Path(tempfile.gettempdir(), f"answer-{os.urandom(16).hex()}"))
     try:
         with kept.file.open("xb") as file:
             pickle.dump(answer, file, pickle.HIGHEST_PROTOCOL)

@@ -43,11 +43,13 @@ class Simulation:
     model : Model
     box : Box
     state : State
-        Copied; checked once.
+        Copied.
     fields : iterable of str
         What is wanted of an evaluation, by LAMMPS' names; empty: what time steps need.
     evaluator : class
         `ArrayEvaluator`, a variant of it, or `eos_ref.compiled.evaluator.CompiledEvaluator`.
+    check : bool
+        Whether to check the state; one that many runs begin with is checked once.
 
     Attributes
     ----------
@@ -74,8 +76,10 @@ class Simulation:
         state: State,
         fields: Iterable[str] = (),
         evaluator: MakeEvaluator = ArrayEvaluator,
+        check: bool = True,
     ) -> None:
-        check_state(model, box, state)
+        if check:
+            check_state(model, box, state)
         if isinstance(fields, str):
             raise InputError("fields", "must be a list of names", fields)
         self.system = UNITS[model.units]

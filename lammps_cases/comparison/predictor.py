@@ -23,7 +23,7 @@ from eos_ref.evaluation.pairs import Candidates, sharing
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
-from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import (
     Fields,
@@ -102,9 +102,7 @@ class Predictor:
 
         def compute() -> Arrays:
             stages, stepping = made
-            sim = stepping(
-                problem.model, problem.box, problem.state, wanted(problem), in_blocks(stages, len(problem.state.x_nc))
-            )
+            sim = problem.simulation(in_blocks(stages, len(problem.state.x_nc)), stepping)
             visited = visit(sim, problem.steps, problem.timestep, problem.stops)
             return _rows("value", [{f: np.array(sim.output(f)) for f in problem.fields} for _ in visited])
 

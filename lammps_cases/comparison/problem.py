@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
 from eos_ref.model.box import BoolArray, Box
 from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import needed_to_step
 from eos_ref.model.state import State
+
+S = TypeVar("S", bound=Simulation)
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,18 @@ class Problem:
         """Return whether anything comes after the first evaluation: a step, or a run that begins again."""
         return bool(self.steps[-1] or self.stops)
 
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """The fields compared, and what steps need if there are any: a run that ends leaves forces to the next."""
+        return tuple(dict.fromkeys((*self.fields, *(needed_to_step(self.model) if self.goes_on else ()))))
+
+    def simulation(self, stages: MakeEvaluator = ArrayEvaluator, stepping: type[S] = Simulation) -> S:  # type: ignore[assignment]
+        """Return the reference, or a variant of it, before its first evaluation.
+
+        The state is not checked: that of a scene has been (`lammps_cases.setup.reference_side.state`).
+        """
+        return stepping(self.model, self.box, self.state, self.wanted, stages, check=False)
+
     def box_at(self, step: int) -> Box:
         """Return the box at a step, after a stop there."""
         box, begun, dt = self.box, 0, self.timestep
@@ -92,8 +109,3 @@ class Problem:
 
     def _grown(self, box: Box, time: float) -> Box:
         return self.model.deform.box(box, time) if self.model.deform else box
-
-
-def wanted(problem: Problem) -> tuple[str, ...]:
-    """Return the fields compared, and what steps need if there are any: a run that ends leaves forces to the next."""
-    return tuple(dict.fromkeys((*problem.fields, *(needed_to_step(problem.model) if problem.goes_on else ()))))

@@ -29,7 +29,7 @@ from eos_ref.model.box import Box, Deform
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.model.state import Gradients, PairTerms
 from eos_ref.numbers.rounded import Rounded, error
-from lammps_cases.comparison.problem import Problem, ProblemStop, wanted
+from lammps_cases.comparison.problem import Problem, ProblemStop
 from lammps_cases.comparison.rounded_input import moved_input
 from lammps_cases.comparison.signs import Signs
 from lammps_cases.records.stages import stage
@@ -111,9 +111,8 @@ def widening(
     count = _in_blocks(problem)
     stages = in_blocks(evaluator, count) if evaluator else own_stages(problem)
     bounding = in_blocks(at_cutoff(evaluator or ArrayEvaluator), count)
-    given = problem.model, problem.box, problem.state, wanted(problem)
     values, own, sizes = [], [], Sizes()
-    for step, halt in halts.items() if halts else reached(problem, stepping(*given, stages), halts):
+    for step, halt in halts.items() if halts else reached(problem, problem.simulation(stages, stepping), halts):
         with stage("bounds"):
             count_rounded(len(problem.state.x_nc))
             errors = halt.sim.rounded(bounding)
@@ -171,7 +170,7 @@ def reached(problem: Problem, sim: Simulation, halts: dict[int, Halt] | None = N
 
 def halted(problem: Problem, steps: Sequence[int]) -> dict[int, Simulation]:
     """Run a scene; return it as it is at some steps."""
-    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem))
+    sim: Simulation = problem.simulation()
     return {step: Halt.of(sim).sim for step in visit(sim, steps, problem.timestep, problem.stops)}
 
 
@@ -269,7 +268,7 @@ def moved(evaluator: type[Evaluator], sizes: Sizes, signs: Signs) -> type[Evalua
 def precise_setup(problem: Problem) -> Fields:
     """Return the fields of the first evaluation in extended precision."""
     stages = in_blocks(ArrayEvaluator, len(problem.state.x_nc))
-    twin = Simulation(problem.model, problem.box, problem.state, wanted(problem)).precise(stages)
+    twin: Simulation = problem.simulation().precise(stages)
     return {field: twin.output(field) for field in problem.fields}
 
 
@@ -338,7 +337,7 @@ def _moved_runs(
         signs = Signs(np.random.default_rng((seed, k)), kept=k % MOVED_RUNS == 0)
         steps = shaken(stepping, signs)
         stages = moved(evaluator, sizes, signs)
-        yield steps(problem.model, problem.box, problem.state, wanted(problem), stages)
+        yield problem.simulation(stages, steps)
 
 
 def input_spread(
@@ -348,7 +347,7 @@ def input_spread(
     largest: list[Fields] = [dict.fromkeys(problem.fields, 0.0) for _ in problem.steps]
     for k in range(moved_runs(problem)):
         other = moved_input(problem, np.random.default_rng((seed, k, 1)))
-        run = stepping(other.model, other.box, other.state, wanted(other), stages)
+        run = other.simulation(stages, stepping)
         _follow(run, problem, other.timestep, values, largest)
     return largest
 

@@ -17,7 +17,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.predictor import Made, Predictor
-from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Fields, Prediction, predict, visit
 from lammps_cases.diagnosis.changes import Change, Watched
 from lammps_cases.diagnosis.grammar import changes
@@ -119,7 +119,7 @@ class RedCase:
         try:
             with np.errstate(all="ignore"), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
+                sim = problem.simulation(stages, stepping)
                 visited = visit(sim, problem.steps, problem.timestep, problem.stops)
                 return [{f: np.array(sim.output(f), float) for f in problem.fields} for _ in visited]
         except MEANINGLESS:

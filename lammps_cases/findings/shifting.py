@@ -19,7 +19,7 @@ from eos_ref.numbers.columns import Axes, axes, dot, joined
 from eos_ref.numbers.elementary import sqrt, where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import error, value
-from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.entry import AlarmDifference, Finding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours, unbounded
 from lammps_cases.findings.variants import Snapshot, Variant
@@ -162,7 +162,7 @@ def scales_across_types(problem: Problem) -> bool:
     """Return whether shifts that show are scaled along the normal between types."""
     shift = problem.model.fix.shift
     scaled = shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[0] != 1
-    return scaled and "shift/v" in quantities.required(problem.model, wanted(problem))
+    return scaled and "shift/v" in quantities.required(problem.model, problem.wanted)
 
 
 def corrects_across_types(problem: Problem) -> bool:
@@ -185,7 +185,7 @@ def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot
     if "shift/v" not in snapshot or problem.model.corrects_gradients:
         return None
     first = problem.steps[0]
-    fields = ("shift/v", *(wanted(problem) if first else ()))
+    fields = ("shift/v", *(problem.wanted if first else ()))
     sim = Simulation(problem.model, problem.box, problem.state, fields, stages)
     with np.errstate(invalid="ignore"):
         sim.run(first, problem.timestep)

@@ -7,7 +7,6 @@ import numpy as np
 from eos_ref.errors import InputError
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
-from lammps_cases.comparison.problem import wanted
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import combined
@@ -32,7 +31,7 @@ def loses(ready: PreparedCase, engine: str = "") -> bool:
     known = [one for one in variants if not (one.fit or one.undefined) and one.applies(problem)]
     stages, stepping = combined(known, problem, {}) or (None, Simulation)
     assert stages is not None
-    sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
+    sim = problem.simulation(stages, stepping)
     before_nc, wrapped = sim.state.x_nc, scene.engine.boundary != "f"
     try:
         with np.errstate(all="ignore"):

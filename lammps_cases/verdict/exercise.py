@@ -9,7 +9,7 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Halt, own_stages, reached
 from lammps_cases.rules import RULES, Evaluated
 from lammps_cases.scene.atoms import Atoms
@@ -68,7 +68,7 @@ def _visited(problem: Problem, interacts: bool, halts: dict[int, Halt] | None) -
     """Yield the reference at every step compared."""
     start = problem.state
     if interacts:
-        sim = Simulation(problem.model, problem.box, start, wanted(problem))
+        sim: Simulation = problem.simulation()
         for step, _ in reached(problem, sim, halts):
             if step in problem.steps:
                 yield Evaluated(sim, start, problem.fields, step, problem.box)

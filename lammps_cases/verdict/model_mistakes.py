@@ -18,7 +18,7 @@ from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases.comparison.compare import excess
-from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.thermal import HeatOverDensity, TemperatureWithoutMass
@@ -136,7 +136,7 @@ def shown(problem: Problem) -> Iterator[str]:
 def blind(problem: Problem, prediction: Prediction, mutant: ModelMutant) -> bool:
     """Return whether the first evaluation with a mistake is within the bounds of the one without."""
     stages = in_blocks(mutant.stages, len(problem.state.x_nc))
-    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), stages)
+    sim: Simulation = problem.simulation(stages)
     with np.errstate(all="ignore"):
         sim.setup()
         for field in problem.fields:

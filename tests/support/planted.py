@@ -10,7 +10,6 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import wanted
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.diagnosis import answers
 from lammps_cases.diagnosis.triage import triage
@@ -37,7 +36,7 @@ def red_run(
     for case in cases:
         ready, steps = prepared_case.prepare(case), case.scene.snapshots
         problem = problem_of(case.scene, ready.atoms, case.where, steps)
-        sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
+        sim = problem.simulation(stages, stepping)
         visited = visit(sim, steps, problem.timestep, problem.stops)
         snapshots = [{name: np.array(sim.output(name), float) for name in problem.fields} for _ in visited]
         judged = particle_model.judge(problem, case.name, ready.atoms.id_n, snapshots, ENGINE, predictor)

@@ -230,12 +230,11 @@ def _answer_law(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: 
 
 def _answer_model(where: str, scene: Any, atoms: Any, answer: Answer, stages: Any, stepping: Any) -> Answer:
     """Return the fields of the particle model at the steps that LAMMPS was read at."""
-    from lammps_cases.comparison.problem import wanted
     from lammps_cases.comparison.trajectory import visit
     from lammps_cases.verdict.model_cases import problem_of
 
     problem = problem_of(scene, atoms, where, scene.snapshots)
-    sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
+    sim = problem.simulation(stages, stepping)
     snapshots = []
     for at, _ in enumerate(visit(sim, problem.steps, problem.timestep, problem.stops)):
         fields = {field: np.array(sim.output(field), float) for field in problem.fields}

@@ -20,7 +20,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import EosState, evaluate, excess
 from lammps_cases.comparison.predictor import Made, Predictor
-from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine import forkserver
@@ -93,7 +93,7 @@ class ExaminedCase:
         rho_n, energy_n = atoms.rho_n, atoms.energy_n
         if rho_n is None or scene.interacts:
             problem = problem_of(scene, atoms, self.ready.case.where, scene.snapshots)
-            sim = Simulation(problem.model, problem.box, problem.state, wanted(problem))
+            sim: Simulation = problem.simulation()
             for _ in visit(sim, problem.steps, problem.timestep, problem.stops):
                 pass
             rho_n, energy_n = sim.state.rho_n, sim.state.energy_n
@@ -153,7 +153,7 @@ class ExaminedCase:
 def _differs(problem: Problem, prediction: Any, stages: Any, stepping: type[Simulation]) -> bool:
     """Return whether the reference as it is now leaves a bound at the last of the steps, or does not get there."""
     try:
-        sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
+        sim = problem.simulation(stages, stepping)
         for _ in visit(sim, problem.steps, problem.timestep, problem.stops):
             pass
         return any(

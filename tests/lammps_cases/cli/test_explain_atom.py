@@ -8,10 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import pair_sums
-from lammps_cases.comparison.problem import wanted
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
@@ -26,7 +23,7 @@ ATOM = 5
 def test_the_sums_are_the_fields(name: str, eos_ref_command: Callable[..., Outcome]) -> None:
     (case,) = (case for case in casefile.load() if case.name == name)
     problem = problem_of(case.scene, prepare(case).atoms, case.where, case.scene.snapshots)
-    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), ArrayEvaluator)
+    sim = problem.simulation()
     last = case.scene.snapshots[-1]
     for _ in visit(sim, (last,), problem.timestep, problem.stops):
         pass

@@ -17,7 +17,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import trajectory
-from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.signs import Signs
 from lammps_cases.comparison.trajectory import (
     COMPILED_ABOVE,
@@ -191,7 +191,7 @@ def test_few_particles_are_moved_apart_by_some_run_of_any_seed(case_file: Write,
     scene = replace(pair, fields=("drho",), steps=(0, steps), timestep=1e-9)
     rates = []
     for stepping in (Simulation, RoundingOne):
-        sim = stepping(scene.model, scene.box, scene.state, wanted(scene), ArrayEvaluator)
+        sim = scene.simulation(ArrayEvaluator, stepping)
         assert list(visit(sim, scene.steps, scene.timestep)) == [0, steps]
         rates.append(sim.output("drho"))
     apart = np.abs(np.subtract(*rates))

@@ -11,7 +11,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box, Deform
-from lammps_cases.comparison.problem import Problem, ProblemStop, wanted
+from lammps_cases.comparison.problem import Problem, ProblemStop
 from lammps_cases.comparison.signs import Signs
 from lammps_cases.comparison.trajectory import halted, predict, shaken, visit
 from lammps_cases.run import prepared_case
@@ -35,7 +35,7 @@ def stop(of: Problem, step: int, **settings: object) -> ProblemStop:
 
 def begun(of: Problem) -> Simulation:
     """The reference before its first evaluation."""
-    return Simulation(of.model, of.box, of.state, wanted(of), ArrayEvaluator)
+    return of.simulation()
 
 
 def visited(of: Problem) -> list[dict[str, np.ndarray]]:
@@ -51,7 +51,7 @@ def test_a_run_begins_from_the_state_alone(name: str) -> None:
     stopped = visited(replace(of, stops=(stop(of, 2, timestep=DT / 2),)))
     first = begun(of)
     first.run(2, of.timestep)
-    other = Simulation(of.model, of.box, first.state, wanted(of), ArrayEvaluator)
+    other = Simulation(of.model, of.box, first.state, of.wanted, ArrayEvaluator)
     other.setup()
     for at in (1, 2):
         for field in of.fields:
@@ -89,7 +89,7 @@ def test_particles_go_with_a_box_that_changes() -> None:
     sim = begun(of)
     sim.run(2, of.timestep)
     sim.remap(wider)
-    other = Simulation(of.model, wider, sim.state, wanted(of), ArrayEvaluator)
+    other = Simulation(of.model, wider, sim.state, of.wanted, ArrayEvaluator)
     assert np.array_equal(sim.evaluate()["f"], other.evaluate()["f"])
 
 
@@ -132,7 +132,7 @@ def test_moved_runs_move_the_box_that_grows_by_its_roundings(shear: tuple[float,
     plain = by.box(begun_in, 0.25)
     for seed in range(9):
         steps = shaken(Simulation, Signs(np.random.default_rng(seed)))
-        sim = steps(of.model, of.box, of.state, wanted(of), ArrayEvaluator)
+        sim = of.simulation(ArrayEvaluator, steps)
         sim.begun = begun_in
         box = sim.grown(by, 0.25)
         size_c = 6 * EPS * np.maximum(np.abs(plain.low_c), np.abs(plain.high_c))
@@ -156,7 +156,7 @@ def test_moved_runs_move_positions_by_the_roundings_of_a_box_that_changes(tilt: 
     wider = Box((-3.0, 1.0), (7.0, 9.0), of.box.periodic, tilt)
     plain = begun(of)
     plain.remap(wider)
-    sim = shaken(Simulation, Signs(np.random.default_rng(1)))(of.model, of.box, of.state, wanted(of), ArrayEvaluator)
+    sim = of.simulation(ArrayEvaluator, shaken(Simulation, Signs(np.random.default_rng(1))))
     sim.remap(wider)
     far_nc = sim.state.x_nc - plain.state.x_nc
     size_c = 6 * EPS * np.array([13.0, 9.0]) + wider.rounding(of.model.cut)

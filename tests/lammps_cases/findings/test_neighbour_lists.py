@@ -13,9 +13,8 @@ import pytest
 import yaml
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.findings import shown_by
@@ -127,7 +126,7 @@ def test_lists_hold_every_pair_and_the_place_of_every_slot(seen: Callable[..., S
         assert listed.pair_ps[:, 0].max() < n
     assert len(given.answer.lists) == 0
     stages = type("Evaluator", (FollowingLists,), {"lists": given.lists})
-    sim = CountingSteps(given.problem.model, given.problem.box, given.problem.state, wanted(given.problem), stages)
+    sim = given.problem.simulation(stages, CountingSteps)
     crossing = 0
     for _ in visit(sim, given.problem.steps, given.problem.timestep):
         e = sim.evaluator
@@ -269,7 +268,7 @@ def test_first_of_a_pair_keeps_what_the_second_has(seen: Callable[..., Seen], ne
     given = seen(2, newton, kernel="RK1")
     problem = given.problem
     stages = type("Evaluator", (GradientOfSecond,), {"lists": given.lists})
-    sim = CountingSteps(problem.model, problem.box, problem.state, wanted(problem), stages)
+    sim = problem.simulation(stages, CountingSteps)
     sim.setup()
     e, listed, n = sim.evaluator, given.lists[0], len(given.ready.atoms)
     rho_i, rho_j = e.density_pair(sim.state.rho_n)
@@ -293,7 +292,7 @@ def test_first_of_a_pair_keeps_what_the_second_has(seen: Callable[..., Seen], ne
     # Either sum rounds once per term, and each of its terms at most eight times.
     bound_nc = (2 * 2.0**-53 * (e.coordination_n + 8) * size_n)[:, None]
     assert np.all(np.abs(sim.pressure_force_nc - expected_nc) <= bound_nc)
-    plain = Simulation(problem.model, problem.box, problem.state, wanted(problem))
+    plain = problem.simulation()
     plain.setup()
     assert np.array_equal(plain.fields["f"], sim.fields["f"])  # only what is kept is another
     assert isinstance(plain.evaluator, ArrayEvaluator)

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from eos_ref.model.box import TILTED
-from lammps_cases.comparison.problem import wanted
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.findings.units import UnitsUnconverted
 from lammps_cases.fuzz import rules, schema
@@ -172,7 +171,7 @@ def test_time_steps_are_short_enough_for_backgrounds_that_are_not_converted() ->
     """Of 3e9 atm: particles would leave the skin of the neighbour lists in the first step (units-unconverted)."""
     ready = draw(203, 302).ready
     problem = problem_of(ready.case.scene, ready.atoms, "", ready.case.scene.snapshots)
-    sim = UnitsUnconverted(problem.model, problem.box, problem.state, wanted(problem))
+    sim = problem.simulation(stepping=UnitsUnconverted)
     moved = 0.0
     for _ in visit(sim, problem.steps, problem.timestep):
         moved += problem.timestep * float(np.abs(sim.state.v_nc).max())

@@ -13,7 +13,7 @@ import pytest
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
@@ -58,10 +58,7 @@ def test_every_mistake_has_a_scene() -> None:
 @pytest.mark.parametrize("mistake", SHOWN)
 def test_a_scene_shows_the_mistake(mistake: str) -> None:
     problem = first_evaluation(SHOWN[mistake])
-    right, wrong = (
-        Simulation(problem.model, problem.box, problem.state, wanted(problem), *stages)
-        for stages in ((), (MUTANTS[mistake].stages,))
-    )
+    right, wrong = (problem.simulation(*stages) for stages in ((), (MUTANTS[mistake].stages,)))
     for simulation in (right, wrong):
         with np.errstate(all="ignore"):
             simulation.setup()
@@ -73,7 +70,7 @@ def test_a_scene_shows_the_mistake(mistake: str) -> None:
 def test_the_volume_of_the_other_particle_is_that_of_its_own() -> None:
     problem = first_evaluation("forces.all.quintic.2d")
     mutant = MUTANTS["V_i for V_j"]
-    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), mutant.stages)
+    sim = problem.simulation(mutant.stages)
     sim.setup()
     stages: Any = sim.evaluator
     rho_i, rho_j = stages.density_pair(problem.state.rho_n)
@@ -88,7 +85,7 @@ def test_the_other_mean_is_not_the_one_given(harmonic: bool) -> None:
     problem = first_evaluation("forces.all.quintic.2d")
     model = replace(problem.model, pair=replace(problem.model.pair, harmonic_means=harmonic))
     mutant = MUTANTS["arithmetic for harmonic mean, or the reverse"]
-    sim = Simulation(model, problem.box, problem.state, wanted(problem), mutant.stages)
+    sim = Simulation(model, problem.box, problem.state, problem.wanted, mutant.stages)
     sim.setup()
     assert sim.evaluator.model.pair.harmonic_means == (not harmonic)
 
@@ -192,10 +189,7 @@ def test_mistakes_in_walls_are_of_scenes_with_walls(monkeypatch: pytest.MonkeyPa
 def test_a_mistake_within_the_bound_goes_unseen(over: float, unseen: bool) -> None:
     problem = replace(first_evaluation("forces.all.quintic.2d"), fields=("f",))
     mutant = MUTANTS["no volume in the force"]
-    right, wrong = (
-        Simulation(problem.model, problem.box, problem.state, wanted(problem), stages)
-        for stages in (ArrayEvaluator, mutant.stages)
-    )
+    right, wrong = (problem.simulation(stages) for stages in (ArrayEvaluator, mutant.stages))
     for simulation in (right, wrong):
         simulation.setup()
     bound_nc = np.abs(wrong.output("f") - right.output("f")) / over

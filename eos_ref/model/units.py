@@ -22,6 +22,7 @@ KINDS: dict[Kind, tuple[str, ...]] = {
     "density": ("rho", "rho_wall", "drho", "grad/rho"),
     "viscosity": ("viscosity",),
 }
+KIND_OF = {name: kind for kind, names in KINDS.items() for name in names}
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Units:
         """Return the factor that turns LAMMPS' number of a quantity or an input into a consistent one."""
         if quantity == "A3":
             return 1 / self.density**2  # as the formula has it
-        return next((float(getattr(self, kind)) for kind, names in KINDS.items() if quantity in names), 1.0)
+        return float(getattr(self, KIND_OF[quantity])) if quantity in KIND_OF else 1.0
 
 
 ATOMIC_MASS = 1.66053892e-27  # kg, of 1 g/mol

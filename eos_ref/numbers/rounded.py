@@ -89,7 +89,7 @@ class Decision:
 
 def _choose(condition: Any, a: Any, b: Any) -> Rounded:
     if not isinstance(condition, Decision):
-        return Rounded(np.where(condition, value(a), value(b)), np.where(condition, error(a), error(b)))
+        return Rounded.known(np.where(condition, value(a), value(b)), np.where(condition, error(a), error(b)))
     chosen = np.where(condition.answer, value(a), value(b))
     either = np.abs(value(a) - value(b)) + np.maximum(error(a), error(b))
     return Rounded(chosen, np.where(condition.open, either, np.where(condition.answer, error(a), error(b))))

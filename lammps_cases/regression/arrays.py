@@ -34,6 +34,9 @@ def field_change(
         difference = _difference(*samples) if samples else None
         kind, step, note = _parted(one, other, samples, difference)
         change = replace(change, kind=kind, step=step, difference=difference, note=note)
+        if kind == "within bounds" and change.by_chance:
+            note = f"values without a bound, which depend on what memory held before: {', '.join(change.by_chance)}"
+            change = replace(change, note=note)
     alike = change.kind != "same bits" or policy.alike(one, other)
     return change if alike else replace(change, kind="judged otherwise")
 

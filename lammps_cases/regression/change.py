@@ -62,7 +62,7 @@ class Policy:
         if change.kind in SAME:
             return False
         if change.kind == "within bounds":
-            return self.bits and not left_to_chance() & set(change.findings[0]) & set(change.findings[1])
+            return self.bits and not change.by_chance
         return self.news or change.kind not in NEW
 
 
@@ -101,6 +101,11 @@ class SideChange:
             for verdict, findings, agreeing in zip(self.verdicts, self.findings, agrees, strict=True)
         )
         return all(accounted) and any(self.findings)
+
+    @property
+    def by_chance(self) -> list[str]:
+        """The findings of both sides by which LAMMPS leaves values to chance: such values have no bound."""
+        return sorted(left_to_chance() & set(self.findings[0]) & set(self.findings[1]))
 
     @property
     def moved(self) -> set[str]:

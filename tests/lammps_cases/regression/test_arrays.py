@@ -11,7 +11,7 @@ import pytest
 from lammps_cases.records.outcome import ChangeKind, FieldOutcome
 from lammps_cases.records.run_record import Verdict
 from lammps_cases.regression.arrays import closer, field_change
-from lammps_cases.regression.change import Policy
+from lammps_cases.regression.change import Policy, left_to_chance
 from lammps_cases.regression.outcomes import Sample
 from tests.support.made_sides import Kept, field, sample
 
@@ -80,3 +80,15 @@ def test_other_steps_are_another_comparison() -> None:
     one, other = (field(bits=bits, steps=[(step, "pass", "d")]) for bits, step in (("aa", 1), ("bb", 2)))
     change = field_change("one", one, other, NONE, Policy())
     assert (change.kind, change.step, change.note) == ("changed", None, "compared at other steps")
+
+
+@pytest.mark.parametrize("both", [True, False])
+def test_values_left_to_chance_are_not_said_to_have_a_bound(both: bool) -> None:
+    """Unless one side alone leaves them to chance: then the finding is what has changed."""
+    chance = min(left_to_chance())
+    one = field(verdict="explained", bits="a", findings=[chance], steps=[(0, "explained", "a")])
+    other = field(
+        verdict="explained", bits="b", findings=[chance if both else "another"], steps=[(0, "explained", "b")]
+    )
+    change = field_change("one", one, other, NONE, Policy())
+    assert (f"values without a bound, which depend on what memory held before: {chance}" in change.note) == both

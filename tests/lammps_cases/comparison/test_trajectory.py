@@ -148,8 +148,8 @@ def test_the_stages_of_runs_are_moved_and_in_one_of_three_the_same_way_at_every_
     given, kept = [], []
 
     class Noted(Simulation):
-        def __init__(self, *arguments: Any) -> None:
-            super().__init__(*arguments)
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            super().__init__(*arguments, **options)
             given.append(arguments[4].__name__)
 
     def noted(random: np.random.Generator, **options: bool) -> Signs:

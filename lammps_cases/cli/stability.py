@@ -86,7 +86,7 @@ def _show(atlas: Any, unexplained: int, out: Path) -> None:
         fails = sum(run.outcome.kind != "stable" for run in of.cells)
         lines = f"{differ} of {len(of.agreement)} lines differ"
         click.echo(f"{of.id:24s} {len(of.cells):5d} runs, {fails:5d} fail, {lines} ({of.seconds:.1f} s)")
-    click.secho(f"{unexplained} lines differ without a known finding ({atlas.seconds:.1f} s)", bold=True)
+    click.secho(f"{unexplained} lines differ for no known reason ({atlas.seconds:.1f} s)", bold=True)
     click.echo(f"report: {out / 'report.html'}")
 
 

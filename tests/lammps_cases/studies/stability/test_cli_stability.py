@@ -50,7 +50,7 @@ def test_lines_that_differ_end_with_one_unless_a_finding_is_known(
     out = eos_ref_command("stability", "made", "--out", tmp_path, "--jobs", 1)
     assert out.code == 1
     assert "made                        48 runs,    24 fail, 2 of 6 lines differ (24.0 s)" in out.out
-    assert "2 lines differ without a known finding" in out.out
+    assert "2 lines differ for no known reason" in out.out
     assert (tmp_path / "report.html").exists()
     assert measured == [
         {"chosen": ["made"], "quick": False, "site": None, "jobs": 1, "progress": measured[0]["progress"]}

@@ -58,7 +58,7 @@ def history_command(
 
     Every run is kept in the user's data folder (EOS_REF_HISTORY names another file, or is off). A name selects a case,
     or all below it, or a pattern. Versions are in their natural order, builds of one's own by date. Writes
-    history.html into the folder of --out.
+    history.html, or with names cases.html, into the folder of --out.
 
     \b
     Example:  eos-ref history

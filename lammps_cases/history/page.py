@@ -1,4 +1,4 @@
-"""``history.html``: the runs, what changed, and how cases went, in one page that opens offline."""
+"""``history.html``, or ``cases.html`` of some cases: runs, what changed, and how cases went; opens offline."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def write(
         pictures=pictures,
         filters={"findings": findings, "error": error},
     )
-    path = folder / "history.html"
+    path = folder / ("cases.html" if pictured else "history.html")
     write_atomically(path, html)
     return path
 

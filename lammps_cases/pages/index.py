@@ -176,7 +176,7 @@ def _pages(reports: Path) -> Iterator[Page]:
         if says["command"] == "report" and place.parts[0].startswith("audit-"):
             says["command"] = "audit"
         says["date"] = says["date"] or time.strftime("%Y-%m-%dT%H:%M", time.gmtime(_written(path) / 1e9))
-        pages.append(Page(place, **says, whole=path.parent in whole))
+        pages.append(Page(place, **says, whole=path.parent in whole or path.name == "history.html"))
     yield from sorted(pages, key=_order, reverse=True)
 
 
@@ -193,7 +193,8 @@ def _newest(pages: Sequence[Page], reports: Path) -> list[tuple[str, str, Path]]
     for kind in KINDS:
         first = next((page for page in pages if page.command == kind.command), None)
         if first is not None:
-            link = links[kind.command].relative_to(reports) / first.path.name if first.whole else first.path
+            latest = links.get(kind.command) if first.whole else None
+            link = latest.relative_to(reports) / first.path.name if latest else first.path
             of_kind.append((kind.command, kind.label, link))
     site = reports / FILES[0][0]
     return [*of_kind, *([("site", "Documentation", site.relative_to(reports))] if site.is_file() else [])]

@@ -100,6 +100,9 @@ def test_another_page_comes_into_the_bar_of_all_and_changes_nothing_else(reports
     assert labels(page) == ["eos-ref", "Run", "Audit", "History", "Fuzz"]
     assert len(after) - len(before) == len('\n<a href="../history/history.html">History</a>')
     assert page.stat().st_mtime_ns == written
+    history_page.write(reports / "history", [], [], [], pictured=True)
+    index.refresh(reports)
+    assert 'href="../history/history.html"' in page.read_text(encoding="utf-8"), "not the page of some cases"
 
 
 def test_it_is_written_only_after_a_page_was(reports: Path, tmp_path: Path) -> None:

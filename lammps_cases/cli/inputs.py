@@ -67,10 +67,10 @@ def inputs_command(
 
 def _show(table: InputTable, out: Path) -> None:
     for name, number in table.agreements.items():
-        click.echo(f"{name:24s} {number:5d}")
+        click.echo(f"{name:30s} {number:5d}")
     click.echo("inputs that the reference refuses:")
     for name, number in table.reactions.items():
-        click.echo(f"  {name:22s} {number:5d}")
+        click.echo(f"  {name:28s} {number:5d}")
     for row in table.unexplained:
         click.secho(f"  {row.id}: {row.reaction}: {row.words}", fg="red")
     text = f"{len(table.rows)} inputs, {len(table.unexplained)} against the manual without a known finding"

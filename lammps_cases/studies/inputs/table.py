@@ -24,7 +24,7 @@ from lammps_cases.studies.inputs.scenes import bad_inputs
 
 TIME_LIMIT = 10.0  # seconds that LAMMPS has for an input; the decks take 0.01
 
-Agreement = Literal["both refuse", "both take it", "LAMMPS alone takes it", "LAMMPS alone refuses it"]
+Agreement = Literal["both refuse", "both take it", "the reference alone refuses it", "LAMMPS alone refuses it"]
 
 
 class BadWords(Protocol):
@@ -125,7 +125,7 @@ class InputRow:
         """Whether LAMMPS and the reference take the input."""
         refused = self.reaction in ERRORS
         if self.refusal:
-            return "both refuse" if refused else "LAMMPS alone takes it"
+            return "both refuse" if refused else "the reference alone refuses it"
         return "LAMMPS alone refuses it" if refused else "both take it"
 
 

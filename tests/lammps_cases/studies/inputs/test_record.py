@@ -30,7 +30,7 @@ TABLE = InputTable("eos-ref inputs", {"distribution": "1.2.3"}, 1.5, ROWS)
 def test_counts() -> None:
     assert TABLE.reactions == {"clear error": 1, "silent NaN": 1, "crash": 1}
     assert list(TABLE.reactions) == ["clear error", "silent NaN", "crash"], "the best first"
-    assert TABLE.agreements["LAMMPS alone takes it"] == 2 and TABLE.agreements["LAMMPS alone refuses it"] == 1
+    assert TABLE.agreements["the reference alone refuses it"] == 2 and TABLE.agreements["LAMMPS alone refuses it"] == 1
     assert [row.id for row in TABLE.unexplained] == ["a.b.c.x"]
 
 

@@ -59,7 +59,7 @@ def test_row_of_an_input_that_lammps_takes() -> None:
     one = row(bad, answered(), answered())
     assert (one.reaction, one.candidate, one.ledger) == ("no effect", True, "hyphen-range-accepted")
     assert (one.area, one.about, one.kind, one.mutation) == ("fix rheo/pressure", "types", "types", "hyphen")
-    assert one.agreement == "LAMMPS alone takes it"
+    assert one.agreement == "the reference alone refuses it"
     one = row(bad, answered(pressure=np.array([1.0, 3.0])), answered())
     assert one.reaction == "silent acceptance"
     one = row(bad, answered(pressure=np.array([1.0, np.inf])), answered())

@@ -53,7 +53,7 @@ def collect(
     engine: str = "env",
     pysph: str | None = None,
 ) -> Chart:
-    """Measure sections, and write chart and page after each of them.
+    """Measure sections, write the chart after each of them, and draw the page at the end.
 
     Parameters
     ----------
@@ -76,11 +76,17 @@ def collect(
     chosen = [name for name in SECTIONS if not names or name in names]
     sections: list[Section] = []
     begin = time.perf_counter()
-    for k, name in enumerate(chosen):
-        progress.advance(k, len(chosen), SECTIONS[name][0])
-        sections.append(_section(name, quick, lmp, site, pysph))
-        chart = Chart(command, before, about, quick, time.perf_counter() - begin, tuple(sections))
-        record.write(chart, out)
+    try:
+        for k, name in enumerate(chosen):
+            progress.advance(k, len(chosen), SECTIONS[name][0])
+            sections.append(_section(name, quick, lmp, site, pysph))
+            chart = Chart(command, before, about, quick, time.perf_counter() - begin, tuple(sections))
+            record.write(chart, out)
+    except KeyboardInterrupt:
+        if not sections:
+            raise
+        measured = ", ".join(chosen[: len(sections)])
+        raise KeyboardInterrupt(f"interrupted: {out / 'chart.json'} holds {measured}; no page was drawn") from None
     progress.advance(len(chosen), len(chosen), "report")
     page.write(chart, out)
     return chart

@@ -22,6 +22,7 @@ from lammps_cases.scene.fields import FIELDS
 Array = npt.NDArray[Any]
 ALL = "all"
 DEFAULT = (ALL,)
+ABSENT = "fix rheo of this deck has no such feature"  # where all fields are asked for
 PRESSURE = ("pressure",)
 # Measured: with these pairs left out, by the statuses of the step before, the sum is LAMMPS' on every particle.
 MARKED = (
@@ -38,6 +39,11 @@ def checked() -> tuple[str, ...]:
 def offered() -> tuple[str, ...]:
     """Return the fields that may be named: those that an audit can check, then those that it cannot."""
     return (*checked(), *(name for name in QUANTITIES if name in FIELDS and FIELDS[name].unaudited))
+
+
+def unaudited() -> dict[str, str]:
+    """Return the fields that no audit of a running deck checks, with the reason of each."""
+    return {name: reason for name in offered() if (reason := FIELDS[name].unaudited)}
 
 
 def chosen(names: Iterable[str]) -> tuple[str, ...]:
@@ -94,10 +100,15 @@ def choose(requested: Sequence[str], model: Model | InputError, setting: Setting
         if not reason:
             fields.append(name)
         elif ALL in requested:
-            unchecked[name] = reason
+            unchecked[name] = ABSENT if absent(name, model) else reason
         else:
             raise InputError(name, f"cannot be checked in this deck: {reason}", where="option --fields")
     return Choice(tuple(fields), unchecked)
+
+
+def absent(name: str, model: Model | InputError) -> bool:
+    """Return whether a model does not have a field."""
+    return isinstance(model, Model) and not has(model, keyword_of(name))
 
 
 def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
@@ -108,9 +119,8 @@ def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
         return ""
     if isinstance(model, InputError):
         return str(model)
-    keyword = keyword_of(name)
-    if not has(model, keyword):
-        return f"fix rheo has no {keyword} in this deck"
+    if absent(name, model):
+        return f"fix rheo has no {keyword_of(name)} in this deck"
     if name == "shift/v" and setting.deck.fix("rheo/oxidation"):
         return MARKED
     if setting.between:

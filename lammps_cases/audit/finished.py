@@ -16,7 +16,6 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.errors import InputError
 from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model
-from eos_ref.model.quantities import has, keyword_of
 from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import fields, frames, printed
@@ -244,8 +243,8 @@ class _Audit:
         run, model = frame.run, frame.run.model
         if isinstance(model, InputError):
             return str(model)
-        if not has(model, keyword_of(name)):
-            return f"fix rheo has no {keyword_of(name)} in this deck"
+        if fields.absent(name, model):
+            return fields.ABSENT
         if name not in held:
             return {"f": NO_FORCES, "drho": NO_RATE}.get(name, NO_COLUMN)
         given = held.keys() | ({"mass"} if run.setup.mass_t is not None else set())

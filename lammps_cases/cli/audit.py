@@ -123,7 +123,10 @@ def field_table(case: CaseRecord) -> list[str]:
 
 
 def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
-    """Return the looks outside the bound, what was not checked, what to mind, and how the run ended."""
+    """Return the looks outside the bound, what was not checked, what to mind, and how the run ended.
+
+    What no audit checks stands in one line: the report gives the reasons.
+    """
     bad = [check for check in case.checks if check.verdict == "differs"]
     outside = [
         f"outside: {check.field} of type {check.type or 'all'}, run {check.run}, step {check.step}: "
@@ -133,8 +136,9 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     if len(bad) > most:
         outside.append(f"... {len(bad) - most} more looks outside, all in run.json ...")
     from lammps_cases.audit import balance
+    from lammps_cases.audit.fields import unaudited
 
-    not_checked = [f"not checked: {line}" for line in unchecked(case)]
+    not_checked = [f"not checked: {line}" for line in unchecked(case, unaudited())]
     warnings = [f"warning: {line}" for line in case.warnings]
     warnings += [f"stability: {line}" for line in case.stability]
     bugs = [f"known bug {line}" for line in known_bugs(case)]

@@ -27,8 +27,10 @@ def diagnose_command(run: Path, paths: tuple[Path, ...], as_json: bool) -> int:
     from lammps_cases.run import campaign, report_files
 
     record = read_run(run)
+    before = record.triage
     record.triage = campaign.triaged(record, campaign.cases_of(record, paths), run, open_store())
-    report_files.write_run(record, run, past=history.past(record))
+    if record.triage or before:
+        report_files.write_run(record, run, past=history.past(record))
     if record.triage is None and not as_json:
         click.echo("every case is as expected: there is nothing to group")
     return shared.finish(record, run, as_json)

@@ -312,11 +312,15 @@ def effects(case: CaseRecord) -> dict[str, str]:
     return {finding: "; ".join(of_fields) for finding, of_fields in lines.items()}
 
 
-def unchecked(case: CaseRecord) -> list[str]:
-    """Say which fields an audit could not check, those with one reason in one line."""
+def unchecked(case: CaseRecord, never: Mapping[str, str] | None = None) -> list[str]:
+    """Say which fields an audit could not check, those with one reason in one line.
+
+    Fields that ``never`` are, with the reason of each, stand in one line without it.
+    """
     reasons: dict[str, list[str]] = {}
     for name, reason in case.unchecked.items():
-        reasons.setdefault(reason, []).append(name)
+        known = (never or {}).get(name) == reason
+        reasons.setdefault("not in any audit (the report says why)" if known else reason, []).append(name)
     return [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()] or case.not_checked
 
 

@@ -344,7 +344,11 @@ def test_command_line_prints_fields(tmp_path: Path) -> None:
     assert result.return_value == 0, result.output
     lines = {line.split()[0]: line.split() for line in result.stdout.splitlines() if line.strip()}
     assert lines["f"][1:4] == ["all", "2", "75"] and lines["f"][-3:] == ["explained", "by", "force-per-volume"]
-    assert "not checked: conductivity, cv, temperature, heatflow: fix rheo has no thermal in this deck" in result.stdout
+    assert [line for line in result.stdout.splitlines() if line.startswith("not checked")] == [
+        "not checked: chi, conductivity, cv, temperature, heatflow, rho_wall, energy: fix rheo of this deck has no "
+        "such feature",
+        "not checked: stress/atom, virial, press, x, v, phase, status: not in any audit (the report says why)",
+    ]
     page = unpacked((tmp_path / "report.html").read_text())
     assert "<td>surface/divr</td>" in page and "Not checked" in page
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import tempfile
 from pathlib import Path
 
@@ -18,9 +19,25 @@ def cache_folder(name: str) -> Path:
     for root in (Path(platformdirs.user_cache_dir("eos-ref")), fallback):
         folder = root / name
         try:
+            if root == fallback:
+                _make_private(root)
             folder.mkdir(parents=True, exist_ok=True)
         except OSError:
             continue
         if os.access(folder, os.W_OK):
             return folder
     return Path(tempfile.mkdtemp(prefix="eos-ref-"))
+
+
+def _make_private(folder: Path) -> None:
+    """Make a folder that nobody else can write into: what is read from there is believed, and compiled code is run.
+
+    Raises
+    ------
+    OSError
+        It is there already, as anybody may make one among the temporary files, and is another user's or open to others.
+    """
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
+        raise PermissionError(f"{folder} is not this user's own")

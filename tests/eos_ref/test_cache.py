@@ -24,3 +24,22 @@ def test_a_cache_that_cannot_be_made_costs_nothing_but_time(tmp_path: Path, monk
     (tmp_path / f"eos-ref-{os.getuid()}" / "y").write_text("in the way")
     last = cache_folder("y")
     assert last.is_dir() and last.parent == tmp_path and last.name.startswith("eos-ref-")
+
+
+@pytest.mark.parametrize("planted", ["open", "link"])
+def test_folder_that_others_may_write_into_is_not_taken(
+    planted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Anybody may make one of that name among the temporary files: what is in it would be believed."""
+    monkeypatch.setenv("XDG_CACHE_HOME", os.devnull)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    usual = tmp_path / f"eos-ref-{os.getuid()}"
+    if planted == "link":
+        (tmp_path / "elsewhere").mkdir(mode=0o700)
+        usual.symlink_to(tmp_path / "elsewhere")
+    else:
+        usual.mkdir()
+        usual.chmod(0o777)
+    found = cache_folder("numba")
+    assert found.parent == tmp_path and found != usual and found.stat().st_mode & 0o77 == 0
+    assert [*usual.iterdir()] == []

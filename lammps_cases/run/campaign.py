@@ -199,6 +199,10 @@ class Campaign:
         self, workers: Workers, cases: Sequence[MaybePrepared], engine: EngineRecord
     ) -> Iterator[tuple[PreparedCase, Future[tuple[CaseRecord, Drawn]]]]:
         """Yield every case with its judgement when that is there; no more are under way than keep the workers busy."""
+        from lammps_cases.run.judged_before import judgement_store
+
+        assert self.begun is not None
+        judgements = judgement_store(self.store, self.begun.code)
         waiting, under_way = deque(cases), list[UnderWay]()
         while waiting or under_way:
             while waiting and len(under_way) < AHEAD * workers.count:
@@ -215,7 +219,7 @@ class Campaign:
                 else:
                     limit = each.ready.case.scene.engine.time_limit
                     each.told = [workers.outcome(future, limit) for future in each.futures]
-                    task = self.folder, each.ready, each.told, engine, self.store, self.whole
+                    task = self.folder, each.ready, each.told, engine, self.store, judgements, self.whole
                     each.futures = [workers.call(judge_answers, *task, time_limit=JUDGING)]
 
     def collect(self) -> int:

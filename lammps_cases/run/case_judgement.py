@@ -32,17 +32,23 @@ JUDGING = 1800.0  # seconds that judging a case may take
 
 
 def judge_into(
-    site: str | None, folder: Path, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, store: Store | None
+    site: str | None,
+    folder: Path,
+    ready: PreparedCase,
+    outcomes: Outcomes,
+    engine: EngineRecord,
+    store: Store | None,
+    judgements: Store | None = None,
 ) -> tuple[CaseRecord, Drawn]:
     """Task: judge a case, write its arrays and its entry in the journal, and take from them what the page shows.
 
     An answer that was judged before is not judged again; see `lammps_cases.run.judged_before`.
     """
-    from lammps_cases.run.judged_before import JudgedBefore, judgement_store
+    from lammps_cases.run.judged_before import JudgedBefore, current
 
     with stage("judged before"):
-        kept = judgement_store(store)
-        before = JudgedBefore.of(kept, ready, outcomes, engine) if kept else None
+        looks = judgements and current(judgements)
+        before = JudgedBefore.of(judgements, ready, outcomes, engine) if judgements and looks else None
         found = before.find(folder, lambda: listed(site, ready, outcomes, ready.reading_lists)) if before else None
     record, shown = found or _judged_into(site, folder, ready, outcomes, engine, store, before)
     record.seconds.stages = taken()
@@ -111,10 +117,12 @@ def _judgement(
         record, arrays = blank_record(ready.case, ready.eos, ready.atoms, engine), {}
         faulty(record, HarnessError(exception=type(error).__name__, text=str(error)))
     compared = bool(arrays) and ready.case.scene.whole_model
-    with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for its reason
+    try:
         if compared and (looked := with_lists(site, ready, outcomes, record)):
             record, arrays = evaluated(ready, looked, engine, predictor)
-    with contextlib.suppress(Exception):
+    except Exception as error:  # lists may decide the verdict: without them there is none
+        faulty(record, HarnessError(exception=type(error).__name__, text=f"neighbour lists: {error}"))
+    with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for its reason
         searched = compared and record.verdict == "differs" and ready.twin is None
         if searched and (reason := first_step_outside(site, ready, engine.distribution, predictor)):
             record.blame, record.beyond = reason.first, reason.beyond

@@ -27,6 +27,7 @@ def judge_answers(
     told: Told,
     engine: EngineRecord,
     store: Store | None,
+    judgements: Store | None,
     whole: bool,
 ) -> tuple[CaseRecord, Drawn]:
     """Task: `lammps_cases.run.case_judgement.judge_into`, of answers that other tasks left.
@@ -34,7 +35,7 @@ def judge_answers(
     What only a ``whole`` page shows of cases as expected is not sent for another.
     """
     outcomes = [each.read() if isinstance(each, KeptAnswer) else each for each in told]
-    record, shown = judge_into(site, folder, ready, outcomes, engine, store)
+    record, shown = judge_into(site, folder, ready, outcomes, engine, store, judgements)
     return record, shown if whole or not record.as_expected else replace(shown, more=None)
 
 

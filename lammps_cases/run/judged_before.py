@@ -8,6 +8,7 @@ each time.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 from collections.abc import Callable
@@ -29,13 +30,22 @@ from lammps_cases.run.prepared_case import Outcomes, PreparedCase
 if TYPE_CHECKING:
     from lammps_cases.report.drawn import Drawn
 
-_code = functools.cache(code)  # of this process: sources may have changed since a store was opened
+_code = functools.cache(code)  # of this process: sources may have changed since the run began
 _LISTS = "lists"  # an entry with this name alone: the judgement is that of the answer with its lists
 
 
-def judgement_store(predictions: Store | None) -> Store | None:
-    """Return where judgements lie, beside the predictions; None if there is no store, or it is of other sources."""
-    return Store(predictions.folder, f"judgements/{_code()}", predictions.fresh) if predictions else None
+def judgement_store(predictions: Store | None, code: str) -> Store | None:
+    """Return where the judgements by some code lie, beside the predictions; None if there is no store."""
+    return Store(predictions.folder, f"judgements/{code}", predictions.fresh) if predictions else None
+
+
+def current(judgements: Store) -> bool:
+    """Return whether judgements are those of the code of this process.
+
+    A worker that starts after an edit is not of the code that its run began with; one that started before may import
+    the rest of it later. None of them looks up or keeps a judgement.
+    """
+    return judgements.context == f"judgements/{_code()}"
 
 
 @dataclass(frozen=True)
@@ -70,7 +80,9 @@ class JudgedBefore:
         """
         entry = self.store.read(self.key)
         if entry is not None and _LISTS in entry:
-            lists = [answer.lists for answer in listed() if isinstance(answer, Answer)]
+            lists: list[Any] = []
+            with contextlib.suppress(Exception):  # whoever judges asks again, and is told why
+                lists = [answer.lists for answer in listed() if isinstance(answer, Answer)]
             entry = self.store.read(self._with(lists)) if lists else None
         return None if entry is None else self._restored(folder, entry)
 

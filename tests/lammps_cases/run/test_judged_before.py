@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -15,8 +16,9 @@ from lammps_cases.comparison.prediction_keys import open_store
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure
-from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import case_judgement, judged_before
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
+from lammps_cases.report.drawn import Drawn
+from lammps_cases.run import case_journal, case_judgement, judged_before
 from lammps_cases.run.judged_before import JudgedBefore, judgement_store
 from lammps_cases.run.prepared_case import Outcomes, PreparedCase, prepare
 from lammps_cases.scene import casefile
@@ -62,6 +64,11 @@ def store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Store:
     return open_store()
 
 
+def judged_into(folder: Path, ready: PreparedCase, outcomes: Outcomes, of: Store | None) -> tuple[CaseRecord, Drawn]:
+    kept = judgement_store(of, case_journal.code())
+    return case_judgement.judge_into(None, folder, ready, outcomes, ENGINE, of, kept)
+
+
 def _files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted((folder / "fields").iterdir())}
 
@@ -86,12 +93,12 @@ def test_answer_given_before_is_not_judged_again_and_everything_is_as_it_was(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ready, outcomes = answered(name)
-    first, shown = case_judgement.judge_into(None, tmp_path / "first", ready, outcomes, ENGINE, store)
+    first, shown = judged_into(tmp_path / "first", ready, outcomes, store)
     read = len(asked)
     assert (name == LISTED) == bool(read)
     assert first.predictions.judgements == 0
     monkeypatch.setattr(case_judgement, "_judgement", _never)
-    second, shown_again = case_judgement.judge_into(None, tmp_path / "second", ready, outcomes, ENGINE, store)
+    second, shown_again = judged_into(tmp_path / "second", ready, outcomes, store)
     assert len(asked) == 2 * read  # for its lists LAMMPS is asked once more
     assert _told(second) == _told(first)
     assert shown_again == shown
@@ -177,7 +184,7 @@ def test_lists_that_differ_are_judged_again(
 ) -> None:
     ready, outcomes = answered(LISTED)
     before = _before(store, ready, outcomes)
-    case_judgement.judge_into(None, tmp_path, ready, outcomes, ENGINE, store)
+    judged_into(tmp_path, ready, outcomes, store)
     (every,) = case_judgement.listed(None, ready, outcomes, ready.reading_lists)
     assert isinstance(every, Answer)
     assert before.find(tmp_path, lambda: [every]) is not None
@@ -188,7 +195,7 @@ def test_lists_that_differ_are_judged_again(
 
 
 def _before(store: Store, ready: PreparedCase, outcomes: Outcomes) -> JudgedBefore:
-    kept = judgement_store(store)
+    kept = judgement_store(store, case_journal.code())
     assert kept is not None
     before = JudgedBefore.of(kept, ready, outcomes, ENGINE)
     assert before is not None
@@ -205,7 +212,7 @@ def test_only_what_is_as_expected_is_kept(
         replace(answer, snapshots=tuple({**each, "rho": 1.1 * each["rho"]} for each in answer.snapshots))
     ]
     for _ in range(2):
-        record, _ = case_judgement.judge_into(None, tmp_path, ready, spoilt, ENGINE, store)
+        record, _ = judged_into(tmp_path, ready, spoilt, store)
         assert record.verdict == "differs"
         assert record.predictions.judgements == 0
     assert JudgedBefore.of(store, ready, [Failure("crashed", "it died")], ENGINE) is None
@@ -221,22 +228,78 @@ def test_fresh_run_and_other_code_find_nothing(
     ready, outcomes = answered(PLAIN)
 
     def judgements(of: Store | None) -> int:
-        record, _ = case_judgement.judge_into(None, tmp_path, ready, outcomes, ENGINE, of)
+        record, _ = judged_into(tmp_path, ready, outcomes, of)
         return record.predictions.judgements
 
     assert [judgements(each) for each in (store, store, open_store(fresh=True), store, None)] == [0, 1, 0, 1, 0]
-    monkeypatch.setattr(judged_before, "_code", lambda: "another")
+    monkeypatch.setattr(case_journal, "code", lambda: "another")
+    monkeypatch.setattr(judged_before, "_code", case_journal.code)
     assert judgements(store) == 0
+
+
+def test_process_of_other_code_than_the_run_looks_up_and_keeps_nothing(
+    answered: Callable[[str], tuple[PreparedCase, Outcomes]],
+    asked: list[Job],
+    store: Store,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A worker that starts after an edit, or one that had imported less before it."""
+    ready, outcomes = answered(PLAIN)
+    for edited in (True, False, False):
+        monkeypatch.setattr(judged_before, "_code", lambda edited=edited: "edited" if edited else case_journal.code())
+        record, _ = judged_into(tmp_path, ready, outcomes, store)
+        assert record.predictions.judgements == 0 if edited else record.predictions.computed == 0
+    assert record.predictions.judgements == 1, "the second was kept, the first was not"
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_lists_that_cannot_be_read_leave_no_verdict(
+    kept: bool,
+    answered: Callable[[str], tuple[PreparedCase, Outcomes]],
+    asked: list[Job],
+    store: Store,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They decide it: a full disk is no difference of LAMMPS, whether the judgement is looked up or not."""
+    ready, outcomes = answered(LISTED)
+    if kept:
+        judged_into(tmp_path, ready, outcomes, store)
+
+    def full(*_: object) -> Answer:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(case_judgement, "solve", full)
+    record, _ = judged_into(tmp_path, ready, outcomes, store)
+    assert record.verdict == "error"
+    assert "neighbour lists: [Errno 28] No space left on device" in record.message
+
+
+@pytest.mark.parametrize("moved", ["from tags to rules", "within the text"])
+def test_key_keeps_the_parts_of_a_case_apart(
+    moved: str, answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store
+) -> None:
+    ready, outcomes = answered(PLAIN)
+    one, other = (
+        (replace(ready.case, tags=("a", "b"), exercises=()), replace(ready.case, tags=("a",), exercises=("b",)))
+        if moved == "from tags to rules"
+        else (replace(ready.case, about="a\0b", tags=()), replace(ready.case, about="a", tags=("b",)))
+    )
+    keys = [JudgedBefore.of(store, replace(ready, case=case), outcomes, ENGINE) for case in (one, other)]
+    assert keys[0] != keys[1]
+    run = RunRecord(engine=ENGINE, reference={}, date="d")
+    assert case_journal.start(run, [one]).cases != case_journal.start(run, [other]).cases
 
 
 def test_damaged_judgement_is_made_again(
     answered: Callable[[str], tuple[PreparedCase, Outcomes]], asked: list[Job], store: Store, tmp_path: Path
 ) -> None:
     ready, outcomes = answered(PLAIN)
-    first, _ = case_judgement.judge_into(None, tmp_path, ready, outcomes, ENGINE, store)
+    first, _ = judged_into(tmp_path, ready, outcomes, store)
     for path in store.folder.iterdir():
         path.write_bytes(path.read_bytes()[:-1] + b"?")
-    second, _ = case_judgement.judge_into(None, tmp_path, ready, outcomes, ENGINE, store)
+    second, _ = judged_into(tmp_path, ready, outcomes, store)
     assert second.predictions.judgements == 0
     assert _told(second) == _told(first)
 

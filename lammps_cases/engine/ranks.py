@@ -107,7 +107,11 @@ class Ranks:
         self._jobs += 1
         while self._process.poll() is None and len(list(self._path.glob(mask))) < self.count:
             time.sleep(PAUSE)
-        answers = [pickle.loads(file.read_bytes()) for file in sorted(self._path.glob(mask))]
+        files = sorted(self._path.glob(mask))
+        answers = [pickle.loads(file.read_bytes()) for file in files]
+        if len(files) == self.count:  # all of them have read the job
+            for file in (*files, self._path / f"job.{self._jobs - 1}"):
+                file.unlink()
         for outcome in answers:
             if isinstance(outcome, Exception):
                 self._process.wait()

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import fcntl
 import os
 import pickle
 import re
 import resource
+import shutil
 import signal
 import tempfile
 import threading
@@ -19,7 +21,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import IO, TYPE_CHECKING, Any, Self, TypeVar
 
 from pebble import ProcessExpired
 from pebble.pool.base_pool import PoolStatus
@@ -49,6 +51,9 @@ MEMORY = "EOS_REF_MEMORY"  # environment variable: memory of each process, in pl
 LARGEST = 2**32  # bytes of a file that a worker may write, an engine's output without end included
 TAIL = 2**16  # bytes of that which are read
 RECYCLED = 5000  # tasks after which a process, which grows by some 10 kB with each, makes room for another
+FOLDER = "eos-ref-workers-"  # what the names of the folders of pools begin with
+OWNER = "owner"  # file in it
+ROOM = 16  # times its size has to be left for an answer that is kept: LAMMPS' own files of other cases come beside it
 LARGE = 2**16  # atoms whose memory LAMMPS gives back after a job, as the next would do first
 MAPPED = 2**22  # bytes from which on memory goes back to the system when it is freed, whatever lies behind it
 _M_MMAP_THRESHOLD = -3  # of malloc.h
@@ -114,10 +119,13 @@ class KeptAnswer:
 def solve_and_keep(site: str | None, job: Job) -> Answer | KeptAnswer:
     """Run one job, in a worker, and leave the answer there for another task, if there is room for it."""
     answer = solve(site, job)
+    packed = pickle.dumps(answer, pickle.HIGHEST_PROTOCOL)
+    if shutil.disk_usage(tempfile.gettempdir()).free < ROOM * len(packed):
+        return answer
     kept = KeptAnswer(Path(tempfile.gettempdir(), f"answer-{os.urandom(16).hex()}"))
     try:
         with kept.file.open("xb") as file:
-            pickle.dump(answer, file, pickle.HIGHEST_PROTOCOL)
+            file.write(packed)
     except OSError:
         kept.forget()
         return answer
@@ -209,6 +217,23 @@ def limited(text: str) -> Iterator[None]:
         os.environ[MEMORY] = before
 
 
+def _hold(folder: Path) -> IO[bytes]:
+    """Return a file of a folder that is locked as long as this process has it open, and lives."""
+    file = (folder / OWNER).open("xb")
+    fcntl.flock(file, fcntl.LOCK_EX)
+    return file
+
+
+def remove_left() -> None:
+    """Remove the folders of pools whose process was killed, with the answers in them."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{FOLDER}*"):
+        with contextlib.suppress(OSError):  # it is another user's, or being made; or locked: its process lives
+            if folder.lstat().st_uid == os.getuid():
+                with (folder / OWNER).open("rb") as file:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(folder)
+
+
 class Workers:
     """A pool of LAMMPS processes; a context manager, stopped at once when left by an exception.
 
@@ -217,7 +242,9 @@ class Workers:
 
     def __init__(self, site: str | None, count: int) -> None:
         self._cluster = cluster.ClusterPool(address) if (address := cluster.address()) else None
-        self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-workers-")
+        remove_left()
+        self._folder = tempfile.TemporaryDirectory(prefix=FOLDER)
+        self._owner = _hold(Path(self._folder.name))
         self._site = site
         self._count = count
         self._tasks = weakref.WeakKeyDictionary[Future[Any], Task]()
@@ -374,4 +401,5 @@ class Workers:
                 mpi.remove_shared_memory(int(file.name))
                 with contextlib.suppress(OSError):
                     os.killpg(int(file.name), signal.SIGKILL)  # what the engine started
+        self._owner.close()
         self._folder.cleanup()

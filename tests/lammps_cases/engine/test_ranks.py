@@ -40,6 +40,8 @@ def test_one_job_after_another_gives_the_same_bits(job: Job) -> None:
     assert np.array_equal(first.arrays["id"], job.id_n)
     for name, array in first.arrays.items():
         assert array.tobytes() == second.arrays[name].tobytes(), name
+    left = {file.name.partition(".")[0] for file in ranks.kept(None, 2)._path.iterdir()}
+    assert not left & {"job", "rank", "part"}, "as many as there are jobs"
 
 
 def test_a_rank_without_atoms_takes_part_in_all_that_is_read(case_file: Callable[..., Path]) -> None:

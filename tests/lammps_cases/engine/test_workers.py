@@ -141,13 +141,35 @@ def test_an_answer_that_finds_no_room_is_sent(tmp_path: Path, monkeypatch: pytes
     assert isinstance(kept, KeptAnswer) and [*tmp_path.iterdir()] == [kept.file]
     kept.forget()
 
-    def full(content: object, file: Any, *_: object) -> None:
-        file.write(b"a part")
+    def full(self: Path, mode: str) -> Any:
+        self.touch()
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("pickle.dump", full)
-    assert engine.solve_and_keep(None, job) is answer
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "open", full)
+        assert engine.solve_and_keep(None, job) is answer
     assert not [*tmp_path.iterdir()]
+    little = SimpleNamespace(free=engine.ROOM * answer["x"].nbytes)  # less than its pickle takes so often
+    monkeypatch.setattr("shutil.disk_usage", lambda _: little)
+    assert engine.solve_and_keep(None, job) is answer, "what is left is for LAMMPS' own files"
+    assert not [*tmp_path.iterdir()]
+
+
+def test_folders_of_pools_that_were_killed_are_removed_by_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    killed, alive, being_made, other = (tmp_path / f"{engine.FOLDER}{name}" for name in "abcd")
+    for folder in (killed, alive, being_made):
+        folder.mkdir()
+    (killed / engine.OWNER).touch()
+    (killed / "answer").touch()
+    other.symlink_to(alive)
+    with engine._hold(alive):
+        engine.remove_left()
+        assert sorted(tmp_path.iterdir()) == [alive, being_made, other]
+    engine.remove_left()
+    assert alive not in [*tmp_path.iterdir()]
 
 
 def test_lammps_keeps_no_atoms_of_a_large_job(case_file: Callable[..., Path], workers: Workers) -> None:

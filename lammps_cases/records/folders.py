@@ -21,6 +21,8 @@ from eos_ref.errors import InputError
 JOURNAL = "journal"  # in a folder in the making: what is done
 INTERRUPTED = ".interrupted"  # the end of the name of a folder that was being made when its program ended
 
+LONGEST_NAME = 255 - len(INTERRUPTED)  # bytes: that of the folder beside it has to be one of a file system
+
 
 @contextmanager
 def exclusive(target: Path, what: str, busy: str = "") -> Iterator[None]:

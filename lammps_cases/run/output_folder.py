@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +26,8 @@ def output_folder(directory: Path, resume: bool | None = None) -> Iterator[Path]
     InputError
         It cannot be written, holds something else than a report, or another run is writing into it.
     """
+    if len(os.fsencode(directory.name)) > folders.LONGEST_NAME:
+        raise InputError(WHAT, f"must have a name of at most {folders.LONGEST_NAME} bytes", str(directory))
     if kept.is_link(directory):
         raise InputError(WHAT, "must not be a link to a report that is kept: leave --out out", str(directory))
     directory = directory.resolve()

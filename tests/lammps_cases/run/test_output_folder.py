@@ -76,3 +76,16 @@ def test_two_runs_do_not_write_into_one_folder(tmp_path: Path) -> None:
             pass
         (folder / "run.json").write_text(REPORT)
     assert (tmp_path / "report" / "run.json").read_text() == REPORT
+
+
+@pytest.mark.parametrize("length", [243, 244, 300])
+def test_name_leaves_room_for_those_of_the_folders_beside_it(length: int, tmp_path: Path) -> None:
+    """The longest is that of an interrupted run, of 12 bytes more; names have 255."""
+    target = tmp_path / (length * "y")
+    if length == 243:
+        with output_folder(target, resume=False) as folder:
+            (folder / "run.json").write_text("{}")
+        assert (target / "run.json").exists()
+        return
+    with pytest.raises(InputError, match="output folder: must have a name of at most 243 bytes"), output_folder(target):
+        pass

@@ -58,7 +58,9 @@ LARGE = 2**16  # atoms whose memory LAMMPS gives back after a job, as the next w
 MAPPED = 2**22  # bytes from which on memory goes back to the system when it is freed, whatever lies behind it
 _M_MMAP_THRESHOLD = -3  # of malloc.h
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # characters that are no white space of a text
-FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)  # that nothing raises in its own process
+# Exit codes that an engine hardly gives itself: by signals that nothing raises in its own process, and what
+# multiprocessing says of a worker whose server was killed, which had to tell.
+FROM_OUTSIDE = (-signal.SIGKILL, -signal.SIGTERM, 255)
 
 
 @dataclass(frozen=True)
@@ -354,7 +356,7 @@ class Workers:
         except MemoryError:
             return Failure("crashed", "out of memory", "out of memory")
         except (ProcessExpired, BrokenProcessPool) as error:
-            from_outside = not isinstance(error, ProcessExpired) or -(error.exitcode or 0) in FROM_OUTSIDE
+            from_outside = not isinstance(error, ProcessExpired) or error.exitcode in FROM_OUTSIDE
             if from_outside and (task := self._tasks.get(future)) and task.attempt == 1:
                 return self.outcome(self._scheduled(replace(task, attempt=2)), time_limit)
             return self._crash(error)

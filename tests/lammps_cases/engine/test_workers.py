@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import forkserver
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -392,3 +393,20 @@ def test_an_exception_stops_the_workers_at_once_and_nothing_stays(tmp_path: Path
     with pytest.raises(ProcessLookupError):
         os.kill(int(started.read_text()), 0)
     assert not Path(made).exists(), "what a killed worker leaves goes with the pool"
+
+
+def _late(site: str | None, seconds: float) -> int:
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def test_server_that_is_killed_costs_no_task() -> None:
+    """It is the parent of all workers, of whose ends only it can tell."""
+    with Workers(None, 1) as pool:
+        task = pool.call(_late, 1.0, time_limit=LIMIT)
+        assert isinstance(pool.outcome(pool.call(_late, 0.0, time_limit=LIMIT)), int)
+        pid = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+        again = pool.call(_late, 1.0, time_limit=LIMIT)
+        os.kill(pid, signal.SIGKILL)
+        assert isinstance(pool.outcome(again), int)
+        assert isinstance(pool.outcome(task), int)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.session import Answer
-from lammps_cases.engine.workers import Failure, KeptAnswer
+from lammps_cases.engine.workers import Failure, KeptAnswer, solve
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run.case_judgement import judge_into
 from lammps_cases.run.prepared_case import PreparedCase
@@ -34,9 +34,17 @@ def judge_answers(
 
     What only a ``whole`` page shows of cases as expected is not sent for another.
     """
-    outcomes = [each.read() if isinstance(each, KeptAnswer) else each for each in told]
+    outcomes = [_read(site, each, ready, k) if isinstance(each, KeptAnswer) else each for k, each in enumerate(told)]
     record, shown = judge_into(site, folder, ready, outcomes, engine, store, judgements)
     return record, shown if whole or not record.as_expected else replace(shown, more=None)
+
+
+def _read(site: str | None, kept: KeptAnswer, ready: PreparedCase, at: int) -> Answer:
+    """Return an answer that was kept; LAMMPS is asked once more if whoever cleans temporary files has taken it."""
+    try:
+        return kept.read()
+    except OSError:
+        return solve(site, ready.jobs[at])
 
 
 def forget(told: Told) -> None:

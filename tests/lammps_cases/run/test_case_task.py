@@ -1,0 +1,35 @@
+"""The tasks of a run in its workers, by answers that lie in files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lammps_cases.engine.session import Answer, Job
+from lammps_cases.engine.workers import KeptAnswer
+from lammps_cases.records.run_record import EngineRecord
+from lammps_cases.run import case_task
+from lammps_cases.run.prepared_case import prepare
+from lammps_cases.scene import casefile
+from tests.support.outcome import Solver
+
+
+@pytest.mark.lammps
+def test_answer_that_was_taken_away_is_asked_for_once_more(
+    solver: Solver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cleaner of temporary files may take what is older than the run has been waiting."""
+    ready = prepare(next(case for case in casefile.load() if case.name == "near-rho0.linear.2d"))
+    asked: list[Job] = []
+
+    def solve(site: str | None, job: Job) -> Answer:
+        asked.append(job)
+        return solver(job)
+
+    monkeypatch.setattr(case_task, "solve", solve)
+    gone = KeptAnswer(tmp_path / "answer")
+    record, _ = case_task.judge_answers(None, tmp_path, ready, [gone], EngineRecord(), None, None, True)
+    assert record.verdict == "exact"
+    assert len(asked) == 1
+    case_task.forget([gone])

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from lammps_cases.scene import casefile
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("eos_ref", "lammps_cases")
 PAGES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md"))
@@ -150,6 +152,13 @@ def test_the_tree_of_the_architecture_is_the_tree() -> None:
         named = set(re.findall(r"^  (\w+)/", block[0], flags=re.MULTILINE))
         rooms = {path.name for path in (ROOT / package).iterdir() if path.is_dir() and path.name != "__pycache__"}
         assert named == rooms, package
+
+
+def test_a_run_of_all_cases_leaves_out_seven() -> None:
+    text = (ROOT / "docs" / "verdicts.md").read_text(encoding="utf-8")
+    assert "The seven cases tagged `long`" in text
+    cases = casefile.load()
+    assert len(cases) - len(casefile.select(cases, (), None)) == 7
 
 
 def test_cited_sections_exist() -> None:

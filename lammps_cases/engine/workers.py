@@ -53,7 +53,7 @@ TAIL = 2**16  # bytes of that which are read
 RECYCLED = 5000  # tasks after which a process, which grows by some 10 kB with each, makes room for another
 FOLDER = "eos-ref-workers-"  # what the names of the folders of pools begin with
 OWNER = "owner"  # file in it
-ROOM = 16  # times its size has to be left for an answer that is kept: LAMMPS' own files of other cases come beside it
+ROOM = 16  # times its size has to be left beside an answer that is kept, for LAMMPS' own files of other cases
 LARGE = 2**16  # atoms whose memory LAMMPS gives back after a job, as the next would do first
 MAPPED = 2**22  # bytes from which on memory goes back to the system when it is freed, whatever lies behind it
 _M_MMAP_THRESHOLD = -3  # of malloc.h
@@ -121,17 +121,17 @@ class KeptAnswer:
 def solve_and_keep(site: str | None, job: Job) -> Answer | KeptAnswer:
     """Run one job, in a worker, and leave the answer there for another task, if there is room for it."""
     answer = solve(site, job)
-    packed = pickle.dumps(answer, pickle.HIGHEST_PROTOCOL)
-    if shutil.disk_usage(tempfile.gettempdir()).free < ROOM * len(packed):
-        return answer
     kept = KeptAnswer(Path(tempfile.gettempdir(), f"answer-{os.urandom(16).hex()}"))
     try:
         with kept.file.open("xb") as file:
-            file.write(packed)
+            pickle.dump(answer, file, pickle.HIGHEST_PROTOCOL)
+            written = file.tell()
+        if shutil.disk_usage(kept.file.parent).free > ROOM * written:
+            return kept
     except OSError:
-        kept.forget()
-        return answer
-    return kept
+        pass  # there is none
+    kept.forget()
+    return answer
 
 
 def identify(site: str | None) -> dict[str, str]:

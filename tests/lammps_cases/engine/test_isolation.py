@@ -136,7 +136,8 @@ def test_every_fault_costs_its_own_case(
 
 def test_the_table_of_the_documents_is_what_happened() -> None:
     text = (Path(__file__).parents[3] / "docs" / "verdicts.md").read_text()
-    rows = [line.split("|") for line in text.partition("| what LAMMPS does |")[2].splitlines()[2:] if line.startswith("|")]
+    table = text.partition("| what LAMMPS does |")[2].splitlines()[2:]
+    rows = [line.split("|") for line in table if line.startswith("|")]
     told = {(row[3].strip().strip("`"), row[2].strip().strip("`")) for row in rows if row[3].strip()}
     assert told == {(label, verdict) for label, (_, verdict, _) in FAULTS.items() if not label.startswith("good")}
 

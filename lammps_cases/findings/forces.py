@@ -48,22 +48,22 @@ def has_forces(problem: Problem) -> bool:
     return problem.steps[-1] > 0 or (shown and not _unit_volumes(problem))
 
 
-_VOLUME = "volumes leave 1 as the fluid is compressed or drawn out, and LAMMPS' forces lack the volume m/rho"
+_VOLUME = "volumes deviate from 1 as the fluid is compressed or stretched, and LAMMPS' forces lack the volume m/rho"
 FORCE_PER_VOLUME = Finding(
     id="force-per-volume",
     number=17,
-    title="Pair forces lack the volume of the particle they act on",
+    title="Pair forces lack the volume of the particle on which they act",
     severity="high",
-    effect="Pressure and viscosity accelerate rho/m times too much: 100 times where m/rho is 0.01",
+    effect="Pressure and viscosity accelerate particles rho/m times too much: 100 times if m/rho is 0.01",
     documented="pair rheo, as published (Palermo et al. 2024; Clemmer et al. 2024): the pressure force on i is "
     "-sum V_i V_j (P_i + P_j) grad W, the viscous one sum 2 eta V_i V_j (x.grad W)/r^2 v_ij.",
     observed="Since 2025.7.22.2.0 the factor V_i = m_i/rho_i is missing from the pressure, viscous and artificial "
-    "viscous force on i: the array f holds a force per volume and is divided by the mass all the same. The "
-    "accelerations are wrong by the factor 1/V_i; nothing shows where every volume is 1.",
-    argument="The forces of a pair no longer cancel: two particles of mass 1 and densities 1.4 and 1.35 at distance 1 "
-    "(2D, cutoff 3, linear law with rho0 = c = 1) feel -0.12948 and +0.12486 in place of -0.09249 and +0.09249, so "
-    "the pair accelerates itself. The factor depends on the resolution: with half the spacing in 2D, a quarter of each "
-    "mass, it is 4 times larger, while the acceleration by gravity stays right. Sound travels at c over the root of V: "
+    "viscous force on i: the array f holds a force per volume but is still divided by the mass. The accelerations "
+    "are wrong by the factor 1/V_i; the error vanishes where every volume is 1.",
+    argument="The forces of a pair no longer cancel: two particles of mass 1 and densities 1.4 and 1.35 at distance "
+    "1 (2D, cutoff 3, linear law with rho0 = c = 1) feel -0.12948 and +0.12486 instead of -0.09249 and +0.09249, so "
+    "the pair accelerates itself. The factor depends on the resolution: at half the spacing in 2D, with a quarter of "
+    "each mass, it is 4 times larger, while the acceleration by gravity stays right. Sound travels at c/sqrt(V): "
     "with volumes of 0.64 at 6.25 for c = 5.",
     workaround="Choose masses and the unit of length so that m/rho0 is 1 for every type; the factor rho/rho0 remains.",
     scene="two particles of volume other than 1",
@@ -111,18 +111,18 @@ def has_means_of_zeros(problem: Problem) -> bool:
 HARMONIC_MEAN_UNDEFINED = Finding(
     id="harmonic-mean-undefined",
     number=32,
-    title="With harmonic/means two coefficients of 0 make forces and heat NaN",
+    title="Two coefficients of 0 with harmonic/means make forces and heat flows NaN",
     severity="medium",
-    effect="Forces become NaN and atoms are lost where two viscosities or conductivities are 0",
+    effect="Forces become NaN and atoms are lost if two viscosities or conductivities are 0",
     documented="pair rheo: harmonic/means averages viscosities and conductivities harmonically; a viscosity or "
     "conductivity of 0 is allowed.",
     observed="The mean is evaluated as 2ab/(a + b): NaN for two particles whose viscosities, or conductivities, are "
-    "both 0, and with it every force, or heat flow, of particles that have such a neighbour; positions are lost in the "
-    "next step. Where the product ab leaves the range of doubles, as for two of 1e200, the mean is infinite, and for "
-    "two of 1e-200 it is 0.",
-    argument="The harmonic mean of two equal numbers is that number, 0 included: between two particles of viscosity 0 "
-    "no viscous force acts, as LAMMPS itself has it with arithmetic means, and with 0 and 1 in harmonic ones.",
-    workaround="Leave harmonic/means out, or give a viscosity and conductivity as small as 1e-100 in place of 0.",
+    "both 0, and so is every force, or heat flow, of particles that have such a neighbour; positions are lost in the "
+    "next step. Where the product ab exceeds the range of doubles, as for two of 1e200, the mean is infinite, and "
+    "for two of 1e-200 it is 0.",
+    argument="The harmonic mean of two equal numbers is that number, 0 included: between two particles of viscosity "
+    "0 no viscous force acts, as in LAMMPS itself with arithmetic means, and with harmonic means of 0 and 1.",
+    workaround="Leave out harmonic/means, or use a viscosity and conductivity as small as 1e-100 instead of 0.",
     applies_to=("probes.pair-harmonic-of-zeros", "probes.pair-harmonic-of-zero-conductivities"),
     outcome="refused",
     engine_error="Non-numeric atom coords",
@@ -131,7 +131,7 @@ HARMONIC_MEAN_UNDEFINED = Finding(
     gaps=(
         Gap(
             lambda scene: scene.pair.harmonic_means and scene.evolve is not None and _lacks_a_coefficient(scene),
-            "after a step positions are NaN, and which pairs are left is LAMMPS' to decide",
+            "after a step positions are NaN, and which pairs remain is up to LAMMPS",
         ),
     ),
 )
@@ -149,20 +149,20 @@ class MassOfFirst(FollowingLists):
 MASS_OF_FIRST = Finding(
     id="mass-of-first",
     number=61,
-    title="With masses of particles both of a pair have the mass of the one that is listed first",
+    title="With per-particle masses, both particles of a pair get the mass of the first one listed",
     effect="Forces and heat flows between particles of unequal rmass are wrong by the ratio of their masses",
     severity="high",
-    documented="pair rheo, as published: forces, density damping and heat exchange of a pair go with the volumes m/rho "
-    "of both particles; fix property/atom: rmass gives every particle a mass of its own, which stands in place of that "
-    "of its type; neigh_modify and newton must not change the physics.",
-    observed="In pair rheo the second of a pair has the mass of the first, in the order of the neighbour list: in "
-    "pressure, viscous and artificial force, in rho/damp and in the heat flow. All else (summed densities, gradients, "
-    "kernels, shift but for the normal of scale/cross/type, surfaces, walls, temperatures, accelerations) takes the "
-    "particle's own mass, and with masses of types pair rheo does, too.",
-    argument="Two particles of masses 2 and 3 and densities 1.4 and 1.35 at distance 1 (2D, cutoff 3, linear law with "
-    "rho0 = c = 1) feel -0.388 and 0.250 if these are the masses of two types, and -0.259 and 0.250 if they are the "
-    "masses of the particles: one has 2/3 of its force. With the two in each other's place the heavier one has 3/2 of "
-    "its force instead: the neighbour list alone decides. (Both lack the volume of force-per-volume.)",
+    documented="pair rheo, as published: forces, density damping and heat exchange of a pair go with the volumes "
+    "m/rho of both particles; fix property/atom: rmass gives every particle its own mass, which replaces that of its "
+    "type; neigh_modify and newton must not change the physics.",
+    observed="In pair rheo the second particle of a pair has the mass of the first, in the order of the neighbour "
+    "list: in the pressure, viscous and artificial forces, in rho/damp and in the heat flow. Everything else (summed "
+    "densities, gradients, kernels, shift but for the normal of scale/cross/type, surfaces, walls, temperatures, "
+    "accelerations) uses the particle's own mass, and with per-type masses pair rheo does, too.",
+    argument="Two particles of masses 2 and 3 and densities 1.4 and 1.35 at distance 1 (2D, cutoff 3, linear law "
+    "with rho0 = c = 1) feel -0.388 and 0.250 if these are the masses of two types, and -0.259 and 0.250 if they are "
+    "per-particle masses: one has 2/3 of its force. With the two swapped in the list, the heavier one has 3/2 of its "
+    "force instead: the neighbour list alone decides. (Both also lack the volume, see force-per-volume.)",
     workaround="Give particles of different mass different types ('mass'), or the same mass to all particles that may "
     "become neighbours.",
     scene="two particles of one type with different rmass",

@@ -209,17 +209,17 @@ def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot
 CROSS_TYPE_SUPPORT = Finding(
     id="cross-type-support",
     number=22,
-    title="shift scale/cross/type sums W r for the same-type support",
+    title="shift scale/cross/type sums W r instead of W for the same-type support",
     severity="medium",
-    effect="The threshold wmin turns the shift off at other particles than documented",
+    effect="The threshold wmin turns off the shift of other particles than documented",
     documented="fix rheo, scale/cross/type: W_same = sum W_ij delta_ij over particles of the same type.",
-    observed="The sum that is compared with wmin is sum W_ij r_ij delta_ij.",
-    argument="The sum has one length more than W: at twice the spacing, everything else scaled and wmin as W, shifting "
-    "goes on and off at other particles. W r is largest at 0.24 times the cutoff: of two neighbours nearer than "
-    "that, the nearer one counts less, although it supports more.",
-    workaround="Multiply wmin by the mean distance of neighbours weighted by W: on a lattice with a cutoff of 3 "
+    observed="The sum compared with wmin is sum W_ij r_ij delta_ij.",
+    argument="The sum has an additional factor of length: at twice the spacing, with everything else scaled and wmin "
+    "scaled like W, other particles are shifted. W r is largest at 0.24 times the cutoff: of two neighbours closer "
+    "than that, the closer one counts less, although it contributes more support.",
+    workaround="Multiply wmin by the W-weighted mean distance of neighbours: on a lattice with a cutoff of 3 "
     "spacings 0.38 times the cutoff in 2D and 0.42 times in 3D. Particles close to the threshold may still differ.",
-    scene="two types in disorder, wmin of half the full support",
+    scene="two disordered types, wmin at half of the full support",
     model_variant=Variant(asks_for_support, SupportTimesDistance),
     replaces=("same_type_support",),
 )
@@ -230,21 +230,21 @@ CROSS_TYPE_NORMAL = Finding(
     number=23,
     title="shift scale/cross/type uses one direction for all interfaces",
     severity="high",
-    effect="Particles at an interface of two fluids are shifted in a wrong direction, or not scaled",
+    effect="Particles at an interface between two fluids are shifted in a wrong direction, or not scaled",
     documented="fix rheo, scale/cross/type: a color function estimates the local interfacial normal; shifting "
     "along it is scaled by shiftscale.",
-    observed="The gradient of the color function takes for every pair the kernel gradient of one and the same pair: "
-    "that which the loop over neighbours ended with. The direction that is scaled is therefore that of this pair for "
-    "all particles. With RK1 and RK2 a pair has a gradient for its first and one for its second particle, and each "
-    "process has a last pair of its own, so that directions are mixtures of these, in which a pair at the cutoff "
-    "counts like all others. Where all volumes are the same, the sums of single particles cancel, and what rounding "
-    "leaves is their direction, or they are not scaled.",
-    argument="A flat interface normal to x and one normal to y lose the same component of the shift. Relabelling "
-    "the atoms turns the direction, although nothing physical has changed; so may another skin or number of "
-    "ranks. With the order of LAMMPS' own lists every shift is predicted, with every kernel, over steps and on "
-    "several ranks, but for those of sums that cancel.",
+    observed="For every pair, the gradient of the color function uses the kernel gradient of one and the same pair: "
+    "the one with which the loop over neighbours ended. The direction that is scaled is therefore the direction of "
+    "this pair for all particles. With RK1 and RK2 a pair has one gradient for its first and one for its second "
+    "particle, and each process has its own last pair, so the directions are mixtures of these, in which a pair at "
+    "the cutoff counts like any other. Where all volumes are the same, the sums of single particles cancel, and "
+    "their direction is determined by rounding, or they are not scaled.",
+    argument="A flat interface normal to x and one normal to y lose the same component of the shift. Relabelling the "
+    "atoms turns the direction, although nothing physical has changed; so may another skin or number of ranks. With "
+    "the order taken from LAMMPS' own lists, every shift is predicted, with every kernel, over several steps and on "
+    "several ranks, except where the sums cancel.",
     workaround="Use 2026.7.4 or newer, or exclude/type, which is not affected.",
-    scene="two types in disorder, shiftscale 0",
+    scene="two disordered types, shiftscale 0",
     model_variant=Variant(
         scales_across_types, NormalOfLastPair, CorrectingShifts, last_pair, undefined=True, lists=True
     ),
@@ -253,7 +253,7 @@ CROSS_TYPE_NORMAL = Finding(
         AlarmDifference(
             ("ranks",),
             lambda problem: problem.rheo.shifting is not None and problem.rheo.shifting.scale_cross_type is not None,
-            "on several ranks every particle has a mixture of directions of its own; lists are not read here",
+            "on several ranks every particle has its own mixture of directions; neighbour lists are not read here",
         ),
     ),
 )
@@ -261,42 +261,42 @@ CROSS_TYPE_NORMAL = Finding(
 CROSS_TYPE_CORRECTED = Finding(
     id="cross-type-corrected",
     number=66,
-    title="With RK1 and RK2 shift scale/cross/type takes another normal than that of its color function",
+    title="With RK1 and RK2, shift scale/cross/type uses another normal than that of its color function",
     severity="medium",
-    effect="With RK1 and RK2 shifts at an interface of two fluids are scaled along another direction",
+    effect="With RK1 and RK2, shifts at an interface between two fluids are scaled along another direction",
     documented="fix rheo, scale/cross/type: a color function is calculated and used to estimate a local interfacial "
-    "normal. Shifts and the color function take the quintic spline whatever the kernel.",
+    "normal. Shifts and the color function use the quintic spline whatever the kernel.",
     observed="The color function that is compared with cmin is a sum of the quintic spline. Since 2026.7.4 the "
     "gradient that gives the normal is the sum of the gradients of the reproducing kernel.",
-    argument="The gradient of the color function, by differences of the color that a particle has when it is moved by "
-    "a little, is the sum of the spline's gradients; that of the corrected ones has another direction. "
-    "Two fluids in disorder (49 particles, 2D, a cutoff of 2.6 spacings): of the particles with a color of 0.05 or "
-    "more the normals with RK1 differ by 2.7 degrees in the median, and by up to 10.5. Corrected gradients of all "
-    "neighbours cancel, as RK1 and RK2 reproduce constants: where all are of the other type, as around a single "
-    "particle of one fluid in another, rounding alone is left, and decides on the normal.",
+    argument="The gradient of the color function, from differences of the color when a particle is slightly "
+    "displaced, is the sum of the spline's gradients; that of the corrected ones has another direction. Two "
+    "disordered fluids (49 particles, 2D, a cutoff of 2.6 spacings): for the particles with a color of 0.05 or more "
+    "the normals with RK1 differ by 2.7 degrees in the median, and by up to 10.5. Corrected gradients of all "
+    "neighbours cancel, because RK1 and RK2 reproduce constants: where all are of the other type, as around a single "
+    "particle of one fluid in another, only rounding is left, and determines the normal.",
     workaround="Use the kernel quintic, whose gradients are not corrected.",
-    scene="two types in disorder, RK1, shiftscale 0",
+    scene="two disordered types, RK1, shiftscale 0",
     model_variant=Variant(corrects_across_types, CorrectedColor, CorrectingFirst, undefined=True),
 )
 
 CROSS_TYPE_MASS_OF_TYPE = Finding(
     id="cross-type-mass-of-type",
     number=67,
-    title="shift scale/cross/type takes the mass of the type for one particle of a pair that has its own",
+    title="With per-particle masses, shift scale/cross/type uses the mass of the type for one particle of a pair",
     severity="medium",
-    effect="With rmass shifts at an interface of two fluids are scaled along another direction",
+    effect="With rmass, shifts at an interface between two fluids are scaled along another direction",
     documented="fix rheo, scale/cross/type: a color function is calculated and used to estimate a local interfacial "
-    "normal; fix property/atom: rmass gives every particle a mass of its own, in place of that of its type.",
-    observed="Since 2026.7.4, in the gradient of the color function, which gives the normal, the second of a pair "
-    "meets the first with the mass of the first's type; the first meets the second with its own mass. The color "
-    "function itself, which is compared with cmin, takes own masses. The sums of cross-type-normal have the same "
-    "masses before; they decide with RK1 and RK2.",
+    "normal; fix property/atom: rmass gives every particle its own mass, which replaces that of its type.",
+    observed="Since 2026.7.4, in the gradient of the color function, which gives the normal, the second particle of "
+    "a pair sees the first with the mass of the first's type; the first sees the second with its own mass. The color "
+    "function itself, which is compared with cmin, uses own masses. In earlier versions the sums of "
+    "cross-type-normal use the same masses, which matters with RK1 and RK2.",
     argument="A particle of one fluid has two neighbours of another at the same distance, along x and along y, with "
-    "rmass 2 and 1 where their type has the mass 3: the color function falls off in the direction (2, 1). Where the "
-    "particle is the first of both pairs in the neighbour list LAMMPS has that direction, and where it is the second "
-    "it has (1, 1): an exchange of labels turns the normal.",
+    "rmass 2 and 1 where their type has the mass 3: the color function falls off in the direction (2, 1). If the "
+    "particle is listed first in both pairs of the neighbour list, LAMMPS has that direction, and if it is listed "
+    "second it has (1, 1): exchanging labels turns the normal.",
     workaround="Give particles of different mass different types ('mass'), without rmass.",
-    scene="two types in disorder with rmass, shiftscale 0",
+    scene="two disordered types with rmass, shiftscale 0",
     model_variant=Variant(has_masses_across_types, ColorMassOfType, CountingSteps, lists_of_neighbours, lists=True),
 )
 

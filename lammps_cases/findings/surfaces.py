@@ -46,18 +46,19 @@ def shows_layers(problem: Problem) -> bool:
 LAYER_DEPENDS_ON_PAIR_ORDER = Finding(
     id="layer-depends-on-pair-order",
     number=26,
-    title="Which particles beside a surface are its layer depends on the order in which pairs are listed",
+    title="Which particles belong to the layer beside a surface depends on the order in which pairs are listed",
     severity="low",
-    effect="Runs that list the same pairs in another order have other surface layers",
+    effect="Runs that list the same pairs in a different order have different surface layers",
     documented="fix rheo, surface/detection: particles are classified as bulk, surface or splash; neigh_modify, "
     "newton and the number of processors must not change the physics. The layer beside a surface is not "
     "documented; its status is listed by compute rheo/property/atom.",
-    observed="A bulk particle has the status of the layer (8) only if it is the first of some "
-    "pair, in the list, with a surface particle within the cutoff; one that is second in all such pairs keeps the "
-    "status of bulk (4), although surface/r of the same step holds its distance.",
-    argument="With newton off, or with the atoms numbered the other way round, other particles of the same state have "
-    "the status. With the order of LAMMPS' own lists every status is predicted; on several ranks these are not read.",
-    workaround="Take for the layer the bulk particles whose surface/r is less than the cutoff.",
+    observed="A bulk particle has the status of the layer (8) only if it is listed first in some pair with a surface "
+    "particle within the cutoff; one that is listed second in all such pairs keeps the status of bulk (4), although "
+    "surface/r of the same step holds its distance.",
+    argument="With newton off, or with the atoms numbered in reverse order, other particles of the same state have "
+    "the status. With the order taken from LAMMPS' own lists, every status is predicted; on several ranks the lists "
+    "are not read.",
+    workaround="Define the layer as the bulk particles whose surface/r is less than the cutoff.",
     scene="a block of fluid beside vacuum",
     model_variant=Variant(
         shows_layers,
@@ -70,8 +71,8 @@ LAYER_DEPENDS_ON_PAIR_ORDER = Finding(
         AlarmDifference(
             ("relabelled", "reordered", "unsorted", "newton", "skin", "rebuilt", "ranks", "seed"),
             lambda problem: "status" in problem.compare and problem.rheo.surface_detection is not None,
-            "which of two particles is listed first decides whether one of them is of the layer; lists are not read "
-            "here",
+            "which of two particles is listed first decides whether one of them belongs to the layer; neighbour "
+            "lists are not read here",
         ),
     ),
 )

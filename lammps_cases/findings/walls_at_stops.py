@@ -152,26 +152,26 @@ def begins_again_with_images(problem: Problem) -> bool:
 WALLS_BEGIN_WITH_PRESSURE = Finding(
     id="walls-begin-with-pressure",
     number=33,
-    title="Every run but the first begins with wrong densities of walls",
+    title="Every run but the first starts with wrong densities of walls",
     severity="high",
-    effect="The second run of a script, or one after read_restart, begins with wrong forces at walls",
+    effect="The second run of a script, or one after read_restart, starts with wrong forces at walls",
     documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
-    "fluid (Adami et al. 2012), the acceleration being the one not due to pressure; fix rheo: no information about "
+    "fluid (Adami et al. 2012), where the acceleration excludes that due to pressure; fix rheo: no information about "
     "the fix is written to restart files.",
-    observed="In the set-up of a run that is not the first of its fix rheo, the extrapolation to solids takes for "
-    "the accelerations without pressure of all particles, walls included, the pressure forces of the evaluation "
-    "before, neither taken out of the force nor divided by the mass. After minimize they are those that it evaluates, "
-    "from the positions, densities and energies that it finds and, of the fluid, from pressures of the evaluation "
-    "before. They are kept in restart files too, so that a run after read_restart begins with them, and displace_atoms "
-    "and change_box are refused there. Densities of solids are wrong until the first step recomputes them, and with "
-    "them the forces that this step begins with.",
-    argument="Between two runs of 0 steps nothing happens, and yet the forces differ. A fluid particle at distance 1 "
-    "of a solid (2D, cutoff 3, linear, both of mass, rho0, c and density 1, background -0.3, the solid held by "
+    observed="In the set-up of a run that is not the first of its fix rheo, the extrapolation to solids uses the "
+    "pressure forces of the previous evaluation as the accelerations without pressure of all particles, walls "
+    "included; they are neither subtracted from the force nor divided by the mass. After minimize they are those "
+    "that it evaluates, from the positions, densities and energies that it finds and, for the fluid, from pressures "
+    "of the previous evaluation. They are also kept in restart files, so a run after read_restart starts with them, "
+    "and displace_atoms and change_box are refused there. Densities of solids are wrong until the first step "
+    "recomputes them, and so are the forces with which this step starts.",
+    argument="Nothing happens between two runs of 0 steps, and yet the forces differ. A fluid particle at distance 1 "
+    "from a solid (2D, cutoff 3, linear, both of mass, rho0, c and density 1, background -0.3, the solid held by "
     "setforce): after 'run 0' the solid has the density 1, after a second 'run 0' 1.280 = 1 + 2 * 0.3 * 2 * 0.2331, "
     "the sum of the pressure forces on either times the distance.",
-    workaround="Continue with 'run N pre no'; or take all RHEO fixes away (unfix) and define them anew before the "
-    "run, after read_restart too (define and take away fix rheo once); data files written with 'nofix' do no harm.",
-    scene="a fluid particle beside a solid one, run 0 twice",
+    workaround="Continue with 'run N pre no'; or remove all RHEO fixes (unfix) and define them again before the run, "
+    "also after read_restart (define and remove fix rheo once); data files written with 'nofix' are not affected.",
+    scene="a fluid particle next to a solid one, run 0 twice",
     model_variant=Variant(begins_again_with_walls, stepping=PressureForceKept),
     gaps=(
         Gap(
@@ -185,42 +185,42 @@ WALLS_BEGIN_WITH_PRESSURE = Finding(
 WALLS_BEGIN_WITH_PARTS = Finding(
     id="walls-begin-with-parts",
     number=35,
-    title="Runs begin with other forces on periodic images of particles beside walls than on the particles",
+    title="At the start of a run, periodic images near walls have other forces than their originals",
     severity="high",
-    effect="The second run of a script begins with wrong forces at walls beside a periodic boundary",
-    documented="fix rheo, interface/reconstruct: densities of solids follow from the fluid's (Adami et al. "
-    "2012); newton: the flag must not change the physics; a periodic image is its particle.",
+    effect="The second run of a script starts with wrong forces at walls next to a periodic boundary",
+    documented="fix rheo, interface/reconstruct: densities of solids follow from the fluid's (Adami et al. 2012); "
+    "newton: the flag must not change the physics; a periodic image is the same particle.",
     observed="In the set-up of a run that is not the first of its fix rheo, where particles have the pressure forces "
-    "of the evaluation before in place of accelerations, their periodic images have others: with newton on the sum "
-    "over the pairs that list the image, or an image made of it, as the second one, with newton off and after "
-    "read_restart 0. With 'newton off on', where the pair counts twice, it does so with the image of either particle. "
-    "If the set-up sorts particles, the first image has the force of one that was moved.",
+    "of the previous evaluation instead of accelerations, their periodic images have others: with newton on, the sum "
+    "over the pairs in which the image, or an image made from it, is listed second; with newton off and after "
+    "read_restart, 0. With 'newton off on', where the pair counts twice, it does so with the image of either "
+    "particle. If the set-up sorts particles, the first image has the force of one that was moved.",
     argument="The scene of walls-begin-with-pressure, with the periodic boundary between its two particles: after a "
     "second 'run 0' the solid has the density 1.280 with newton on, as inside the box, but 1.140 with newton off, "
-    "where only its own force is seen, and the same after read_restart. With more particles newton on differs too, as "
-    "an image has only part of the force.",
-    workaround="As for walls-begin-with-pressure: 'run N pre no', or the RHEO fixes defined anew before a run.",
-    scene="a fluid particle beside a solid one across a periodic boundary, newton off, run 0 twice",
+    "where only its own force is seen, and the same after read_restart. With more particles, newton on differs too, "
+    "because an image has only part of the force.",
+    workaround="As for walls-begin-with-pressure: use 'run N pre no', or define the RHEO fixes again before a run.",
+    scene="a fluid particle next to a solid one across a periodic boundary, newton off, run 0 twice",
     model_variant=Variant(begins_again_with_images, PartsInSlots, BeginningWithParts, lists_of_neighbours, lists=True),
 )
 
 CREATED_WITH_FORCES_OF_OTHERS = Finding(
     id="created-with-forces-of-others",
     number=64,
-    title="Particles created between two runs begin with the forces of others, where there are walls",
+    title="Near walls, particles created between two runs start with the forces of other particles",
     severity="medium",
-    effect="After delete_atoms and create_atoms the next run begins with wrong forces at walls",
+    effect="After delete_atoms and create_atoms the next run starts with wrong forces at walls",
     documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
-    "fluid (Adami et al. 2012); create_atoms: new particles have the properties that the page lists, and no past.",
-    observed="Particles that create_atoms makes begin the next run, in place of accelerations without pressure, with "
-    "what is left in the memory that they get: the pressure forces of the particles that lay there before delete_atoms "
-    "moved the last ones into the places of those deleted.",
-    argument="The scene of walls-begin-with-pressure, with the solid at (4, 4) and fluid particles at (4, 5) and "
-    "(3, 4), the last of which is deleted and created where it was between two 'run 0': the solid should have the "
-    "density 1, and has 1.210, as the new particle has the force of the other one; it has 1.335 if nothing is created, "
-    "and would have 1.238 if the new particle had no force.",
-    workaround="Take the RHEO fixes away (unfix) and define them anew after create_atoms.",
-    scene="two fluid particles beside a solid one, one of them created anew between run 0 and run 0",
+    "fluid (Adami et al. 2012); create_atoms: new particles have the properties that the page lists, and no history.",
+    observed="Particles created by create_atoms start the next run not with accelerations without pressure, but with "
+    "what is left in the memory they are given: the pressure forces of the particles that were stored there before "
+    "delete_atoms moved the last ones into the places of the deleted ones.",
+    argument="The scene of walls-begin-with-pressure, with the solid at (4, 4) and fluid particles at (4, 5) and (3, "
+    "4), the last of which is deleted and created where it was between two 'run 0': the solid should have the "
+    "density 1, and has 1.210, because the new particle has the force of the other one; it has 1.335 if nothing is "
+    "created, and would have 1.238 if the new particle had no force.",
+    workaround="Remove the RHEO fixes (unfix) and define them again after create_atoms.",
+    scene="two fluid particles next to a solid one, one of them deleted and created again between two run 0",
     model_variant=Variant(creates_beside_walls, FollowingLists, LeftInMemory, lists_of_neighbours, lists=True),
 )
 

@@ -102,8 +102,8 @@ def test_images_left_behind(lammps: Engine) -> None:
     numbers = said(
         BEHIND,
         "argument",
-        r"at distance # \(#D, cutoff #\) part at a speed of # in a box of length # that grows by # % a step of #\. "
-        r"After two steps their density is # in the middle of the box, and # if",
+        r"at distance # \(#D, cutoff #\) move apart at a speed of # in a box of length # that grows by # % in each "
+        r"step of #\. After two steps their density is # in the middle of the box, and # if",
     )
     assert [float(number) for number in numbers[:7]] == [1, 2, 3, 2, 8, 5, 0.05]
     for first, number in ((3.5, numbers[7]), (7.5, numbers[8])):
@@ -116,7 +116,7 @@ def test_images_left_behind(lammps: Engine) -> None:
 
 
 def test_without_remap_images_are_left_behind_by_what_the_edges_grow(lammps: Engine) -> None:
-    assert ENTRIES[BEHIND].observed.endswith("Without remap, images are left behind by what the edges grow.")
+    assert ENTRIES[BEHIND].observed.endswith("Without remap, periodic images lag behind by the growth of the edges.")
     scene = parting(7.5, deform={"x": 1.0, "remap": "none"})
     found = lammps.fields(scene, every_step=True)
     assert agree(found[2]["rho"], scene.predicted(BEHIND, snapshot=found[0]), "rho", 2)
@@ -135,7 +135,7 @@ def test_pairs_that_count_twice_do_so_with_the_image_of_either_particle(lammps: 
 
 
 def test_the_error_of_a_step_shrinks_with_the_square_of_its_length(lammps: Engine) -> None:
-    assert ENTRIES[BEHIND].argument.endswith("The error of a step shrinks with the square of its length.")
+    assert ENTRIES[BEHIND].argument.endswith("The error of a step decreases with the square of its length.")
 
     def error(dt: float) -> float:
         scene = parting(7.5, timestep=dt)

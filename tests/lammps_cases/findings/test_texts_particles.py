@@ -260,7 +260,9 @@ def layer(turn: int = 1, newton: bool = True) -> Told:
 def test_layer_depends_on_pair_order(lammps: Engine) -> None:
     assert f"the status of the layer ({ON_LAYER})" in ENTRIES[LAYER].observed
     assert f"status of bulk ({BULK})" in ENTRIES[LAYER].observed
-    assert ENTRIES[LAYER].workaround == "Take for the layer the bulk particles whose surface/r is less than the cutoff."
+    assert (
+        ENTRIES[LAYER].workaround == "Define the layer as the bulk particles whose surface/r is less than the cutoff."
+    )
     seen = []
     for turn, newton in ((1, True), (1, False), (-1, True)):
         scene = layer(turn, newton)
@@ -314,7 +316,7 @@ def plane(kernel: str, **options: Any) -> Told:
 @pytest.mark.parametrize("two", [two, row, plane])
 @pytest.mark.parametrize("kernel", ["RK1", "RK2"])
 def test_stale_gradient(kernel: str, two: Callable[..., Told]) -> None:
-    assert "one neighbour, all of them in a row or, in 3D, in a plane" in ENTRIES[STALE].observed
+    assert "one neighbour, or all of them lie in a row or, in 3D, in a plane" in ENTRIES[STALE].observed
     with engine() as fresh:
         first = fresh.fields(two(kernel))[0]["grad/v"]
         filler = fresh.fields(filled(kernel, 0))[0]["grad/v"]

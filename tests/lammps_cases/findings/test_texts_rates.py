@@ -61,7 +61,7 @@ def test_force_per_volume(lammps: Engine) -> None:
         FORCES, "argument", r"mass # and densities # and # at distance # \(#D, cutoff #,"
     )
     assert (mass, dimension, cut) == (1, 2, 3) and apart == np.diff(APART[:, 0])[0]
-    *found, low, high = said(FORCES, "argument", r"feel # and # in place of # and #")
+    *found, low, high = said(FORCES, "argument", r"feel # and # instead of # and #")
     scene = pair(types=[{"mass": 1.0}] * 2, rho=rho)
     lammps_n, right = lammps.fields(scene)[0]["f"][:, 0], scene.predicted().fields[0]["f"][:, 0]
     variant = scene.predicted(FORCES).fields[0]["f"][:, 0]
@@ -71,7 +71,7 @@ def test_force_per_volume(lammps: Engine) -> None:
 
 
 def test_the_missing_volume_depends_on_the_resolution(lammps: Engine) -> None:
-    (factor,) = said(FORCES, "argument", "a quarter of each mass, it is # times larger")
+    (factor,) = said(FORCES, "argument", "with a quarter of each mass, it is # times larger")
     errors, relative = [], np.zeros(2)
     gravity = [{"style": "gravity", "vector": [0.0, -0.75]}]
     for size in (1.0, 0.5):
@@ -117,7 +117,7 @@ def test_heat_is_temperature_rate(lammps: Engine) -> None:
         HEAT, "argument", r"masses # and # and temperatures # and # at distance # \(#D, cutoff #; rho"
     )
     assert (apart, dimension, cut) == (1, 2, 3)
-    *wrong, low, high = said(HEAT, "argument", "exchange # and # in place of # and #")
+    *wrong, low, high = said(HEAT, "argument", "exchange # and # instead of # and #")
     m = np.array(mass)
     scene = warm(m, m * [t1, t2])
     found, right = lammps.fields(scene)[0], scene.predicted().fields[0]
@@ -154,7 +154,7 @@ def test_heat_flow_is_that_of_the_formula(lammps: Engine, harmonic: bool) -> Non
 @pytest.mark.parametrize("harmonic", [False, True])
 def test_heat_with_another_conductivity(lammps: Engine, harmonic: bool) -> None:
     assert ENTRIES[HEAT].workaround == (
-        "Give the conductivity times m cv, with the same m/rho0 for every type; the factor rho/rho0 remains."
+        "Multiply the conductivity by m cv, with the same m/rho0 for every type; the factor rho/rho0 remains."
     )
     rho0, rho, cv, kappa = np.array([1.27, 0.81]), np.array([1.3, 0.79]), np.array([1.5, 0.8]), np.array([0.7, 0.3])
     mass, means = 0.6 * rho0, {"pair": {"harmonic_means": harmonic}}
@@ -184,7 +184,7 @@ def test_heat_over_density(older: Engine) -> None:
     assert flows(part / whole, (1.0, 1.0), [density] * 2)
     assert flows(1e-3, (900.0, 1100.0), [water] * 2)
     assert flows(2 / (1.3 + 0.8), (1.3, 0.6), [1.3, 0.8], kappa=(0.7, 0.3))
-    assert "Give the conductivity times rho0, with the same rho0 for every type" in ENTRIES[OVER].workaround
+    assert "Multiply the conductivity by rho0, with the same rho0 for every type" in ENTRIES[OVER].workaround
     rho0, cv = 1.25, np.array([1.5, 0.8])
     around = {"kappa": (0.7, 0.3), "rho0": (rho0, rho0), "factor": rho0, "cv": cv}
     assert flows(rho0 / (0.5 * (1.3 + 1.2)), (1.3, 0.6), [1.3, 1.2], **around)
@@ -205,7 +205,7 @@ def test_temperature_without_mass(lammps: Engine, older: Engine) -> None:
     np.testing.assert_array_equal(older.fields(scene)[0]["temperature"], wrong)
     assert agree(lammps.fields(scene)[0]["temperature"], scene.predicted(), "temperature")
     around = warm(mass, energy, cv=mass * cv, **temperature)
-    assert ENTRIES[MASS].workaround.startswith("Give the specific heat times the mass of a particle")
+    assert ENTRIES[MASS].workaround.startswith("Multiply the specific heat by the mass of a particle")
     assert agree(older.fields(around)[0]["temperature"], scene.predicted(), "temperature")
     fine = warm(mass / 4, energy / 4, cv=(cv, cv), **temperature)
     np.testing.assert_array_equal(older.fields(fine)[0]["temperature"], np.array(wrong) / 4)

@@ -80,7 +80,7 @@ def test_stress_without_pressure_segfault(lammps: Engine) -> None:
             assert reply.ended == "crashed" and reply.error.endswith("SIGSEGV"), "nothing more, so no message"
         for words in (f"{stress} pressure", f"pressure {stress}"):
             assert lammps.reply("deck", asking(words)).ended == "answered"
-    assert entry.workaround.startswith("Name pressure among the inputs of the same compute,")
+    assert entry.workaround.startswith("Add pressure to the inputs of the same compute,")
 
 
 def two_masses(mass: tuple[float, float], self_mass: bool = False, **options: Any) -> Told:
@@ -102,7 +102,7 @@ def test_self_mass_missing(lammps: Engine) -> None:
     for words in ("self/mass", "self/mass rho/sum", "rhosum self/mass", "self/mass rhosum", "rhosum"):
         assert with_keywords(lammps, words).ended == "refused"
     masses = said(entry.id, "argument", "particle of mass # at distance # from one of mass #")[::2]
-    without, own, percent = said(entry.id, "argument", "comes out at # where its own mass gives #, an error of # %")
+    without, own, percent = said(entry.id, "argument", "is #, while its own mass gives #, an error of # %")
     lammps_n = lammps.fields(two_masses(masses))[0]
     right = two_masses(masses, self_mass=True).predicted().fields[0]
     assert without.is_rounded(lammps_n["rho"][0]) and own.is_rounded(right["rho"][0])

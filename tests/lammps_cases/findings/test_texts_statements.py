@@ -66,7 +66,7 @@ def test_sound_of_force_per_volume(lammps: Engine) -> None:
 def test_kernel_corrects_gradients_only(lammps: Engine) -> None:
     entry = ENTRIES["kernel-corrects-gradients-only"]
     count, force, none = said(
-        entry.id, "argument", "block of # particles in disorder forces exceed # with RK0 .* beyond #"
+        entry.id, "argument", "block of # disordered particles forces exceed # with RK0, .* beyond #"
     )
     reply = shown(lammps, "order-zero.rk0")
     assert len(reply.arrays["type"]) == count
@@ -113,7 +113,7 @@ def test_bonds_across_a_boundary(lammps: Engine) -> None:
 
 def test_solids_summed(lammps: Engine) -> None:
     given, summed = said("solids-summed", "argument", "density # below .* has the density # after")
-    pressure, own = said("solids-summed", "argument", "the pressure # in place of #")
+    pressure, own = said("solids-summed", "argument", "the pressure # instead of #")
     reply = lammps.reply("wall-pair", PROBES["solid-density-summed"].edits[0])
     assert summed.is_rounded(reply.arrays["rho"][0]) and pressure.is_rounded(reply.arrays["pressure"][0])
     assert summed.is_rounded(w(0.0, 3.0) + w(1.0, 3.0))
@@ -125,7 +125,7 @@ def test_wall_density_stored(lammps: Engine) -> None:
     lost = shown(lammps, "solid-density-temporary")
     assert float(lost.arrays["expected"][0]) == own and after.is_rounded(lost.arrays["rho"][0]) and after == fluid
     thin, reported, limit = said(
-        "wall-density-stored", "argument", "fluid of # it reports # and the pressure of it, where #"
+        "wall-density-stored", "argument", "fluid of # it reports # and the corresponding pressure, where #"
     )
     below = shown(lammps, "solid-density-floor")
     assert (

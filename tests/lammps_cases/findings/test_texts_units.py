@@ -84,7 +84,7 @@ def test_virials_are_converted(lammps: Engine) -> None:
 
 
 def test_what_is_not_converted(lammps: Engine) -> None:
-    volumes, real, metal = said(RAW, "observed", r"are # of what they are.* applied, # in real and # in metal")
+    volumes, real, metal = said(RAW, "observed", r"are # times the right ones.* applied, # in real and # in metal")
     assert real.is_rounded(UNITS["real"].energy) and metal.is_rounded(UNITS["metal"].energy)
     assert volumes.is_rounded(UNITS["real"].density)
     v = np.zeros((8, 3)) + [1e-6, 0, 0] * (CUBE[:, :1] > 2.5)
@@ -103,7 +103,7 @@ def test_pressures_of_water(lammps: Engine) -> None:
         "argument",
         r"# % above its density \(# g/cm\^3, # Angstrom/fs\) has a pressure of # atm; LAMMPS reports #\.",
     )
-    of_metal, bars = said(RAW, "argument", r"it reports #, where # bar")
+    of_metal, bars = said(RAW, "argument", r"it reports # instead of # bar")
     assert (over, rho, c) == (5, 1, 0.015)
     for name, right, wrong in (("real", due, reported), ("metal", bars, of_metal)):
         scene = water(name)

@@ -177,7 +177,7 @@ def test_walls_after_rebuild(lammps: Engine) -> None:
     percent, name = said(REBUILT, "observed", "by # % in the scene")[0], "open.walls-after-rebuild"
     assert f"in the scene {name}" in ENTRIES[REBUILT].observed
     steps, first = map(
-        int, said(REBUILT, "argument", "over # steps with a rebuild in each and other images from step #")
+        int, said(REBUILT, "argument", "over # steps with a rebuild in each and different periodic images from step #")
     )
     scene = rebuilt(name)
     found = lammps.fields(scene, every_step=True)

@@ -129,7 +129,7 @@ def test_created_with_forces_of_others(lammps: Engine) -> None:
     right, created, kept, none = said(
         CREATED,
         "argument",
-        "the density #, and has #, as the new .*; it has # if nothing is created, and would have # if",
+        "the density #, and has #, because the new .*; it has # if nothing is created, and would have # if",
     )
     x, box = [[4.0, 4.0], [4.0, 5.0], [3.0, 4.0]], {"low": [0, 0], "high": [9, 9], "periodic": [False, False]}
     for by, density, finding in (("recreated", created, CREATED), ("run", kept, BEGIN)):
@@ -141,7 +141,7 @@ def test_created_with_forces_of_others(lammps: Engine) -> None:
         assert abs(plain.fields[0]["rho"][0] - right) <= plain.bounds[0]["rho"][0]
     scene = beside_a_wall({"at": 0, "by": "recreated"}, positions={"x": x, **box})
     assert none.is_rounded(scene.predicted(BEGIN).fields[0]["rho"][0])
-    assert ENTRIES[CREATED].workaround == "Take the RHEO fixes away (unfix) and define them anew after create_atoms."
+    assert ENTRIES[CREATED].workaround == "Remove the RHEO fixes (unfix) and define them again after create_atoms."
     anew = beside_a_wall({"at": 0, "by": "redefined"}, positions={"x": x, **box})
     first, between, *others = scene.job.runs
     assert isinstance(between, Interlude) and isinstance(anew.job.runs[1], Interlude)

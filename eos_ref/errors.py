@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-SIMILAR = 0.55  # least ratio of `difflib.SequenceMatcher` at which a name is suggested
+SIMILAR = 0.55  # least ratio of `difflib.SequenceMatcher` at which a name may be suggested
+MOST_ALIKE = 5  # names among which the one of fewest slips is suggested
 LONGEST = {
     "what": 80,
     "rule": 300,
@@ -99,12 +100,33 @@ def together(errors: Sequence[InputError]) -> InputError:
 
 
 def similar(name: str, names: Iterable[str]) -> str:
-    """Return the name that was probably meant: one that begins so, or the nearest; empty if none is similar."""
+    """Return the name that was probably meant: one that begins so, or the nearest; empty if none is close.
+
+    Close are names that a few slips make of each other: one, or one for every four letters.
+    """
     import difflib
 
     known, word = list(names), name[:100]
     longer = [each for each in known if each.casefold().startswith(word.casefold())] if len(word) > 1 else []
-    return min(longer, key=len, default="") or next(iter(difflib.get_close_matches(word, known, 1, SIMILAR)), "")
+    if longer:
+        return min(longer, key=len)
+    alike = difflib.get_close_matches(word, known, MOST_ALIKE, SIMILAR)
+    slips = {each: _slips(word.casefold(), each.casefold()) for each in alike}
+    close = [each for each in alike if slips[each] <= max(1, len(word) // 4)]
+    return min(close, key=slips.__getitem__, default="")
+
+
+def _slips(a: str, b: str) -> int:
+    """Return how many letters are to be changed, left out, put in or exchanged with the next to make b of a."""
+    before, last = [0] * (len(b) + 1), list(range(len(b) + 1))
+    for i, letter in enumerate(a, 1):
+        row = [i]
+        for j, other in enumerate(b, 1):
+            row.append(min(last[j] + 1, row[j - 1] + 1, last[j - 1] + (letter != other)))
+            if i > 1 and j > 1 and letter == b[j - 2] and a[i - 2] == other:
+                row[j] = min(row[j], before[j - 2] + 1)
+        before, last = last, row
+    return last[-1]
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

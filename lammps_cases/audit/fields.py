@@ -82,7 +82,7 @@ class Setting:
 
     deck: Deck
     units: str
-    open_tilt: bool = False  # whether the box leans along an axis that is not periodic
+    open_tilt: bool = False  # whether the box is tilted along an axis that is not periodic
     between: str = ""  # a command that run executes in between and that may change the model
 
 
@@ -128,13 +128,13 @@ def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
     if name != "rho" and not needs(name, "pairs", model):
         return ""
     hidden = setting.deck.hides_pairs() or (
-        "the box leans along an axis that is not periodic" if setting.open_tilt else ""
+        "the box is tilted along an axis that is not periodic" if setting.open_tilt else ""
     )
     return hidden or _of_pairs(name, model, setting)
 
 
 def leans_open(tilt: Sequence[float], periodic: Sequence[bool]) -> bool:
-    """Return whether a box, leaning by xy, xz and yz, leans along an axis that is not periodic."""
+    """Return whether a box, tilted by xy, xz and yz, is tilted along an axis that is not periodic."""
     return any(lean and not all(periodic[axis] for axis in axes) for lean, axes in zip(tilt, TILTED, strict=False))
 
 
@@ -145,15 +145,15 @@ def needs(name: str, quantity: str, model: Model) -> bool:
 
 def _of_pairs(name: str, model: Model, setting: Setting) -> str:
     if name == "rho" and not model.fix.rho_sum:
-        return "it is integrated from step to step; only rho/sum makes it a function of the positions"
+        return "integrated over time; it can be checked only with rho/sum"
     if FIELDS[name].stage != "pair":
         return ""
     if corrected_by_hidden_densities(model):
-        return "the reproducing kernels saw densities of walls from before their reconstruction"
+        return "the reproducing kernels used densities of walls from before their reconstruction"
     deck = setting.deck
     added = ""
     if name == "f" and setting.units in ("real", "metal", "electron"):
-        added = f"in units {setting.units} force over mass is no acceleration"
+        added = f"in units {setting.units} force over mass is not an acceleration"
     elif name != "drho":
         added = deck.adds_force() if name == "f" else deck.adds_heat()
     return added or deck.changes_pairs()

@@ -172,7 +172,7 @@ def _check(frame: Frame, where: str) -> None:
 def _coarse(x_nc: Rounded, model: Model) -> str:
     """Return why positions tell nothing of neighbours; or nothing."""
     if not np.isfinite(x_nc.value).all():
-        return "positions are no numbers"
+        return "positions are not numbers"
     # Beyond the latter, the squares of distances are no longer told apart by the cutoff, whatever the digits.
     known = 2 * np.sqrt(model.dimension) * x_nc.error.max(initial=0.0) + EPS * np.abs(x_nc.value).max(initial=0.0)
     return "" if known < 0.5 * model.cut else "positions are not known to within the cutoff"
@@ -264,7 +264,7 @@ class _Audit:
     def _between(self, run: Run) -> str:
         """Return why the state that the forces saw does not follow from that of the dump; or nothing."""
         if run.setup.units in ("real", "metal", "electron"):
-            return f"in units {run.setup.units} force over mass is no acceleration"
+            return f"in units {run.setup.units} force over mass is not an acceleration"
         return run.deck.moves_on()
 
     def unchecked(self) -> dict[str, str]:

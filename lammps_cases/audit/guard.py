@@ -14,7 +14,7 @@ from pathlib import Path
 from eos_ref.errors import InputError
 from lammps_cases.audit import text
 
-RULE = "may not be run by an audit (if you trust the deck: --trust)"
+RULE = "not allowed in an audit; use --trust if you trust the deck"
 # Each of them runs programs, loads libraries, or fetches from the network.
 OUTSIDE = frozenset({"shell", "python", "plugin", "mdi", "kim", "geturl", "message", "server"})
 # Commands whose file names are read, and those whose words may begin with a slash for other reasons.
@@ -24,7 +24,7 @@ READERS = {
     *("pair_style", "pair_coeff", "bond_style", "bond_coeff", "angle_coeff", "dihedral_coeff", "improper_coeff"),
 }
 DEEPEST = 20  # commands within commands
-NESTED = "may not hold commands within commands without end"
+NESTED = "must not nest commands without end"
 _COMPRESSED = (".gz", ".bz2", ".zst", ".xz", ".lzma", ".lz4")  # LAMMPS hands these names to a shell
 _BY_ITSELF = ("/gz", "/zstd")  # styles that compress without one
 

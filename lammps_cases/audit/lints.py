@@ -94,8 +94,8 @@ def _mass(law: EOS, mass_n: Array, n_n: Array, rho_n: Array, far: bool) -> str:
     volume = float(np.median(1 / n_n))
     return (
         f"m = {float(np.median(mass_n)):.6g} is {filled:.3g} times rho0 V = {law.rho0 * volume:.6g} (V = {volume:.6g} "
-        f"by the spacing of {len(mass_n)} fluid particles with full support): sum_j m/rho0 W_ij is {filled:.3g} in "
-        "place of 1, and gradients and forces are off by as much"
+        f"by the spacing of {len(mass_n)} fluid particles with full support): sum_j m/rho0 W_ij is {filled:.3g} "
+        "instead of 1, and gradients and forces are wrong by this factor"
     )
 
 
@@ -105,8 +105,8 @@ def _speed(law: EOS, v_nc: Array) -> str:
     if not law.cs < SLOW * speed:
         return ""
     return (
-        f"speed of sound {law.cs:g} is {law.cs / speed:.3g} times the largest speed of its fluid, {speed:.3g}: expect "
-        f"its density to vary by {100 * (speed / law.cs) ** 2:.2g} %; {SLOW:g} times keep that at 1 %"
+        f"speed of sound {law.cs:g} is {law.cs / speed:.3g} times the largest speed of its fluid, {speed:.3g}: its "
+        f"density will vary by about {100 * (speed / law.cs) ** 2:.2g} %; a ratio of {SLOW:g} would limit this to 1 %"
     )
 
 
@@ -126,8 +126,8 @@ def _gravity(sample: ParticleSample) -> dict[str, str]:
         if c < SLOW * fall:
             lines["gravity"] = (
                 f"speed of sound {c:g} is {c / fall:.3g} times sqrt(g h) = {fall:.3g} (g = {g:g}, fluid of height "
-                f"{height:.4g}): expect its weight to compress it by {100 * (fall / c) ** 2:.2g} %; {SLOW:g} times "
-                "keep that at 1 %"
+                f"{height:.4g}): its weight will compress it by about {100 * (fall / c) ** 2:.2g} %; a ratio "
+                f"of {SLOW:g} would limit this to 1 %"
             )
     return lines
 

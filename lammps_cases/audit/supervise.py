@@ -139,7 +139,7 @@ def described(deck: Path, options: AuditOptions) -> tuple[Findings, DeckSetups]:
 
 def _check(deck: Path, options: AuditOptions) -> None:
     if not deck.is_file():
-        rule = "must be a readable file" + ("" if deck.exists() else ", and there is none of this name")
+        rule = "must be a readable file" if deck.exists() else "no such file"
         raise InputError("deck", rule, where=str(deck))
     if not options.trust:
         check_script(deck)
@@ -170,7 +170,7 @@ def confined(options: AuditOptions) -> containment.Means:
         return "none"
     means = containment.means()
     if means == "none":
-        rule = "cannot be contained here, for want of Landlock (Linux 5.13) and of bubblewrap: if you trust it, --trust"
+        rule = "cannot be contained here without Landlock (Linux 5.13) or bubblewrap; use --trust if you trust it"
         raise InputError("deck", rule)
     return means
 
@@ -212,7 +212,7 @@ def _listen(
     except TimeoutError:
         return Failure("timeout", f"stopped after {options.timeout:g} s, {_at(findings)}")
     except DiskFull:
-        return Failure("crashed", f"stopped, as it had filled half of the disk, {_at(findings)}")
+        return Failure("crashed", f"stopped because it had filled half of the disk, {_at(findings)}")
     except messages.Foreign as error:
         return Failure("crashed", f"LAMMPS' process sent what is no message of an audit ({error}), {_at(findings)}")
     if findings.ended is not None:

@@ -151,7 +151,7 @@ class Findings:
 
 
 NEVER_COMPARABLE = (
-    "no sample had an atom to compare it for: all lie beside reconstructed walls whose densities LAMMPS does not show "
+    "no sample had an atom to compare: all lie beside reconstructed walls whose densities LAMMPS does not show "
     "as it used them, at the cutoff of others, or off the plane of a 2D deck"
 )
 NOTHING = RunFacts(0, 0, "", [], [])

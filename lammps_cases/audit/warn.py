@@ -95,8 +95,8 @@ class Questions:
         """Note a command of RHEO's with words that LAMMPS takes for something else."""
         self.mistaken = True
         self._lines += [
-            f"fix {values[1]} ({values[3]}): '{word}' is no range of types: LAMMPS takes it for "
-            f"'{word.partition('-')[0]}' alone (known bug {HYPHEN}), and so does this audit; write "
+            f"fix {values[1]} ({values[3]}): '{word}' is not a valid type range: LAMMPS reads it as "
+            f"'{word.partition('-')[0]}' only (known bug {HYPHEN}), and so does this audit; write "
             f"'{word.replace('-', '*')}'"
             for word in words
         ]

@@ -68,7 +68,7 @@ def _expected(report: Report, ending: Ending) -> Iterable[str]:
         refused = report.deck.refused
         yield f"LAMMPS stops with an error that holds: `{refused}`." if refused else "LAMMPS runs the deck."
         return
-    yield f"{_subject(report)}: {ending.printed('expected') or 'see the deck'}."
+    yield f"In the deck below, {_subject(report)}: {ending.printed('expected') or 'see the deck'}."
     if report.sum:
         yield ""
         yield from _by_hand(report.sum)
@@ -113,7 +113,7 @@ def _actual(report: Report, ending: Ending) -> Iterable[str]:
     if ending.code:
         yield f"LAMMPS ends with exit code {ending.code}: `{ending.error}`"
     elif report.number is not None:
-        yield f"{_subject(report)}: {ending.printed('obtained')}."
+        yield f"In the deck below, {_subject(report)}: {ending.printed('obtained')}."
     else:
         yield "LAMMPS runs the deck to its end."
 

@@ -107,10 +107,14 @@ def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:
     """
     shown = demonstrations().get(entry.id)
     if shown is not None and not shown.made_in(manual):
-        raise InputError("finding", f"is none by the manual of {manual}, which documents what LAMMPS does", entry.id)
+        raise InputError(
+            "finding", f"is not a bug by the manual of {manual}, which documents what LAMMPS does", entry.id
+        )
     probe = _probe(entry)
     if probe is not None and not probe.made_in(manual):
-        raise InputError("finding", f"is none by the manual of {manual}, which does not say so", entry.id)
+        raise InputError(
+            "finding", f"is not a bug by the manual of {manual}, which does not promise otherwise", entry.id
+        )
     if shown is None or shown.number is None:
         return Report(entry.id, entry.title, _of_input(entry), entry)
     case = case_of(entry.id, entry.title, shown.scene).by(manual)

@@ -20,7 +20,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     help_ = "known findings of at least this severity are failures; new: none of them (default: new)"
     add("--eos-ref-fail-on", choices=levels, metavar="LEVEL", help=help_)
     add("--eos-ref-strict", action="store_const", const="low", dest="eos_ref_fail_on", help="the same as low")
-    add("--eos-ref-fresh", action="store_true", help="compute every prediction of the reference anew")
+    add("--eos-ref-fresh", action="store_true", help="recompute every prediction of the reference")
     add("--eos-ref-out", metavar="DIR", help="write the report of eos-ref run into this folder")
 
 

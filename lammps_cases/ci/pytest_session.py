@@ -163,7 +163,7 @@ class SessionPlugin:
         out = self._config.option.eos_ref_out
         twice = [name for name, count in Counter(record.case for record in run.cases).items() if count > 1]
         if twice:
-            why = f"two cases of the name {twice[0]}"
+            why = f"two cases with the name {twice[0]}"
         elif self._unjudged:
             why = f"{self._unjudged} cases or files could not be judged"
         else:
@@ -209,5 +209,5 @@ def _lines(run: RunRecord) -> list[str]:
     lines = [f"{wording.engine(run.engine)}: {wording.tally(run)}"]
     lines += [*([wording.carried(run.carried)] if run.carried else []), *run.notes]
     if run.predictions.stored:
-        lines.append(f"{run.predictions} (--eos-ref-fresh computes them anew)")
+        lines.append(f"{run.predictions} (--eos-ref-fresh recomputes them)")
     return lines

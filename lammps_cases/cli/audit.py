@@ -18,25 +18,25 @@ from lammps_cases.records.wording import effects, listed, unchecked
 @click.command("audit")
 @click.argument("deck", type=shared.PATH, required=False)
 @click.option("--deck", "of_deck", type=shared.PATH, metavar="DECK", help="The same as DECK.")
-@click.option("--dump", type=shared.PATH, metavar="FILE", help="Check a dump that DECK has written, running nothing.")
-@click.option("--restart", type=shared.PATH, metavar="FILE", help="Check a restart file that DECK has written.")
-@click.option("--every", default=10, show_default=True, metavar="M", help="Look at all atoms every M time steps.")
+@click.option("--dump", type=shared.PATH, metavar="FILE", help="Check a dump written by DECK, without running it.")
+@click.option("--restart", type=shared.PATH, metavar="FILE", help="Check a restart file written by DECK.")
+@click.option("--every", default=10, show_default=True, metavar="M", help="Check all atoms every M time steps.")
 @click.option("--steps", type=int, metavar="N", help="Stop after N time steps in all.  [default: the whole deck]")
 @click.option(
     "--fields",
     default="all",
     show_default=True,
     metavar="NAME,...",
-    help="What to check, by LAMMPS' names (pressure, coordination, grad/v, f, ...); all: whatever can be.",
+    help="What to check, by LAMMPS' names (pressure, coordination, grad/v, f, ...); all: whatever can be checked.",
 )
 @click.option("--timeout", type=float, default=3600.0, metavar="S", help="Stop after S seconds.  [default: an hour]")
 @click.option("-sf", "--suffix", metavar="STYLE", help="Style suffix, as LAMMPS' own switch -sf.")
-@click.option("--budgets", is_flag=True, help="Also follow momentum and energy, and what takes them away.")
+@click.option("--budgets", is_flag=True, help="Also follow momentum and energy, and where they are lost.")
 @click.option(
     "--trust",
     is_flag=True,
     envvar="EOS_REF_TRUST",
-    help="Let the deck run programs, and read and write whatever you may.",
+    help="Let the deck run programs, and read and write files with your own file permissions.",
 )
 @click.option("--out", type=shared.PATH, help="Report folder.  [default: reports/audit-DECK]")
 @shared.engine_option
@@ -59,15 +59,15 @@ def audit_command(
     fail_on: FailOn | None,
     as_json: bool,
 ) -> int:
-    """Check every atom while LAMMPS runs DECK, unchanged, in a copy of its folder, and say which known bugs touch it.
+    """Check every atom while LAMMPS runs DECK, unchanged, in a copy of its folder, and say which known bugs affect it.
 
-    Checked is whatever a force evaluation makes of positions, velocities, densities, energies and phases, where the
-    forces use it: the pressure by the laws that the deck defines at that moment, gradients, surfaces, forces. Loops,
-    includes, several runs and redefined fixes are followed. Where LAMMPS breaks off, the reference runs on from the
-    last good sample to find out why.
+    It checks whatever a force evaluation computes from positions, velocities, densities, energies and phases, as used
+    by the forces: the pressure by the laws that the deck defines at that moment, gradients, surfaces, forces. Loops,
+    includes, several runs and redefined fixes are followed. If LAMMPS stops with an error, the reference continues
+    from the last good sample to find out why.
 
-    With --dump or --restart nothing is run but the set-up: the columns of a dump are checked against each other, with
-    the digits that it holds; LAMMPS reads a restart file and evaluates its forces once.
+    With --dump or --restart only the set-up is run: the columns of a dump are checked against each other, to the
+    digits that it holds; LAMMPS reads a restart file and evaluates its forces once.
 
     \b
     Examples: eos-ref audit in.deck --every 10 --steps 1000
@@ -111,7 +111,7 @@ def field_table(case: CaseRecord) -> list[str]:
     """Return the lines of a table of the fields; none if none was checked."""
     looks = Counter((check.field, check.type) for check in case.checks)
     atoms = {(check.field, check.type): check.natoms for check in case.checks}
-    head = "field        type  looks   atoms   |LAMMPS-ref|     /bound worst step worst atom  verdict"
+    head = "field        type samples  atoms   |LAMMPS-ref|     /bound worst step worst atom  verdict"
     rows = [
         f"{record.field:12s} {record.atom_type or 'all':>4} {looks[record.field, record.atom_type or 0]:6d} "
         f"{atoms[record.field, record.atom_type or 0]:7d} "
@@ -134,7 +134,7 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
         for check in bad[:most]
     ]
     if len(bad) > most:
-        outside.append(f"... {len(bad) - most} more looks outside, all in run.json ...")
+        outside.append(f"... {len(bad) - most} more samples outside, all in run.json ...")
     from lammps_cases.audit import balance
     from lammps_cases.audit.fields import unaudited
 

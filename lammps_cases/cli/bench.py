@@ -23,21 +23,21 @@ PARTS = ("laws", "model", "peers", "runs")
 @click.argument("parts", nargs=-1, type=click.Choice(PARTS))
 @click.option("--states", type=click.IntRange(1000), default=10_000_000, show_default=True, help="States per law.")
 @click.option("--repeats", type=click.IntRange(1), default=9, show_default=True, help="Measurements of each side.")
-@click.option("--pysph", metavar="PYTHON", help="A Python that has PySPH: one more peer.")
+@click.option("--pysph", metavar="PYTHON", help="A Python with PySPH: one more peer.")
 @click.option(
     "--history",
     type=click.Path(path_type=Path),
     default="reports/bench.jsonl",
     show_default=True,
-    help="Where every measurement is kept.",
+    help="File in which every measurement is stored.",
 )
-@click.option("--label", default="", help="A name under which --compare finds this measurement.")
+@click.option("--label", default="", help="A name by which --compare finds this measurement.")
 @click.option(
     "--benchmark-json",
     type=click.Path(path_type=Path, dir_okay=False),
     help="Write the measurement in the format of pytest-benchmark, too.",
 )
-@click.option("--compare", nargs=2, metavar="A B", help="Measure nothing: compare two measurements kept.")
+@click.option("--compare", nargs=2, metavar="A B", help="Measure nothing: compare two stored measurements.")
 @json_option
 def bench_command(
     parts: tuple[str, ...],
@@ -50,7 +50,7 @@ def bench_command(
     compare: tuple[str, str] | None,
     as_json: bool,
 ) -> int:
-    """Measure speed in one run against peers, as ratios ours/peer, in turns with each of them.
+    """Measure speed relative to peers in one run, as ratios ours/peer, alternating with each of them.
 
     PARTS: laws (equations of state against memory copies), model (time steps against LAMMPS' own, one core each), peers
     (Taylor-Green vortices against LAMMPS on 1 and 2 ranks, and PySPH), runs (whole programs). All by default; the model

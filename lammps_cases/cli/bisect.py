@@ -19,7 +19,7 @@ from lammps_cases.records.progress import Bar
 @shared.tag_option
 @click.option("--field", "fields", multiple=True, help="Only this field.")
 @shared.paths_option
-@click.option("--beyond-bounds", is_flag=True, help="Look for changes beyond the bounds, not of any bit.")
+@click.option("--beyond-bounds", is_flag=True, help="Look for changes beyond the bounds, not for any changed bit.")
 @shared.jobs_option
 @shared.folder_option("--out", "reports/bisect", "Folder of the runs.")
 @shared.fresh_option
@@ -36,7 +36,7 @@ def bisect_command(
     fresh: bool,
     as_json: bool,
 ) -> int:
-    """Find the first of several engines, given in order, that changed; report folders will do as well.
+    """Find the first of several engines, given in order, that changed; report folders work as well.
 
     Halves the list, so that few engines are run: the first, the last, and those that decide.
 
@@ -64,7 +64,7 @@ def bisect_command(
         return int(changed)
     click.echo(f"ran {', '.join(names[at] for at in outcome.ran)}: {len(outcome.ran)} of {len(names)}")
     before, after = bisection.side_names(outcome, names)
-    sentence = f"{after} is the first that changed; {before} had not" if changed else f"{after} agrees with {before}"
+    sentence = f"{after} is the first that changed; {before} did not" if changed else f"{after} agrees with {before}"
     click.secho(sentence, bold=True)
     for line in (*pairs.lines(outcome.changes, before, after), *pairs.faults(outcome.changes)):
         click.echo(line)

@@ -28,9 +28,9 @@ SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows", "codes")
     help="env (default), pypi:VERSION or path:PLACE; may be repeated.",
 )
 @launcher_option
-@cluster_option_with("search the worst errors of the laws; all that is timed is run on this machine")
-@click.option("--pysph", metavar="PYTHON", help="A Python that has PySPH: one more of the whole codes.")
-@click.option("--save-costs", is_flag=True, help='Keep the laws\' times as those by which method="auto" chooses.')
+@cluster_option_with("search the worst errors of the laws; everything timed runs on this machine")
+@click.option("--pysph", metavar="PYTHON", help="A Python with PySPH: one more of the complete codes.")
+@click.option("--save-costs", is_flag=True, help='Save the laws\' times as those used by method="auto".')
 @json_option
 def chart_command(
     sections: tuple[str, ...],
@@ -44,8 +44,8 @@ def chart_command(
     """Measure how accurate and how fast LAMMPS, the reference and its alternative methods are, and draw it.
 
     SECTIONS: laws, sums, kernels, searches, timestep, flows, codes; all by default. Writes report.html, chart.json,
-    points.csv, convergence.csv and figures/ as SVG and PNG. Of several engines the pictures lay the frontiers over each
-    other; each but the first has its own chart in a folder below.
+    points.csv, convergence.csv and figures/ as SVG and PNG. For several engines the figures overlay the frontiers; each
+    but the first has its own chart in a subfolder.
 
     \b
     Example:  eos-ref chart --quick

@@ -27,7 +27,7 @@ PROBES = ".probes.json"  # what the probes of an engine said, beside the report 
 
 @click.command("claims")
 @click.argument("names", nargs=-1, metavar="[CLAIM]...")
-@click.option("--run", "runs", multiple=True, type=shared.PATH, help="Judge by a finished run; runs nothing.")
+@click.option("--run", "runs", multiple=True, type=shared.PATH, help="Judge from a finished run; run nothing.")
 @click.option(
     "--engine",
     "engines",
@@ -38,7 +38,7 @@ PROBES = ".probes.json"  # what the probes of an engine said, beside the report 
 @click.option("--out", type=shared.PATH, help="Folder of the page.  [default: by date, in reports/claims]")
 @shared.jobs_option
 @click.option("--traceability", is_flag=True, help="Only list claims without a case and cases without a claim.")
-@click.option("--manuals", is_flag=True, help="Only list the claims that not every version of the manual makes.")
+@click.option("--manuals", is_flag=True, help="Only list claims that are not in every version of the manual.")
 @shared.fail_on_option
 @shared.json_option
 def claims_command(
@@ -52,7 +52,7 @@ def claims_command(
     fail_on: FailOn | None,
     as_json: bool,
 ) -> int:
-    """Say for every statement of the two manual pages whether LAMMPS keeps it, and by which cases that is known.
+    """Say for every statement of the two manual pages whether it holds in LAMMPS, and which cases show it.
 
     A name selects a claim, a pattern several; so does a page, a kind, or a case. Runs the cases that are needed, and
     small decks for what no scene can say, and writes claims.html and claims.json. A claim that a known finding
@@ -295,9 +295,9 @@ def _traceability(leads: Trace, as_json: bool) -> int:
     for title, names in (("claims without a case", leads.untestable), ("cases without a claim", leads.unclaimed)):
         click.secho(f"{len(names)} {title}", bold=True)
         for name, why in names.items():
-            click.echo(f"  {name}: {why or 'nobody has said why'}")
+            click.echo(f"  {name}: {why or 'no reason given'}")
     for id, patterns in leads.dangling.items():
-        click.secho(f"  {id}: no case fits {', '.join(patterns)}", fg="red")
+        click.secho(f"  {id}: no case matches {', '.join(patterns)}", fg="red")
     for pattern in leads.stale:
         click.secho(f"  {pattern}: a reason for cases that have a claim, or do not exist", fg="red")
     return int(not leads.complete)

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 @shared.jobs_option
 @shared.folder_option("--out", "reports/compare", "Folder of the report.")
 @shared.fresh_option
-@click.option("--strict", is_flag=True, help="Exit 1 also for other bits within the bounds.")
-@click.option("--no-timing", is_flag=True, help="Do not ask which engine is slower.")
+@click.option("--strict", is_flag=True, help="Exit 1 also for different bits within the bounds.")
+@click.option("--no-timing", is_flag=True, help="Do not measure which engine is slower.")
 @click.option(
     "--fail-on",
     type=click.Choice(FAIL_ON),
-    help="Exit 1 only by findings of at least this severity; new: without a finding.  [default: any change]",
+    help="Exit 1 only for findings of at least this severity; new: without a finding.  [default: any change]",
 )
 @shared.json_option
 def compare_command(
@@ -46,9 +46,9 @@ def compare_command(
 ) -> int:
     """Compare two sides: engines (env, pypi:VERSION, path:DIR), report folders of runs, accepted baselines.
 
-    Engines run the cases first; runs and baselines are read and need no LAMMPS. Every case and field is said to have
-    the same bits, to be within the bounds, or to have changed, and which side is closer to the reference. Engines are
-    timed in turns. More than two sides give a table of all pairs. Writes compare.json, compare.html, summary.md.
+    Engines run the cases first; runs and baselines are read and need no LAMMPS. Every case and field is reported as
+    bit-identical, within the bounds, or changed, with the side that is closer to the reference. Engines are timed in
+    turns. More than two sides give a table of all pairs. Writes compare.json, compare.html, summary.md.
 
     \b
     Exit codes: 0 same bits, or within bounds; 1 something changed (that

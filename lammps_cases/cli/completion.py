@@ -26,9 +26,9 @@ BEFORE = {
 
 @click.command("completion")
 @click.argument("shell", type=click.Choice(list(STARTS)))
-@click.option("--print", "only_print", is_flag=True, help="Print the script, and install nothing.")
+@click.option("--print", "only_print", is_flag=True, help="Print the script without installing anything.")
 def completion_command(shell: str, only_print: bool) -> int:
-    """Let a shell complete commands, options, cases, tags, findings and engines: once, for all shells that start then.
+    """Let a shell complete commands, options, cases, tags, findings and engines: once, for all future shells.
 
     \b
     Example:  eos-ref completion bash
@@ -50,7 +50,7 @@ def completion_command(shell: str, only_print: bool) -> int:
             write_atomically(start, before + "\n" * (not before.endswith("\n") and bool(before)) + line + "\n")
     file.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(file, script)
-    click.echo(f"written: {file}; a new {shell} completes eos-ref")
+    click.echo(f"written: {file}; new {shell} sessions complete eos-ref")
     return 0
 
 

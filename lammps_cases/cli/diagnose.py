@@ -16,7 +16,7 @@ from lammps_cases.cli import shared
 def diagnose_command(run: Path, paths: tuple[Path, ...], as_json: bool) -> int:
     """Group the red cases of a finished run, say what their scenes share, and try changes of the formulas.
 
-    Needs the cases as they were and the arrays of the report, not LAMMPS. Writes the report anew.
+    Needs the cases as they were and the arrays of the report, not LAMMPS. Rewrites the report.
 
     \b
     Example:  eos-ref diagnose reports/latest
@@ -32,5 +32,5 @@ def diagnose_command(run: Path, paths: tuple[Path, ...], as_json: bool) -> int:
     if record.triage or before:
         report_files.write_run(record, run, past=history.past(record))
     if record.triage is None and not as_json:
-        click.echo("every case is as expected: there is nothing to group")
+        click.echo("every case is as expected: nothing to group")
     return shared.finish(record, run, as_json)

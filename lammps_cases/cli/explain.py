@@ -22,19 +22,19 @@ if TYPE_CHECKING:
 @click.option(
     "--atom", type=int, metavar="ID", help="Show the neighbours of a particle, and what each pair adds to it."
 )
-@click.option("--step", type=int, metavar="N", help="Of --atom: after N steps.  [default: the last that is compared]")
+@click.option("--step", type=int, metavar="N", help="For --atom: after N steps.  [default: the last that is compared]")
 @click.option(
-    "--full", is_flag=True, help="Also all rules that it takes, what is modelled and why, and LAMMPS' commands."
+    "--full", is_flag=True, help="Also show all rules it exercises, what is modelled and why, and LAMMPS' commands."
 )
 @shared.paths_option
 @shared.json_option
 def explain_command(
     name: str, atom: int | None, step: int | None, full: bool, paths: tuple[Path, ...], as_json: bool
 ) -> int:
-    """Show a case: its scene, laws and their bounds, what it is for; with --full what is modelled, and LAMMPS' input.
+    """Show a case: its scene, laws, bounds and the rules it exercises; with --full what is modelled and LAMMPS' input.
 
-    What it is for is counted by running the reference on it. Cases whose names begin alike are listed; --full and
-    --json show each. Of a finding, a field or a verdict, say what it is.
+    The rules it exercises are counted by running the reference on it. Cases whose names begin alike are listed; --full
+    and --json show each. For a finding, a field or a verdict, say what it is.
 
     \b
     Example:  eos-ref explain near-rho0
@@ -239,7 +239,7 @@ def _list(cases: Sequence[Case]) -> None:
 
     for about in dict.fromkeys(case.about for case in cases):
         shared.show(about)
-    columns = ("case", "laws", "it is for")
+    columns = ("case", "laws", "rules exercised")
     rows = [
         (case.name, ", ".join(dict.fromkeys(law.style for law in case.scene.pressure)), ", ".join(case.exercises))
         for case in cases
@@ -274,22 +274,23 @@ def _show(explanation: dict[str, Any], full: bool) -> None:
         _show_sides(explanation)
         return
     besides = sum(not row["for"] for row in explanation["exercises"])
-    rest = f"the {besides} rules that it takes besides, what" if besides else "what"
-    shared.show(f"--full shows {rest} is modelled and why, and LAMMPS' commands", "  ")
+    rules = "rule" if besides == 1 else "rules"
+    rest = f"the {besides} other {rules} it exercises, what" if besides else "what"
+    shared.show(f"--full also shows {rest} is modelled and why, and LAMMPS' commands", "  ")
 
 
 def _show_rules(exercises: Sequence[dict[str, Any]], full: bool) -> None:
     """Show the rules that a case is for, or all that it takes."""
     from lammps_cases.records.wording import counted
 
-    columns = ("it is for", "rule", "taken by", "what the reference does")
+    columns = ("purpose", "rule", "exercised by", "what the reference does")
     rows = [
         ("yes" if row["for"] else "", row["rule"], counted(row["count"], row["of"]), row["sentence"])
         for row in exercises
         if full or row["for"]
     ]
     if rows:
-        title = f"{'exercised' if full else 'it is for'}, counted on the reference"
+        title = f"{'all ' * full}rules exercised (counted on the reference)"
         at = 0 if full else 1
         shared.table(columns[at:], [row[at:] for row in rows], title, drop=columns[2:3], prose=columns[3:])
 

@@ -31,7 +31,7 @@ def say(cases: Sequence[Case], atom: int, step: int | None, as_json: bool) -> No
     """
     if len(cases) != 1:
         such = some([case.name for case in cases], 2)
-        raise InputError("case", f"must be one, whose particle is looked at, not {len(cases)}", such)
+        raise InputError("option --atom", f"needs a single case, but {len(cases)} match", such)
     (case,) = cases
     given = _sum(case, atom, _step(case, step))
     if as_json:

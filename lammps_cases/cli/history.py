@@ -29,17 +29,17 @@ FIELD = ("field", "atom_type", "verdict", "max_over_bound", "max_abs", "digest",
 
 @click.command("history")
 @click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
-@click.option("--field", default="", help="Errors of this field alone (a name or pattern).")
+@click.option("--field", default="", help="Only errors of this field (a name or pattern).")
 @click.option("--engine", default="", help="Only engines whose name or version fits this pattern, or holds it.")
 @click.option("--since", metavar="DATE", default="", help="Only runs from this day on (2026-01-31).")
 @click.option("--last", type=click.IntRange(1), help=f"Only the last N runs (list of runs: {SHOWN}).")
 @click.option("--add", "added", multiple=True, type=shared.PATH, help="Report folder to keep; repeatable.")
-@click.option("--verdicts", "only", flag_value="verdicts", help="Of cases, show the verdicts alone.")
-@click.option("--times", "only", flag_value="times", help="Of cases, show LAMMPS' seconds alone.")
-@click.option("--errors", "only", flag_value="errors", help="Of cases, show the errors alone.")
+@click.option("--verdicts", "only", flag_value="verdicts", help="For cases, show only the verdicts.")
+@click.option("--times", "only", flag_value="times", help="For cases, show only LAMMPS' seconds.")
+@click.option("--errors", "only", flag_value="errors", help="For cases, show only the errors.")
 @shared.folder_option("--out", "reports/history", "Folder of the page.")
-@click.option("--db", type=shared.PATH, help="Another history than EOS_REF_HISTORY, or the user's own.")
-@click.option("--forget", metavar="DATE", default="", help="Drop the runs before this day, and do nothing else.")
+@click.option("--db", type=shared.PATH, help="Another history file instead of EOS_REF_HISTORY or the user's own.")
+@click.option("--forget", metavar="DATE", default="", help="Delete the runs before this day, and do nothing else.")
 @shared.json_option
 def history_command(
     names: tuple[str, ...],
@@ -54,10 +54,10 @@ def history_command(
     forget: str,
     as_json: bool,
 ) -> int:
-    """Show the runs kept and what changed from one to the next; with names, how these cases went.
+    """Show the stored runs and what changed from one to the next; with names, the results of these cases.
 
     Every run is kept in the user's data folder (EOS_REF_HISTORY names another file, or is off). A name selects a case,
-    or all below it, or a pattern. Versions are in their natural order, builds of one's own by date. Writes
+    or all below it, or a pattern. Versions are in their natural order, your own builds by date. Writes
     history.html, or with names cases.html, into the folder of --out.
 
     \b
@@ -92,7 +92,7 @@ def history_command(
         click.echo(json.dumps(_document(history.path, lines, case_views if names else None), indent=1, allow_nan=False))
         return 0
     if not every:
-        click.echo(f"no run is kept yet in {history.path}; eos-ref run keeps every run, --add RUN those of before")
+        click.echo(f"no run is kept yet in {history.path}; eos-ref run keeps every run, --add RUN adds earlier ones")
     elif not names:
         _show_runs(lines, len(every), "" if engine or since else f" (--last {len(every)} lists all)")
     elif len(case_views) == 1:
@@ -183,7 +183,7 @@ def _show_runs(lines: Sequence[RunLine], every: int, more: str) -> None:
         )
         for line in lines
     ]
-    columns = ("date", "engine", "cases", "seconds", "against the same engine", "against the engine before")
+    columns = ("date", "engine", "cases", "seconds", "vs. same engine", "vs. previous version")
     if rows:
         shared.table(columns, rows, drop=columns[:2:-1], prose=(columns[2], *columns[4:]))
     if len(lines) < every:
@@ -225,7 +225,7 @@ def _changes(view: CaseView) -> list[str]:
         parts = [f"{c.was} to {c.now}" for c in changes if c.kind == "verdict" and not c.field]
         parts += [f"finding {was or 'none'} to {now or 'none'}" for was, now in findings(changes)]
         bits = [c.field for c in changes if c.kind == "bits"]
-        parts += [f"other bits of {', '.join(bits)}"] if bits else []
+        parts += [f"different bits of {', '.join(bits)}"] if bits else []
         fields = [c.field for c in changes if c.kind == "verdict" and c.field]
         parts += [f"verdict of {', '.join(fields)}"] if fields else []
         judge = " (judged by another eos-ref)" if changes[0].other_judge else ""

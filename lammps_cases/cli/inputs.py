@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 @click.command("inputs")
 @click.argument("names", nargs=-1, metavar="[INPUT]...")
 @click.option("--deck", is_flag=True, help="Print the deck of one input, and run nothing.")
-@click.option("--against", type=shared.PATH, help="Folder of an earlier table: list what ends in another way.")
+@click.option("--against", type=shared.PATH, help="Folder of an earlier table: list outcomes that differ.")
 @shared.processes_option
 @shared.folder_option("--out", "reports/inputs", "Folder of the table.")
 @shared.engine_option
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 def inputs_command(
     names: tuple[str, ...], deck: bool, against: Path | None, jobs: int, out: Path, engine: str, as_json: bool
 ) -> int:
-    """Put bad input to LAMMPS and to the reference, and tabulate what becomes of it.
+    """Give bad input to LAMMPS and the reference, and tabulate the outcomes.
 
     Every argument of the commands is replaced by words of its kind, left out, repeated and moved; INPUTs are ids or
-    patterns of them. Writes report.html, inputs.csv and inputs.json. Exit code 1 if LAMMPS takes, or dies of, what its
-    manual rules out and no finding speaks of.
+    patterns of them. Writes report.html, inputs.csv and inputs.json. Exit code 1 if LAMMPS accepts, or crashes on, what
+    its manual rules out, without a known finding.
 
     \b
     Example:  eos-ref inputs
@@ -73,6 +73,6 @@ def _show(table: InputTable, out: Path) -> None:
         click.echo(f"  {name:28s} {number:5d}")
     for row in table.unexplained:
         click.secho(f"  {row.id}: {row.reaction}: {row.words}", fg="red")
-    text = f"{len(table.rows)} inputs, {len(table.unexplained)} against the manual without a known finding"
+    text = f"{len(table.rows)} inputs, {len(table.unexplained)} contrary to the manual without a known finding"
     click.secho(f"{text} ({table.seconds:.0f} s)", bold=True)
     click.echo(f"report: {out / 'report.html'}")

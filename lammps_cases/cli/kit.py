@@ -37,20 +37,24 @@ OF_SHARDS = (
     default="OWNER/eos-ref",
     show_default=True,
     metavar="OWNER/NAME",
-    help="Of kits for CI: where on GitHub eos-ref lies: the files install it from there.",
+    help="For CI kits: GitHub repository from which the files install eos-ref.",
 )
 @click.option(
-    "--shards", type=click.IntRange(1, 999_999), default=4, show_default=True, help="Of kits for a cluster: parts."
+    "--shards",
+    type=click.IntRange(1, 999_999),
+    default=4,
+    show_default=True,
+    help="For cluster kits: shards.",
 )
 @click.option(
-    "--run", "options", default="", metavar="OPTIONS", help="Of kits for a cluster: cases and options of run."
+    "--run", "options", default="", metavar="OPTIONS", help="For cluster kits: cases and options of eos-ref run."
 )
 @shared.json_option
 def kit_command(name: str | None, out: Path | None, repository: str, shards: int, options: str, as_json: bool) -> int:
     """Write or print the files of a kit. Without NAME: list them.
 
     For CI: github, gitlab, lammps, decks, pre-commit. For a cluster: slurm, parallel, reframe; their shards take about
-    equally long by what the history measured of each case until now. For LAMMPS' own tree: unittest.
+    equally long according to the durations in the history. For LAMMPS' own tree: unittest.
 
     \b
     Example:  eos-ref kit github --repository me/eos-ref --out .
@@ -78,10 +82,10 @@ def kit_command(name: str | None, out: Path | None, repository: str, shards: int
         files = chosen.filled(in_repository(repository))
         if chosen.tests:
             if out is None and not as_json:
-                raise InputError("--out", "must be given: the kit has a hundred files", where="kit unittest")
+                raise InputError("--out", "is needed: the kit has a hundred files", where="kit unittest")
             files += _upstream_files(out, notes)
         if "OWNER/" in repository:
-            notes.append(f"replace {repository} by your repository (--repository)")
+            notes.append(f"replace {repository} with your repository (--repository)")
     written = write(files, out) if out else []
     if as_json:
         click.echo(json.dumps({"kit": name, "files": [asdict(file) for file in files]}, indent=1))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def ledger_command(names: tuple[str, ...], as_json: bool) -> int:
     """List the findings, the most severe first: where LAMMPS differs from its manual.
 
-    With names, say all about these: why, and what to do meanwhile.
+    With names, show the details of these: the argument, and workarounds.
 
     \b
     Example:  eos-ref ledger
@@ -67,7 +67,7 @@ def say(names: Sequence[str], as_json: bool) -> None:
     ]
     columns = ("severity", "id", "title", "seen on")
     shared.table(columns, rows, counted(len(rows), "finding"), drop=columns[:1:-1], prose=("title",))
-    click.echo("eos-ref ledger ID says all about one")
+    click.echo("eos-ref ledger ID shows the details of one")
 
 
 def show(entry: Finding, cases: Sequence[str]) -> None:

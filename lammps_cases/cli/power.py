@@ -22,11 +22,11 @@ FAMILIES = ("told", "read", "formula", "source")
 @click.argument("names", nargs=-1, metavar="[SECTION|FAULT]...")
 @click.option("--family", type=click.Choice(FAMILIES), help="Only faults of this family.")
 @click.option("--quick-only", is_flag=True, help="Only the quick cases.")
-@click.option("--sample", type=click.IntRange(1), help="So many of the faults, the same ones each time.")
-@click.option("--all", "every", is_flag=True, help="Every case that catches a fault, not only those of two files.")
+@click.option("--sample", type=click.IntRange(1), help="Only N of the faults, the same ones each time.")
+@click.option("--all", "every", is_flag=True, help="Find every case that catches a fault, not only those of two files.")
 @shared.processes_option
 @shared.cluster_option
-@click.option("--fresh", is_flag=True, help="Plant every fault again, also those that the folder has.")
+@click.option("--fresh", is_flag=True, help="Plant every fault again, even those already in the folder.")
 @shared.folder_option("--out", "reports/power", "Folder of the report.")
 @shared.engine_option
 @shared.fail_on_option
@@ -46,9 +46,9 @@ def power_command(
 ) -> int:
     """Plant faults in LAMMPS' input, in its output and in the formulas, and report which case catches each.
 
-    Sections: faults, resolution (the smallest visible change of every parameter), alarms (failures although nothing
-    is wrong); all by default, the first alone if faults are named. Writes power.html and power.json; a run that was
-    stopped goes on where it was left.
+    Sections: faults, resolution (the smallest visible change of every parameter), alarms (failures although nothing is
+    wrong); all by default, only the first if faults are named. Writes power.html and power.json; an interrupted run is
+    resumed.
 
     \b
     Families: told     LAMMPS' input is altered    read    its output is corrupted
@@ -100,12 +100,12 @@ def _show(power: Power, out: Path) -> None:
         if power.whole:
             click.echo(power.statement)
         for fault in power.single:
-            click.echo(f"  by a single file: {fault.id}: {', '.join(fault.caught_by)}")
+            click.echo(f"  caught by a single file only: {fault.id}: {', '.join(fault.caught_by)}")
     for one in power.resolution:
         where = f"{one.relative_change:.1e} in {one.case}" if one.relative_change is not None else "not seen"
         click.echo(f"{one.parameter:28s} {where}")
     for run in power.alarms:
-        click.echo(f"{run.kind:12s} {run.cases:4d} cases, {run.same_bits} the same bits, {run.false} false alarms")
+        click.echo(f"{run.kind:12s} {run.cases:4d} cases, {run.same_bits} bit-identical, {run.false} false alarms")
     for complaint in power.complaints:
         click.secho(f"  {complaint}", fg="red")
     click.echo(f"report: {out / 'power.html'}")

@@ -12,8 +12,8 @@ from lammps_cases.cli import shared
 
 @click.command("report")
 @click.argument("run", type=shared.PATH)
-@click.option("--news", is_flag=True, help="Print what is new as Markdown, for a comment; render nothing.")
-@click.option("--dashboard", type=shared.PATH, help="Write run.json in the form of LAMMPS' dashboard; render nothing.")
+@click.option("--news", is_flag=True, help="Print what is new as Markdown, for a comment, without rendering.")
+@click.option("--dashboard", type=shared.PATH, help="Write run.json as LAMMPS' dashboard reads it; render nothing.")
 @shared.json_option
 def report_command(run: Path, news: bool, dashboard: Path | None, as_json: bool) -> int:
     """Render report.html, summary.md and junit.xml of a finished run again, from its run.json.

@@ -15,7 +15,7 @@ from lammps_cases.cli import completion, shared
 @shared.paths_option
 @click.option("--out", type=shared.PATH, help="Folder of the files.  [default: reports/bug-NAME]")
 def report_bug_command(name: str, engine: str, paths: tuple[Path, ...], out: Path | None) -> int:
-    """Write a bug report that needs nobody to install anything, of a finding or of a case that is red.
+    """Write a self-contained bug report for a finding or a failing case.
 
     in.lammps computes the number obtained and prints it with the number expected and PASS or FAIL, under LAMMPS alone;
     issue.md is in the form of LAMMPS' template.

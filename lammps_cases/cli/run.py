@@ -33,13 +33,13 @@ WITHOUT_PAIRS = ("eos",)  # tags of cases of which few find neighbours: known be
 @click.option(
     "--shard", help="i/n: only every n-th case, from the i-th; with --costs the i-th of n equally long parts."
 )
-@click.option("--costs", type=shared.PATH, help="Seconds of the cases, as eos-ref kit writes them.")
+@click.option("--costs", type=shared.PATH, help="Durations of the cases in seconds, as written by eos-ref kit.")
 @click.option(
     "--baseline",
     type=shared.PATH,
-    help="Folder of accepted baselines (reports/accepted), or one of them: exit 1 if the run does anything otherwise.",
+    help="Folder of accepted baselines (reports/accepted), or one of them: exit 1 if anything differs from it.",
 )
-@click.option("--resume", is_flag=True, help="Go on with the run that was interrupted or killed: judge the rest.")
+@click.option("--resume", is_flag=True, help="Continue an interrupted or killed run: judge the remaining cases.")
 @click.option("--profile", is_flag=True, help="Show where the processor time went, by stage.")
 @shared.report_option
 @shared.fail_on_option
@@ -97,7 +97,7 @@ def run_command(
     with shared.run_folder(out, names_run, engine, resume) as folder:
         if resume and not as_json and folders.resumable(folder) is None:
             all_of_them = f"{counted(len(chosen), 'case')} from the beginning"
-            shared.show(f"note: there is no interrupted run to go on with: {all_of_them}", "  ", fg="yellow")
+            shared.show(f"note: nothing to resume; running {all_of_them}", "  ", fg="yellow")
         with Bar(quiet=as_json, complaints=True) as bar:
             run = campaign.run_cases(
                 chosen,
@@ -133,7 +133,7 @@ def _notes(own: Sequence[Case], run: RunRecord) -> Iterator[str]:
     unseen = Counter(tuple(record.lint) for record in run.cases if record.case in {case.name for case in own})
     for defaults, cases in taken.items():
         if defaults:
-            yield f"note: {listed(defaults)} in {counted(cases, 'case')} that {'do' if cases > 1 else 'does'} not say"
+            yield f"note: defaults used in {counted(cases, 'case')}: {listed(defaults)}"
     for mistakes, cases in unseen.items():
         if mistakes:
             yield f"note: {counted(cases, 'case')} cannot tell apart: {listed(mistakes)}"

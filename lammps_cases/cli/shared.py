@@ -29,7 +29,7 @@ PATH = click.Path(path_type=Path)
 UNBROKEN = 10_000  # columns of a line in a file or a pipe
 PROSE = 22  # columns that a column of sentences has at least
 LEAST = 20  # columns of a terminal below which lines are broken by it
-json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print only one JSON document.")
 
 
 def _use_launcher(_: click.Context, __: click.Parameter, template: str | None) -> None:
@@ -46,7 +46,7 @@ launcher_option = click.option(
     envvar="EOS_REF_LAUNCHER",
     expose_value=False,
     callback=_use_launcher,
-    help="What starts several ranks: 'mpirun -n {n}', 'srun -n {n}' (default: that of LAMMPS' MPI).",
+    help="How to start several ranks: 'mpirun -n {n}', 'srun -n {n}' (default: that of LAMMPS' MPI).",
 )
 
 
@@ -102,7 +102,7 @@ def fail_on_option(command: Callable[..., Any]) -> Callable[..., Any]:
         callback=lambda context, _, given: context.meta.update({_STRICT: given}),
         help="The same as --fail-on low.",
     )
-    help_ = "Exit 1 also for known findings of at least this severity; new: for none of them.  [default: new]"
+    help_ = "Exit 1 also for known findings of at least this severity; new: for none.  [default: new]"
     return click.option("--fail-on", type=click.Choice(FAIL_ON), callback=_least, help=help_)(strict(command))
 
 
@@ -260,7 +260,7 @@ def _details(run: RunRecord) -> None:
     for line in triage_lines(run):
         show(f"  {line}", "      ")
     if run.predictions.stored:
-        click.echo(f"  {run.predictions} (--fresh computes them anew)")
+        click.echo(f"  {run.predictions} (--fresh recomputes them)")
     if run.carried:
         show(f"  {carried(run.carried)}", "    ", fg="yellow")
         for finding, what, cases in carried_rows(run.carried):

@@ -15,7 +15,7 @@ from lammps_cases.records.progress import Bar
 @click.argument("name", metavar="CASE", shell_complete=completion.cases)
 @shared.paths_option
 @shared.engine_option
-@click.option("--finding", default="", help="Follow a finding that explains the case, not a difference.")
+@click.option("--finding", default="", help="Preserve a finding that explains the case, not a difference.")
 @click.option("--out", type=shared.PATH, help="Case file to write.  [default: reports/shrunk/CASE.yaml]")
 @shared.json_option
 def shrink_command(
@@ -24,7 +24,7 @@ def shrink_command(
     """Make the smallest scene that still fails the same way: particles, types, keywords, steps, digits.
 
     The same way: the same verdict, in the same field; or the same finding explains it; or LAMMPS ends with the same
-    error. Parts are taken away until none can be; the result is a case file of its own.
+    error. Parts are removed until none can be; the result is a new case file.
 
     \b
     Example:  eos-ref shrink mine --cases mine.yaml --out small.yaml
@@ -56,7 +56,7 @@ def shrink_command(
     click.secho(f"{shrunk.case.name}: {shrunk.failure.words}", bold=True)
     before, after = report["before"], report["after"]
     shared.table(("", "before", "after"), [(key, str(before[key]), str(after[key])) for key in before])
-    left = "" if shrunk.complete else "; stopped there, not everything was tried"
+    left = "" if shrunk.complete else "; stopped early, not everything was tried"
     click.echo(f"{shrunk.candidates} candidates judged in {shrunk.seconds:.1f} s{left}")
     click.echo(f"written: {file}\nreproduce: {reproduce}")
     return 0

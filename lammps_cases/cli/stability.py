@@ -15,7 +15,7 @@ from lammps_cases.records.progress import Bar
 
 @click.command("stability")
 @click.argument("names", nargs=-1, metavar="[MAP]...")
-@click.option("--quick", is_flag=True, help="Only the maps tagged quick, on few lines: about a minute.")
+@click.option("--quick", is_flag=True, help="Only the maps tagged quick, with few lines: about a minute.")
 @click.option("--tag", help="Only maps with this tag.")
 @click.option("--cell", metavar="MAP:LAYER:X:Y", help="Run one cell on both engines, and write its deck.")
 @click.option(
@@ -27,8 +27,8 @@ from lammps_cases.records.progress import Bar
 )
 @shared.processes_option
 @shared.cluster_option
-@click.option("--fresh", is_flag=True, help="Run every cell again, even those that the folder has.")
-@click.option("--save-limits", is_flag=True, help="Base later advice on the limits that are measured.")
+@click.option("--fresh", is_flag=True, help="Run every cell again, even those already in the folder.")
+@click.option("--save-limits", is_flag=True, help="Base later advice on the measured limits.")
 @engine_option
 @json_option
 def stability_command(
@@ -45,8 +45,8 @@ def stability_command(
 ) -> int:
     """Find where methods fail, how, and whether LAMMPS and the reference fail at the same place.
 
-    Without names: every map that is not tagged long. Writes report.html, atlas.json, cells.csv, decks/ and figures/; a
-    run that was stopped resumes where it was left.
+    Without names: every map that is not tagged long. Writes report.html, atlas.json, cells.csv, decks/ and figures/; an
+    interrupted run is resumed.
 
     \b
     Example:  eos-ref stability --quick
@@ -119,5 +119,5 @@ def _one_cell(name: str, out: Path, site: str | None, as_json: bool) -> int:
         parts = [o.kind, *(f"{label} {value:.6g}" for label, value in numbers.items() if value is not None)]
         message = f": {o.message}" if o.message else ""
         click.echo(f"{page.WHO[side]:10s} {', '.join(parts)}{message}")
-    click.echo(f"deck: {path}" if path else "deck: none, it holds numbers that LAMMPS reads from no deck")
+    click.echo(f"deck: {path}" if path else "deck: none, as it has numbers that LAMMPS cannot read from a deck")
     return int(differ)

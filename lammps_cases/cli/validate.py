@@ -14,16 +14,16 @@ from lammps_cases.records.progress import Bar
 
 @click.command("validate")
 @click.argument("names", nargs=-1, metavar="[FLOW]...")
-@click.option("--quick", is_flag=True, help="Coarse and short, flows that bear it: about a minute.")
+@click.option("--quick", is_flag=True, help="Coarse and short, for flows that allow it: about a minute.")
 @folder_option("--out", "reports/validate", "Folder of the validation.")
-@click.option("--fresh", is_flag=True, help="Run every flow again, even those that the folder has.")
+@click.option("--fresh", is_flag=True, help="Run every flow again, even those already in the folder.")
 @engine_option
 @json_option
 def validate_command(names: tuple[str, ...], quick: bool, out: Path, fresh: bool, engine: str, as_json: bool) -> int:
-    """Run flows that others have measured, computed or solved, on the reference and on LAMMPS. Never a verdict.
+    """Run flows with experimental, numerical or analytic data, in the reference and in LAMMPS. Never a verdict.
 
-    FLOW: names, as the table has them; all by default. Writes report.html, validate.json, curves.csv and figures/ as
-    SVG and PNG. What is finished is kept: the same command resumes one that was stopped.
+    FLOW: names as in the table; all by default. Writes report.html, validate.json, curves.csv and figures/ as SVG and
+    PNG. Finished flows are kept: the same command resumes an interrupted run.
 
     \b
     Example:  eos-ref validate --quick

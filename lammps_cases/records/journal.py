@@ -63,7 +63,7 @@ class Journal(Generic[T]):
         except KeyboardInterrupt:
             if not self.file.exists():
                 raise
-            how = "the same command, without --fresh, does the rest"
+            how = "the same command, without --fresh, resumes"
             raise KeyboardInterrupt(f"interrupted: what is done is in {self.file}; {how}") from None
 
     def forget(self) -> None:

@@ -173,18 +173,18 @@ CHANGE_KINDS: tuple[ChangeKind, ...] = get_args(ChangeKind)
 ABOUT: dict[ChangeKind, str] = {
     "same bits": "every bit of LAMMPS' array at every step compared",
     "same outcome": "a case without numbers, ended the same way",
-    "within bounds": "other bits; both within the bound of the reference, or of the same findings",
-    "changed": "other numbers, or a case that ended otherwise",
-    "judged otherwise": "the same bits, another verdict or finding: the reference or the ledger changed",
+    "within bounds": "different bits; both within the bound of the reference, or of the same findings",
+    "changed": "different numbers, or a case that ended differently",
+    "judged otherwise": "the same bits, but a different verdict or finding: the reference or the ledger changed",
     "cannot tell": "one side holds no digests of its arrays, and is outside the bound",
-    "newly refused": "LAMMPS refuses what it took",
-    "newly accepted": "LAMMPS takes what it refused",
+    "newly refused": "LAMMPS refuses what it accepted",
+    "newly accepted": "LAMMPS accepts what it refused",
     "newly crashed": "LAMMPS crashes or hangs where it did not",
-    "no longer crashed": "LAMMPS crashed or hung, and does no more",
-    "new field": "compared on side B alone",
-    "missing field": "compared on side A alone",
-    "new case": "of side B alone",
-    "missing case": "of side A alone",
+    "no longer crashed": "LAMMPS crashed or hung, and no longer does",
+    "new field": "compared only on side B",
+    "missing field": "compared only on side A",
+    "new case": "only on side B",
+    "missing case": "only on side A",
 }
 SAME: tuple[ChangeKind, ...] = ("same bits", "same outcome")
 NEW: tuple[ChangeKind, ...] = ("new field", "new case")

@@ -122,9 +122,11 @@ class Predictions(Record):
     judgements: int = Field(0, description="judgements found there, of answers that LAMMPS gave before, bit for bit")
 
     def __str__(self) -> str:
-        judgements = f"{self.judgements} judgements and " if self.judgements else ""
+        from lammps_cases.records.wording import counted  # here: it imports this module
+
+        judgements = f"{counted(self.judgements, 'judgement')} and " if self.judgements else ""
         total = self.stored + self.computed
-        return f"{judgements}{self.stored} of {total} predictions of the reference from the store"
+        return f"{judgements}{self.stored} of {counted(total, 'reference prediction')} taken from the cache"
 
 
 class Blame(Record):
@@ -421,7 +423,7 @@ class RunRecord(Record):
         InputError
         """
         if self.missing:
-            raise InputError("run", "must be whole, not interrupted (--resume does the rest)", where=str(folder))
+            raise InputError("run", "must be whole, not interrupted (--resume continues it)", where=str(folder))
 
     def to_json(self) -> str:
         """Return the document of run.json."""

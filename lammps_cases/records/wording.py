@@ -35,7 +35,7 @@ MEANINGS: dict[Verdict, str] = {
     "refused": (_ended := "how LAMMPS ended instead of answering; refused is right where a case expects the refusal"),
     "crashed": _ended,
     "timeout": _ended,
-    "error": "the case, or the harness, is at fault: nothing is said about LAMMPS",
+    "error": "the case, or the harness, is at fault: this says nothing about LAMMPS",
     "skipped": "this LAMMPS was built without what the case needs; the reason is given",
 }
 INSIDE = ("exact", "pass")  # the verdicts of what lies within its bound
@@ -135,8 +135,8 @@ def plain(item: Any) -> Any:
 
 
 HYPOTHESES = (
-    "Hypotheses say what reproduces LAMMPS on every atom of every case of a group; none explains anything, or makes a "
-    "case pass."
+    "Hypotheses say what reproduces LAMMPS on every atom of every case of a group; none counts as an explanation, or "
+    "makes a case pass."
 )
 
 
@@ -165,7 +165,7 @@ def hypotheses(group: TriageGroup) -> list[str]:
     if group.more:
         lines.append(f"and {group.more} more that say the same in these scenes")
     if not lines and group.tried:
-        cut = ", the work allowed being spent" if group.cut_short else ""
+        cut = ", as the allowed work was spent" if group.cut_short else ""
         lines.append(f"no hypothesis: none of {counted(group.tried, 'change')} of the formulas reproduces it{cut}")
     return lines or ["no hypothesis: nothing to try formulas on"]
 
@@ -283,25 +283,23 @@ def message(case: CaseRecord, findings: bool = True) -> str:
 
 
 def outlook(case: CaseRecord) -> str:
-    """Say why an audited run broke off; empty if it did not."""
+    """Say why LAMMPS stopped an audited run; empty if it did not."""
     of = case.outlook
     if of is None:
         return ""
     from_there = f"from step {of.step} of run {of.run}"
-    after, runs_on = (
-        counted(of.after or 0, "step"),
-        f"the reference runs on for {counted(of.steps, 'step')} {from_there}",
-    )
+    after = counted(of.after or 0, "step")
+    stable = f"continued {from_there}, the reference is stable for {counted(of.steps, 'step')}"
     if of.cause == "findings":
-        bugs, these = ("bugs", "these") if len(of.findings) > 1 else ("bug", "this")
+        bugs, these = ("bugs", "these bugs") if len(of.findings) > 1 else ("bug", "this bug")
         why = f"unstable because of the known {bugs} {listed(of.findings)}"
-        return f"{why}: {runs_on}, and with {these} runs away after {after}"
+        return f"{why}: {stable}; with {these} it diverges after {of.after or 0}"
     if of.cause == "not understood":
-        return f"not understood: {runs_on}"
-    away = f"the reference runs away as well after {after} {from_there}"
+        return f"not understood: {stable}"
+    away = f"the reference also diverges after {after} {from_there}"
     if of.cause == "time step":
-        return f"unstable because of the time step: {away}, and not with a tenth of it"
-    return f"unstable as it is set up: {away}, and also with a tenth of the time step"
+        return f"unstable because of the time step: {away}, but not with a tenth of the time step"
+    return f"unstable as set up: {away}, and also with a tenth of the time step"
 
 
 def effects(case: CaseRecord) -> dict[str, str]:
@@ -441,7 +439,7 @@ def _mismatch(wrong: Mismatch) -> str:
     names = ", ".join(wrong.fields)
     match wrong.kind:
         case "not finite":
-            return f"{names} come out as NaN or infinite"
+            return f"{names} are NaN or infinite"
         case "logged":
             return f"the log holds {wrong.text!r}"
         case "blind":

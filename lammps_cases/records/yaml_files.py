@@ -16,6 +16,7 @@ import yaml
 from eos_ref.errors import InputError
 from lammps_cases.records import untrusted
 
+DECK = re.compile(r"^\s*(units|atom_style|pair_style|fix|run)[ \t]+\w", re.MULTILINE)  # commands of LAMMPS
 MOST_SHOWN = 80  # characters of a value in a complaint
 LARGEST = 32 * untrusted.MIB
 DEEPEST = 40  # levels of a document
@@ -127,6 +128,15 @@ def compose(path: Path) -> yaml.Node:
     return node
 
 
+def if_deck(path: Path, text: str) -> str:
+    """Return a hint where a file is plainly an input of LAMMPS and not YAML."""
+    return (
+        f" (a LAMMPS input? eos-ref audit {path.name})"
+        if path.suffix not in (".yaml", ".yml") and DECK.search(text)
+        else ""
+    )
+
+
 def read_yaml(path: Path, what: str = "case file") -> Any:
     """Read the data of a YAML file; ``what`` is its name in complaints.
 
@@ -144,6 +154,6 @@ def read_yaml(path: Path, what: str = "case file") -> Any:
         line = f"{path}, {position(mark.line, mark.column)}" if mark else str(path)
         tab = mark and "".join(text.split("\n")[mark.line : mark.line + 1])[mark.column : mark.column + 1] == "\t"
         problem = "tabs do not indent, spaces do" if tab else error.problem
-        raise InputError(what, f"is not valid YAML: {problem}", where=line) from None
+        raise InputError(what, f"is not valid YAML: {problem}{if_deck(path, text)}", where=line) from None
     except (yaml.YAMLError, ValueError, AttributeError, RecursionError) as error:  # a tag that its text does not fit
         raise InputError(what, f"is not valid YAML: {error}", where=str(path)) from None

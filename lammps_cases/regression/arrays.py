@@ -57,14 +57,14 @@ def _parted(
     """Return the kind of change of a field, the first step at which its bits part, and a remark."""
     ours, theirs = ({at.step: at for at in field.steps} for field in (one, other))
     if ours.keys() != theirs.keys():
-        return "changed", None, "compared at other steps"
+        return "changed", None, "compared at different steps"
     bits = {step: _bits(at, theirs[step], samples) for step, at in ours.items()}
     parted = [step for step in bits if bits[step] != "same"]
     if not parted:
         return "same bits", None, ""
     recorded = [step for step in parted if bits[step] == "other"]
     first = recorded[0] if recorded else None
-    note = "" if recorded else "bits unknown: the run is from before there were digests"
+    note = "" if recorded else "bits unknown: the run predates digests"
     # Two arrays that the same findings explain lie within the bound of the same variant at every step.
     good = (*INSIDE, "explained") if one.verdict == "explained" else INSIDE
     inside = {step for step in parted if ours[step].verdict in good and theirs[step].verdict in good}

@@ -241,11 +241,14 @@ def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] 
     notes = list(changes.notes)
     if not same:
         kinds = f"{base.machine}; this is {here}"
-        notes.append(f"another kind of machine made the baseline ({kinds}): other bits within bounds are only reported")
+        notes.append(
+            f"the baseline was made on another kind of machine ({kinds}); bit differences within the bounds are "
+            "reported but do not fail"
+        )
     exist = known if known is not None else {case.name for case in casefile.load()}
     absent = sorted(base.cases.keys() - set(exist) - chosen)
     if absent:
-        rule = "no case file makes these cases of the baseline any more (eos-ref accept --prune drops them)"
+        rule = "no case file defines these cases of the baseline any more (eos-ref accept --prune drops them)"
         notes.append(f"{rule}: {', '.join(absent)}")
     return replace(changes, notes=tuple(notes))
 

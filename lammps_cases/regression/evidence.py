@@ -89,11 +89,11 @@ def page(entry: Finding, evidence: AcceptedEvidence) -> str:
     """Return the page of a finding in Markdown."""
     cases = evidence.cases[entry.id]
     parts = [
-        f"# {entry.title}\n\n`{entry.id}`, severity {entry.severity}\n\n**What it does to you:** {entry.effect}.\n",
+        f"# {entry.title}\n\n`{entry.id}`, severity {entry.severity}\n\n**Effect:** {entry.effect}.\n",
         f"## What is documented\n\n{entry.documented}\n",
         f"## What LAMMPS does\n\n{entry.observed}\n",
-        f"## Why that cannot be right\n\n{entry.argument}\n",
-        f"## What to do meanwhile\n\n{entry.workaround}\n",
+        f"## Why this is wrong\n\n{entry.argument}\n",
+        f"## Workaround\n\n{entry.workaround}\n",
         f"## Versions\n\n{_versions(evidence.seen_on[entry.id], evidence.engines)}\n",
         "## Show it\n",
         f"`eos-ref report-bug {entry.id}` writes an input deck for LAMMPS alone and the text of an issue.\n",

@@ -89,7 +89,7 @@ class SideComparison:
             same="no difference beyond the bounds",
             fail_on=self.fail_on or "new",
             compared=any(pair.changes.fields for pair in self.pairs),
-            whose="that came or went",
+            whose="that appeared or disappeared",
         )
 
     @property
@@ -223,7 +223,7 @@ def checked(changes: Changes, report: str) -> Iterator[str]:
     yield from rest
     yield from faults(changes)
     if changes.faults:
-        yield f"  if this is meant: eos-ref accept {report} --reason TEXT"
+        yield f"  if this is intended: eos-ref accept {report} --reason TEXT"
 
 
 def fault(change: SideChange) -> str:
@@ -233,7 +233,7 @@ def fault(change: SideChange) -> str:
     was, now = (_judgement(change, side) for side in (0, 1))
     verdicts = f" ({was or 'nothing'}, now {now or 'nothing'})" if was != now else f" ({was})" if was else ""
     note = f": {change.note}" if change.note else ""
-    what = "other bits, within the bounds" if change.kind == "within bounds" else change.kind
+    what = "different bits, within the bounds" if change.kind == "within bounds" else change.kind
     return f"{what}: {where}{at}{verdicts}{note}"
 
 

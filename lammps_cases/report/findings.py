@@ -19,6 +19,7 @@ from lammps_cases.records.wording import counted
 
 Status = Literal["seen", "unseen", "absent"]
 STATUSES: tuple[Status, ...] = ("seen", "unseen", "absent")
+NAMED = 3  # findings in the closing lines of a run that shows no severe one
 
 
 @dataclass(frozen=True)
@@ -103,13 +104,18 @@ class Outcome:
         return sorted((case for case in self.run.cases if not self.accepted(case)), key=lambda case: -self.rank(case))
 
     def closing(self) -> list[str]:
-        """Return what follows the headline on a terminal: the severe findings, the others counted, the next command."""
-        severe = [finding for finding in self.shown if finding.entry.severity == "high"]
+        """Return what follows the headline on a terminal: the severe findings, the others counted, the next command.
+
+        Without severe ones the first few are named.
+        """
+        named = [finding for finding in self.shown if finding.entry.severity == "high"] or self.shown[:NAMED]
         lines = [
-            f"  high  {finding.entry.title} ({finding.entry.id}): {counted(len(finding.cases), 'case')}"
-            for finding in severe
+            f"  {finding.entry.severity:4s}  {finding.entry.title} ({finding.entry.id}): "
+            f"{counted(len(finding.cases), 'case')}"
+            for finding in named
         ]
-        others = how_severe({name: severity for name, severity in self.known.items() if severity != "high"})
+        ids = {finding.entry.id for finding in named}
+        others = how_severe({name: severity for name, severity in self.known.items() if name not in ids})
         command = self.next_command
         return [*lines, *([f"  and {others}"] if others else []), *([f"next: {command}"] if command else [])]
 

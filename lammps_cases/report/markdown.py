@@ -92,7 +92,7 @@ def _known(of_run: Outcome) -> str:
         )
         for f in of_run.shown
     ]
-    head = ("severity", "what is wrong, and what it does to you", "since", "cases", "deck and issue for LAMMPS")
+    head = ("severity", "what is wrong, and its effect", "since", "cases", "deck and issue for LAMMPS")
     return f"### Known bugs\n\n{table(head, rows)}" if rows else ""
 
 
@@ -113,7 +113,7 @@ def _agreement(matrix: agreement.Matrix) -> str:
         f"### Agreement: {matrix.title} ({counted(matrix.cases, 'case')})",
         "Cases inside the bound (largest difference/bound); of explained ones the variants are inside.",
         table(("field", *(f"step {step}" for step in matrix.steps)), rows) if rows else "",
-        f"The same bits in every case: {', '.join(map(text, same))}." if same else "",
+        f"Bit-identical in every case: {', '.join(map(text, same))}." if same else "",
     ]
     return "\n\n".join(block for block in blocks if block)
 
@@ -125,9 +125,7 @@ def _twins(matrix: agreement.Matrix) -> str:
         for column in zip(*((c.exact, c.inside, c.explained, c.outside) for c in cells), strict=True)
     )
     largest = max((c.inside.ratio for c in cells if c.inside.ratio is not None), default=0.0)
-    counts = (
-        f"{exact} with the same bits, {inside} inside the bound (largest difference/bound {wording.brief(largest)})"
-    )
+    counts = f"{exact} bit-identical, {inside} inside the bound (largest difference/bound {wording.brief(largest)})"
     counts += f", {explained} explained, {outside} outside" if explained + outside else ""
     return f"{matrix.title} ({counted(matrix.cases, 'case')}), fields at steps: {counts}."
 

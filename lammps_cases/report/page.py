@@ -255,7 +255,7 @@ def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
     yield "date", run.date
     yield "wall time", f"{run.seconds:.2f} s"
     if run.predictions.stored:
-        yield "predictions", f"{run.predictions}, with the bits of computed ones (--fresh computes them anew)"
+        yield "predictions", f"{run.predictions}, bit-identical to computed ones (--fresh recomputes them)"
     yield "known findings that fail", "none" if run.fail_on == "new" else f"those that are {run.fail_on} or worse"
     for part in ("engine", "reference", "machine"):
         values = getattr(run, part)

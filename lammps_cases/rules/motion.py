@@ -77,7 +77,7 @@ _force, _step = rules_of("f"), rules_of("pairs")
 RULES = (
     _force(
         "gravity",
-        "Gravity accelerates every particle alike.",
+        "Gravity accelerates all particles equally.",
         lambda at: _acts(at, "gravity"),
         "formula.gravity-of-unit-mass",
     ),
@@ -101,7 +101,7 @@ RULES = (
     ),
     _force(
         "force-of-types",
-        "Fixes act on the particles of their groups alone.",
+        "Fixes act only on the particles of their groups.",
         _of_some_types,
         "formula.forces-on-all",
     ),
@@ -145,7 +145,7 @@ RULES = (
     ),
     _step(
         "step-neighbours",
-        "Pairs and kernels are those of the present positions.",
+        "Pairs and kernels are those of the current positions.",
         _other_neighbours,
         "formula.neighbours-stale",
     ),
@@ -168,26 +168,26 @@ RULES = (
     ),
     _step(
         "step-deformed",
-        "Edges of the box grow at their rates, of what they were when the run began, about their middles.",
+        "Box edges grow at their rates, relative to their length when the run began, about their centres.",
         _deformed,
         "formula.deform-from-corner",
         "formula.deform-compound",
     ),
     _step(
         "step-sheared",
-        "Edges of the box lean at their rates, of the length along which they go.",
+        "Box edges tilt at their rates, relative to the edge along which they go.",
         lambda at: _every(at) & at.sim.box.tilted & (at.sim.model.deform is not None),
         "formula.shear-of-the-other-edge",
     ),
     _step(
         "step-sheared-again",
-        "A run begins with edges that lean as the last one left them.",
+        "A run starts with the tilt that the last one left.",
         lambda at: _every(at) & any(at.sim.begun.tilt) & (at.sim.model.deform is not None),
         "formula.shear-anew",
     ),
     _step(
         "images-moving",
-        "Periodic images have velocities of their own where the box changes and positions stay (remap v).",
+        "Periodic images have their own velocities where the box changes and positions stay (remap v).",
         lambda at: _meets_moving_images(at),
         "formula.images-at-rest",
         "formula.images-sheared-alone",

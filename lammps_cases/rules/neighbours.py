@@ -73,7 +73,7 @@ def _moving_apart(at: Evaluated) -> Any:
 RULES = (
     Rule(
         "own-masses",
-        "A particle has a mass of its own, other than that of its type.",
+        "A particle has its own mass, different from that of its type.",
         lambda at: at.evaluator.mass_n != at.evaluator.of_type(at.sim.model.mass),
         faults=("formula.masses-of-types",),
     ),
@@ -86,28 +86,28 @@ RULES = (
     ),
     pair_rule(
         "images",
-        "Neighbours are met across periodic boundaries.",
+        "Particles have neighbours across periodic boundaries.",
         _across,
         "formula.pairs-no-images",
         needs="kernel",
     ),
     pair_rule(
         "images-displaced",
-        "Images across a face of a tilted box are displaced along it.",
+        "Periodic images across a face of a tilted box are displaced along it.",
         _displaced,
         "formula.pairs-upright-images",
         needs="kernel",
     ),
     pair_rule(
         "own-images",
-        "A particle meets images of itself.",
+        "A particle has its own periodic images as neighbours.",
         lambda at: at.i == at.j,
         "formula.pairs-own-images",
         needs="kernel",
     ),
     pair_rule(
         "several-images",
-        "A particle meets several images of another.",
+        "A particle has several periodic images of another as neighbours.",
         _several_images,
         "formula.pairs-first-image",
         needs="kernel",

@@ -106,7 +106,7 @@ RULES = (
     ),
     pair_rule(
         "force-stored-wall",
-        "Fluid and solid, met as it is, push each other.",
+        "Fluid and solid, taken as it is, push each other.",
         lambda at: at.mixed_p & (not at.evaluator.walls),
         "formula.force-at-walls",
     ),
@@ -172,7 +172,7 @@ RULES = (
     ),
     pair_rule(
         "artificial-viscosity-not",
-        "Particles that part have no artificial viscosity.",
+        "Particles that move apart have no artificial viscosity.",
         _separating,
         "formula.artificial-parting",
     ),

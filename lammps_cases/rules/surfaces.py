@@ -115,7 +115,7 @@ RULES = (
     ),
     _surface(
         "surface-distance",
-        "Bulk near the surface knows its distance to the nearest particle there.",
+        "Bulk near the surface stores its distance to the nearest surface particle.",
         _near_surface,
         "formula.surface-distance-never",
     ),
@@ -140,21 +140,21 @@ RULES = (
     ),
     Rule(
         "pairs-bulk-surface",
-        "A particle in the bulk meets one at the surface; no force knows of it.",
+        "A particle in the bulk has a neighbour at the surface; this does not affect the forces.",
         lambda at: _pair_p(at, BULK, SURFACE),
         "pair",
         ("surface", "f"),
     ),
     Rule(
         "pairs-both-surface",
-        "Two particles at the surface meet; no force knows of it.",
+        "Two particles at the surface are neighbours; this does not affect the forces.",
         lambda at: _pair_p(at, SURFACE, SURFACE),
         "pair",
         ("surface", "f"),
     ),
     Rule(
         "pairs-splash",
-        "A splash meets other fluid; no force knows of it.",
+        "A splash has other fluid as a neighbour; this does not affect the forces.",
         lambda at: _pair_p(at, SPLASH, SURFACE) | _pair_p(at, SPLASH, BULK),
         "pair",
         ("surface", "f"),

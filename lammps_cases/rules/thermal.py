@@ -65,7 +65,7 @@ RULES = (
     ),
     _thermal(
         "latent-heat",
-        "Beyond the latent heat it is missing in the temperature.",
+        "Above melting, the latent heat does not contribute to the temperature.",
         _above,
         "formula.latent-forgotten",
     ),

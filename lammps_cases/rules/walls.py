@@ -119,13 +119,13 @@ RULES = (
     ),
     _walls(
         "wall-thin",
-        "A wall below its equilibrium density is met with that.",
+        "A wall below its equilibrium density is seen with that density.",
         lambda at: _met(at) & (at.rho_n < at.evaluator.rho0_n),
         "formula.wall-meets-thin",
     ),
     pair_rule(
         "walls-met-at-rho0",
-        "Two reconstructed solids meet each other with their equilibrium densities.",
+        "Two reconstructed solids see each other with their equilibrium densities.",
         lambda at: at.solids_p & at.differs_p(at.rho_n),
         "formula.solids-meet-as-walls",
         needs="chi",
@@ -145,7 +145,7 @@ RULES = (
     ),
     _walls(
         "wall-free",
-        "A wall whose force is not set has the acceleration of its forces but for pressure.",
+        "A wall whose force is not set has the acceleration of its forces except pressure.",
         _not_set,
         "formula.walls-all-forces",
     ),
@@ -179,7 +179,7 @@ RULES = (
     ),
     _walls(
         "moving-wall",
-        "A wall that moves is met with its velocity.",
+        "Particles see the velocity of a moving wall.",
         lambda at: _met(at) & at.v_nc.any(axis=1),
         "formula.lint-velocity-of-walls-lost",
     ),

@@ -98,7 +98,7 @@ def run_cases(
                 run = _finished(campaign, workers, drawn, begin)
             if lost := campaign.lost():
                 cases_lost = wording.counted(len(lost), "judged case")
-                rule = f"lost {cases_lost} while the run was made; --resume does the rest"
+                rule = f"lost {cases_lost} during the run; --resume continues"
                 raise InputError("output folder", rule, where=str(directory))
         except InputError as error:
             raise (error if error.where or not campaign.begun else error.at(str(directory))) from None
@@ -108,7 +108,7 @@ def run_cases(
             write_partial(campaign.run(), folder)
             partial = folders.interrupted(directory) / "summary.md"
             judged = f"{len(campaign.judged)} of {wording.counted(len(cases), 'case')}"
-            rest = "the same command with --resume does the rest"
+            rest = "the same command with --resume continues"
             raise KeyboardInterrupt(f"interrupted after {judged}: see {partial}; {rest}") from None
     history.collect(run, directory)
     if store and run.predictions.computed:

@@ -220,7 +220,7 @@ class Scene(SceneModel):
                     f"stops: {stop.by} needs all atoms on one rank", *STOPS, found=f"{self.engine.ranks} ranks"
                 )
             if self.mass and stop.by in LOSES_MASSES:
-                raise BrokenRule(f"stops: {stop.by} does not keep the masses of particles, which mass gives", *STOPS)
+                raise BrokenRule(f"stops: {stop.by} does not keep the per-particle masses given by mass", *STOPS)
             if stop.stretch:
                 self._check_stretch(stop.stretch)
             if stop.displace:

@@ -23,7 +23,7 @@ from eos_ref import InputError
 from eos_ref.errors import nearest, together, unknown
 from eos_ref.syntax.manual import Manual
 from lammps_cases.records.wording import some
-from lammps_cases.records.yaml_files import flow, read_yaml
+from lammps_cases.records.yaml_files import flow, if_deck, read_yaml
 from lammps_cases.rules import RULES
 from lammps_cases.scene import FromFile, Scene, check_name
 from lammps_cases.scene.complaints import Combination, Complaint, Format, Keys, Source, complaints, explained, refused
@@ -122,7 +122,8 @@ def load_file(path: Path, shipped: bool = False) -> list[Case]:
     """
     data = read_yaml(path)
     if not isinstance(data, dict) or not data:
-        raise InputError("case file", "must hold the keys name, about, scene", flow(data), str(path))
+        hint = if_deck(path, path.read_text(encoding="utf-8")) if isinstance(data, str) else ""
+        raise InputError("case file", f"must hold the keys name, about, scene{hint}", flow(data), str(path))
     source = Source(path)
     try:
         file = CaseFile.model_validate(data)
@@ -314,11 +315,12 @@ def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = N
         chosen = [case for case in chosen if tag in case.tags]
         if not chosen:
             tags = sorted({each for case in cases for each in case.tags})
-            raise InputError("tag", f"no case has it{nearest(tag, tags)} (tags: {', '.join(tags)})", tag)
+            hint = nearest(tag, tags).strip(" ()")
+            raise InputError("tag", f"no case has the tag {tag!r}{'; ' * bool(hint)}{hint} (tags: {', '.join(tags)})")
     elif not names:
         chosen = [case for case in chosen if "long" not in case.tags]
     if not chosen:
-        raise InputError("cases", "none is left to run (all are tagged long?)")
+        raise InputError("cases", "none left to run (are all tagged long?)")
     return chosen
 
 
@@ -333,7 +335,7 @@ def only(cases: Sequence[Case], name: str) -> Case:
     chosen = select(cases, (name,))
     if len(chosen) > 1:
         such = some([case.name for case in chosen], 2)
-        raise InputError("case", f"must be one, this name selects {len(chosen)} ({such})", name)
+        raise InputError("case", f"must be a single case, but this name selects {len(chosen)} ({such})", name)
     return chosen[0]
 
 

@@ -28,8 +28,8 @@ Stage = Literal[
     "stress",
     "density",
 ]
-STATE = "it is the state that a look starts from"
-VIRIAL = "LAMMPS sums virials only in steps for which they were asked beforehand"
+STATE = "input to the check, not a result"
+VIRIAL = "LAMMPS computes virials only on steps for which they were requested in advance"
 
 
 @dataclass(frozen=True)
@@ -109,10 +109,16 @@ FIELDS: dict[str, Field] = {
     field.name: field
     for field in (
         Field("x", "integration", array="x", unaudited=STATE),
-        _column("phase", "integration", unaudited=f"{STATE}; melting and freezing have a history"),
+        _column("phase", "integration", unaudited=f"{STATE}; melting and freezing depend on history"),
         _column("coordination", "neighbours"),
         _column("chi", "walls"),
-        Field("rho_wall", "walls", "rho", unaudited="accelerations of the step before are not shown", of_solids=True),
+        Field(
+            "rho_wall",
+            "walls",
+            "rho",
+            unaudited="LAMMPS does not expose the previous step's accelerations",
+            of_solids=True,
+        ),
         _column("grad/v", "gradients"),
         _column("surface", "surfaces"),
         _column("surface/divr", "surfaces"),
@@ -136,7 +142,7 @@ FIELDS: dict[str, Field] = {
         Field("v", "integration", array="v", unaudited=STATE),
         _column("rho", "density", "rho"),
         _column("energy", "integration", "esph", STATE),
-        _column("status", "surfaces", unaudited="its bits are not documented; see surface and phase"),
+        _column("status", "surfaces", unaudited="its bits are undocumented; see surface and phase"),
     )
 }
 

@@ -16,12 +16,12 @@ PLANAR = ("sq", "hex")
 
 Tilt = Annotated[
     tuple[Finite] | tuple[Finite, Finite, Finite],
-    Field(description="by how much the edges of the box lean: xy in 2D; xy, xz and yz in 3D"),
+    Field(description="tilt of the box: xy in 2D; xy, xz and yz in 3D"),
 ]
 
 
 def check_tilt(tilt: tuple[float, ...] | None, periodic: tuple[bool, ...] | None, dimension: int, *above: str) -> None:
-    """Check that edges lean between periodic axes alone, and that there are as many numbers as edges can lean.
+    """Check that edges tilt between periodic axes alone, and that there are as many numbers as edges can tilt.
 
     Parameters
     ----------

@@ -37,7 +37,8 @@ class EngineSettings(Rebuild):
     processors: tuple[int, int, int] | None = Field(None, description="how processes share the box; default: LAMMPS'")
     communication: Literal["brick", "tiled"] = "brick"
     balance: Annotated[int, Field(ge=1, strict=True)] | None = Field(
-        None, description="steps after which particles are dealt out anew to processes, which is done before the first"
+        None,
+        description="steps after which particles are distributed again to processes, which is done before the first",
     )
     sort: Annotated[int, Field(ge=0, strict=True)] | None = Field(
         None, description="steps after which particles are sorted in memory; 0: never"
@@ -72,7 +73,7 @@ class TwinSettings(SceneModel):
 
     translate: Vector | None = Field(None, description="displacement of all particles, wrapped in periodic axes")
     boost: Vector | None = Field(None, description="velocity added to all particles, walls included")
-    relabel: Literal[True] | None = Field(None, description="ids dealt out anew (seeded)")
+    relabel: Literal[True] | None = Field(None, description="ids assigned again at random (seeded)")
     rescale: Positive | None = Field(None, description="lengths times a power of two; densities and velocities stay")
     units: UnitStyle | None = Field(None, description="everything measured in another system of units")
     newton: Annotated[bool, Field(strict=True)] | None = Field(None, description="the other setting")
@@ -81,7 +82,7 @@ class TwinSettings(SceneModel):
     split: Literal[True] | None = Field(None, description="one run against two, the second with pre no")
     ranks: Literal[2] | None = Field(None, description="two processes against one")
     tilt: tuple[Edges] | tuple[Edges, Edges, Edges] | None = Field(
-        None, description="by how many whole edges those of the box lean more: xy in 2D; xy, xz and yz in 3D"
+        None, description="by how many whole edges the box is tilted further: xy in 2D; xy, xz and yz in 3D"
     )
 
     @model_validator(mode="after")

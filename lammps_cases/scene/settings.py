@@ -101,7 +101,7 @@ class ForceSettings(SceneModel):
 
 
 class DeformSettings(SceneModel):
-    """A box that grows and leans while particles move (fix deform 1, styles erate): engineering strain rates."""
+    """A box that grows and tilts while particles move (fix deform 1, styles erate): engineering strain rates."""
 
     x: Finite = 0.0
     y: Finite = 0.0

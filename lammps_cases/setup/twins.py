@@ -44,13 +44,13 @@ WHY = {
     "relabel": "ids, and the order in which particles are created, are names",
     "rescale": "every quantity has a dimension: a scene of another size with the same densities and velocities behaves "
     "the same",
-    "units": "the manual has it that every simulation can be duplicated in every system of units",
-    "newton": "who computes a pair, and who is told, is bookkeeping",
+    "units": "according to the manual every simulation can be duplicated in every system of units",
+    "newton": "which process computes a pair, and which is told, is bookkeeping",
     "skin": "how far neighbour lists reach beyond the cutoff is bookkeeping",
-    "rebuild": "when neighbour lists are built anew is bookkeeping, as long as no neighbour is missed",
+    "rebuild": "when neighbour lists are rebuilt is bookkeeping, as long as no neighbour is missed",
     "split": "a run continued with pre no is the same run",
     "ranks": "which process owns a particle is bookkeeping",
-    "tilt": "edges that lean by whole edges make the same lattice of periodic images",
+    "tilt": "tilting by whole edges gives the same lattice of periodic images",
 }
 
 

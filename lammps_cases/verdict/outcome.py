@@ -37,7 +37,7 @@ from lammps_cases.verdict.model_fields import blame_of
 Arrays = dict[str, Any]
 ALL_KEPT = 50_000  # atoms of a case; of more only some are written to disk
 SAMPLE, WORST = 5000, 50  # evenly spaced ones, and the worst of each field
-BY_IMAGES = "; two roundings of place and edge of a particle outside the box; fractions of leaning edges"
+BY_IMAGES = "; two roundings of place and edge of a particle outside the box; fractions of tilted edges"
 
 
 def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms, engine: EngineRecord) -> CaseRecord:
@@ -169,7 +169,7 @@ def compare_carried(
 def _images(box: Box, before_nc: Any, after_nc: Any, half: float, reach: float) -> tuple[Any, Any]:
     """Return positions as those of the images that were there before, and the bound of each, both (n, 3).
 
-    A period that is added and taken away again rounds twice; leaning edges see `Box.rounding`.
+    A period that is added and taken away again rounds twice; tilted edges see `Box.rounding`.
     """
     turned_nc = box.shift(box.periods(before_nc - after_nc))
     left_nc = box.images(before_nc) != 0

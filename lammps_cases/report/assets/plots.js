@@ -379,7 +379,7 @@ const Plots = (() => {
     const limit = { type: "line", xref: "paper", x0: 0, x1: 1, y0: 0, y1: 0, line: { color: OUTSIDE, width: 1.5, dash: "dash" } };
     const label = { xref: "paper", x: 0.01, xanchor: "left", y: 0, yanchor: "bottom", text: "bound", showarrow: false, font: { color: OUTSIDE, size: 11 } };
     const extra = { shapes: [limit], annotations: [label], xaxis: axis(look, "step", {}), yaxis: axis(look, "largest difference/bound", y.axis) };
-    const note = checks.total > checks.step.length ? `${checks.step.length} of ${checks.total} looks shown: the worst, the others evenly` : "";
+    const note = checks.total > checks.step.length ? `${checks.step.length} of ${checks.total} samples shown: the worst, the others evenly spaced` : "";
     return { title: "Checks over time", note, traces, layout: layout(look, extra) };
   }
 
@@ -454,8 +454,8 @@ const Plots = (() => {
   function slider(article, data, name) {
     const steps = Object.keys(data.fields[name].at).map(Number).sort((a, b) => a - b);
     const all = steps.length === data.compared;
-    const kept = all ? "" : `; ${data.compared} were compared: eos-ref run ${article.dataset.case} draws all`;
-    const says = () => `${data.steps[name]}${data.steps[name] === data.fields[name].worst ? " (the worst)" : ""} of ${steps.join(", ")}${kept}`;
+    const kept = all ? "" : `; ${data.compared} steps compared, eos-ref run ${article.dataset.case} shows all`;
+    const says = () => `${data.steps[name]}${data.steps[name] === data.fields[name].worst ? " (worst)" : ""} of ${steps.join(", ")}${kept}`;
     const label = element("label", "choice step", "Step ");
     const input = element("input");
     Object.assign(input, { type: "range", min: 0, max: steps.length - 1, step: 1, disabled: steps.length < 2 });
@@ -619,7 +619,7 @@ const Plots = (() => {
     if (data.steps && field && data.compared > 1) panel.append(slider(article, data, field));
     if (data.id) {
       const thinned = data.id.length < data.natoms ? ": the worst by difference/bound, the others evenly by density" : "";
-      panel.append(element("p", "note", `${data.id.length} of ${data.natoms} atoms shown in the plots${thinned}. A click on an atom pins it.`));
+      panel.append(element("p", "note", `${data.id.length} of ${data.natoms} atoms shown in the plots${thinned}. Click an atom to pin it.`));
     }
     for (const { title, note, traces, layout } of drawing(data, field, print)) {
       const figure = element("figure");

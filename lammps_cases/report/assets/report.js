@@ -173,6 +173,7 @@
     }
     if (!article) {
       restore(name ? new URLSearchParams({ find: name }) : state); // a case that is not in the page: its name is sought
+      if (name) document.getElementById("shown").textContent += `; no case "${name}" in this report`;
       target();
       return;
     }

@@ -117,7 +117,9 @@ def _busy(chart: Chart) -> str:
     load, cores = float(chart.machine["load"]), int(chart.machine["cores"])
     if load <= max(1, cores - 1):
         return ""
-    return f"Other programs ran: load {load:.1f} on {cores} cores at the start. Times are worth little, errors hold."
+    return (
+        f"Other programs ran: load {load:.1f} on {cores} cores at the start. Timings are unreliable; errors are valid."
+    )
 
 
 def _flows(section: Section, figures: Path) -> Iterator[FlowView]:

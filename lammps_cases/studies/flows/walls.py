@@ -114,7 +114,7 @@ POISEUILLE = _channel_flow(
 )
 COUETTE = _channel_flow(
     "couette",
-    f"A plate sets fluid in motion. LAMMPS forgets the velocity of the plate ({WALL_VELOCITY_LOST.id}): the "
+    f"A plate sets fluid in motion. LAMMPS ignores the velocity of the plate ({WALL_VELOCITY_LOST.id}): the "
     "extrapolation alone drags the fluid to half of it, and the error stays at a half.",
     _AT_THE_WALL,
     Drive(0.0, 1.0, True),

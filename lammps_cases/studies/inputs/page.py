@@ -18,11 +18,11 @@ ABOUT = {
     "clear error": "an error that names the argument, its keyword or the value",
     "vague error": "an error that names none of the words",
     "misleading error": "an error that names other words of the command",
-    "warning": "goes on, with a warning in the log",
-    "no effect": "goes on without a word, as without what is wrong, to the last bit",
-    "silent acceptance": "goes on without a word, with other numbers",
-    "silent NaN": "goes on without a word, to numbers that are not finite",
-    "crash": "the process dies",
+    "warning": "continues, with a warning in the log",
+    "no effect": "continues silently; results are bit-identical to those without the bad argument",
+    "silent acceptance": "continues silently, with different numbers",
+    "silent NaN": "continues silently, to numbers that are not finite",
+    "crash": "the process crashes",
     "hang": "the process does not end",
 }
 

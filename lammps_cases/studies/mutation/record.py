@@ -165,7 +165,7 @@ class Power:
         """Return the headline: amber where cases turn red without a planted fault, by findings alone."""
         findings = (alarm.finding for run in self.alarms for alarm in run.alarms if alarm.finding)
         wrong = [counted(len(self.complaints), "complaint")] if self.complaints else []
-        return headline(severities(findings), wrong, same="nothing to complain of", fail_on=fail_on)
+        return headline(severities(findings), wrong, same="all checks as required", fail_on=fail_on)
 
 
 _DOCUMENT = Document("power", Power)

@@ -312,7 +312,7 @@ def test_wrong_parameter_differs(plant: Any, name: str, red: set[str], monkeypat
     [
         ("plain", "surface", "fix rheo has no surface/detection in this deck"),
         ("plain", "rho", "integrated from step to step"),
-        ("plain", "x", "the state that a look starts from"),
+        ("plain", "x", "input to the check, not a result"),
         ("gas", "heatflow", r"fix 6 \(add/heat\) may add to it"),
         ("walls_corrected", "f", "reproducing kernels saw densities of walls"),
     ],

@@ -378,7 +378,7 @@ def test_renamed_columns_and_chosen_fields(written: Callable[[str], Path], monke
 @pytest.mark.parametrize(
     ("column", "value", "reason"),
     [
-        ("x", "nan", "grad/v: positions are no numbers (steps 0)"),
+        ("x", "nan", "grad/v: positions are not numbers (steps 0)"),
         ("x", "1e300", "grad/v: positions are not known to within the cutoff (steps 0)"),
         ("vx", "nan", "particles cannot be compared, by the digits"),
         ("rho", "inf", "pressure: 1 of 125 particles cannot be compared, by the digits"),
@@ -441,7 +441,7 @@ def test_restart_with_fixes_of_its_own_run(written: Callable[[str], Path], tmp_p
         (("in.deck", "--dump", "word.dump"), "must hold numbers"),
         (("in.deck", "--dump", "types.dump"), "type: must lie within 1 to 1, found 9 (types.dump, step 0)"),
         (("in.deck", "--dump", "twice.dump"), "id: must differ from particle to particle (twice.dump, step 0)"),
-        (("in.nothing", "--dump", "all.dump"), "deck: must be a readable file, and there is none of this name"),
+        (("in.nothing", "--dump", "all.dump"), "deck: no such file"),
         (("in.deck", "--restart", "none"), "restart: must be a readable file"),
         (("in.deck", "--restart", "all.dump"), "restart: must be readable by LAMMPS"),
         (("in.short", "--restart", "kept.10"), "step: must be one of the deck's runs (steps 0 to 2)"),

@@ -105,7 +105,7 @@ def test_a_range_with_a_hyphen_is_followed_as_lammps_takes_it(tmp_path: Path) ->
     assert case.verdict == "explained" and all(field.verdict == "exact" for field in case.fields)
     (line,) = [line for line in case.warnings if "offset" not in line]
     assert line.startswith(
-        "fix 3 (rheo/pressure): '1-2' is no range of types: LAMMPS takes it for '1' alone (known bug "
+        "fix 3 (rheo/pressure): '1-2' is not a valid type range: LAMMPS reads it as '1' only (known bug "
     )
     refused = case_of(tmp_path, (law[0], "rheo/pressure 1-2 linear"))
     assert refused.verdict == "refused" and refused.warnings == [line]

@@ -109,7 +109,7 @@ def test_the_same_in_unit_volumes_is_stable(tmp_path: Path) -> None:
     ("old", "new", "cause", "because"),
     [
         ("timestep        0.01", "timestep        0.4", "time step", "unstable because of the time step"),
-        ("* linear", "* linear * background 3e5", "set-up", "unstable as it is set up"),
+        ("* linear", "* linear * background 3e5", "set-up", "unstable as set up"),
         ("gravity 1.0 vector 0 -1 0", "gravity 40.0 vector 0 1 0", "not understood", "not understood"),
     ],
 )
@@ -118,5 +118,5 @@ def test_what_is_no_finding(old: str, new: str, cause: str, because: str, tmp_pa
     case = case_of(text, tmp_path)
     assert case.verdict == "refused" and case.outlook is not None, case.message
     assert case.outlook.cause == cause and case.outlook.findings == []
-    runs = "runs on for" if cause == "not understood" else "runs away as well after"
-    assert case.message.startswith(f"{because}: the reference {runs} ")
+    runs = "continued from step" if cause == "not understood" else "the reference also diverges after"
+    assert case.message.startswith(f"{because}: {runs} ")

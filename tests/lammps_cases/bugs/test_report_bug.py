@@ -354,7 +354,9 @@ def test_a_green_case_has_no_bug() -> None:
 
 
 def test_a_name_of_several_cases_is_none() -> None:
-    says = r"must be one, this name selects 12 \(near-rho0\..*, near-rho0\..*, 10 more\), found 'near-rho0'"
+    says = (
+        r"must be a single case, but this name selects 12 \(near-rho0\..*, near-rho0\..*, 10 more\), found 'near-rho0'"
+    )
     with pytest.raises(InputError, match=says):
         report.make("near-rho0", Engine())
 

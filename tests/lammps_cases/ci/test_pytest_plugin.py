@@ -179,15 +179,13 @@ def test_several_processes(pytester: pytest.Pytester, faulty: str) -> None:
 def test_shipped_cases_and_strictness(pytester: pytest.Pytester) -> None:
     result = run(pytester, "--eos-ref-shipped", "-k", "range-two-stars")
     result.assert_outcomes(passed=1)
-    known = "KNOWN BUGS: 1 known bug of this LAMMPS seen, none severe; nothing new"
+    known = "KNOWN BUGS: 1 known bug seen in this LAMMPS (not severe); nothing new"
     result.stdout.fnmatch_lines([known, "  and 1 low", "next: eos-ref report-bug double-star-abort"])
     case = f"{casefile.SHIPPED / 'refused.yaml'}::refused.range-two-stars"
     strict = run(pytester, "--eos-ref", case, "--eos-ref-strict")
     strict.assert_outcomes(failed=1)
     strict.stdout.fnmatch_lines(["explained: crashed, as ledger entry double-star-abort predicts: *"])
-    strict.stdout.fnmatch_lines(
-        ["FAIL: 1 known bug of this LAMMPS seen, none severe; 1 of them fails by --fail-on low; *"]
-    )
+    strict.stdout.fnmatch_lines(["FAIL: 1 known bug seen in this LAMMPS (not severe); 1 rejected by --fail-on low; *"])
     run(pytester, "--eos-ref", case, "--eos-ref-fail-on=medium").assert_outcomes(passed=1)
     run(pytester, "--eos-ref", case, "--eos-ref-fail-on=low").assert_outcomes(failed=1)
 

@@ -92,7 +92,7 @@ def test_numbers_are_whole_on_a_narrow_terminal(
         (("near-rho0.tait-water.2d", "--atom", "5"), "case: must have particles that interact"),
         (
             ("forces.all.quintic", "--atom", "5"),
-            "must be one, whose particle is looked at, not 2, found 'forces.all.quintic.2d, forces.all.quintic.3d'",
+            "needs a single case, but 2 match, found 'forces.all.quintic.2d, forces.all.quintic.3d'",
         ),
     ],
 )

@@ -42,7 +42,7 @@ def test_what_is_done_is_said_to_be_kept(
 
     monkeypatch.setattr(module, function, interrupted)
     code, _, err = eos_ref_command(command, "--out", tmp_path / "out")
-    says = f"what is done is in {file}; the same command, without --fresh, does the rest"
+    says = f"what is done is in {file}; the same command, without --fresh, resumes"
     assert code == 130
     assert err.splitlines()[-1] == "eos-ref: interrupted" + (f": {says}" if done else "; no partial files were written")
     assert file.exists() == bool(done)

@@ -68,6 +68,6 @@ def test_a_run_that_was_not_interrupted_is_noted(
     if interrupted:
         (tmp_path / "report.interrupted" / "journal").mkdir(parents=True)
         (tmp_path / "report.interrupted" / "journal" / "broken").touch()
-    begins = ["note: there is no interrupted run to go on with: 1 case from the beginning"]
+    begins = ["note: nothing to resume; running 1 case from the beginning"]
     assert notes(eos_ref_command(*command, "--resume").out) == ([] if interrupted else begins)
     assert notes(eos_ref_command(*command, "--resume", "--json").out) == []

@@ -71,7 +71,7 @@ def test_nothing_is_left_out_of_a_file(command: tuple[str, ...], eos_ref_command
     assert "…" not in out
     for part in {
         ("ledger",): [entry.title for entry in LEDGER],
-        ("history",): ["against the same engine", "against the engine before", "1 pass, 1 differs"],
+        ("history",): ["vs. same engine", "vs. previous version", "1 pass, 1 differs"],
         ("explain", "explained"): [MEANINGS["explained"]],
         ("list",): ["units"],
     }.get(command, []):
@@ -140,7 +140,7 @@ def test_the_document_says_the_same_of_verdicts() -> None:
         (("explain", "surface/dvr"), "(did you mean 'surface/divr'?)"),
         (("explain", "explaind"), "(did you mean 'explained'?)"),
         (("ledger", "force-per-volum"), "no such finding: 'force-per-volum' (did you mean 'force-per-volume'?)"),
-        (("run", "--tag", "quik"), "tag: no case has it (did you mean 'quick'?) (tags: "),
+        (("run", "--tag", "quik"), "tag: no case has the tag 'quik'; did you mean 'quick'? (tags: "),
         (("audit", "in.deck", "--fields", "presure"), "(did you mean 'pressure'?)"),
     ],
 )
@@ -163,7 +163,7 @@ def test_an_engine_that_is_not_found_lists_those_there_are(
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
     code, _, err = eos_ref_command("run", "--cases", case_file(), "--engine", "pypi:9.9.9")
     assert code == 2
-    assert "there is no such version (did you mean '9.9.8'?), but 8.1.0, 9.9.8, found 'pypi:9.9.9'" in err
+    assert "no such version; did you mean '9.9.8'? Available: 8.1.0, 9.9.8, found 'pypi:9.9.9'" in err
 
 
 def test_one_is_singular(eos_ref_command: Run) -> None:

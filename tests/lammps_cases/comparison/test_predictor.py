@@ -379,8 +379,8 @@ def test_second_run_finds_every_prediction_and_says_so(
         code, said, _ = eos_ref_command("run", *cases, *arguments, "--out", tmp_path / out)
         assert code == 0
         counts[out] = json.loads((tmp_path / out / "run.json").read_text())["predictions"]
-        assert ("from the store" in said) == (out == "warm")
-        assert ("from the store" in (tmp_path / out / "report.html").read_text()) == (out == "warm")
+        assert ("from the cache" in said) == (out == "warm")
+        assert ("from the cache" in (tmp_path / out / "report.html").read_text()) == (out == "warm")
         assert _document(tmp_path / out) == _document(tmp_path / "cold")
         for file in (tmp_path / "cold" / "fields").iterdir():
             assert file.read_bytes() == (tmp_path / out / "fields" / file.name).read_bytes(), file.name

@@ -262,4 +262,4 @@ def test_doctor_says_which_engine_it_is_and_what_starts_ranks(eos_ref_command: R
     assert several.split()[:2] == ["ok", "ranks"] and several.endswith("mpiexec -launcher fork -n 2")
     code, out, _ = eos_ref_command("doctor", "--engine", f"path:{wheel_2099}")
     assert code == 0
-    assert f"not known; nearest is {KNOWN[-1]} (eos-ref adopt path:{wheel_2099} takes it in)" in out.splitlines()[-2]
+    assert f"unknown; nearest is {KNOWN[-1]} (eos-ref adopt path:{wheel_2099} registers it)" in out.splitlines()[-2]

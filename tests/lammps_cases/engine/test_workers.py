@@ -276,7 +276,7 @@ def test_what_is_queued_when_all_workers_are_gone_is_done_by_others() -> None:
         first = pool.call(length, Poison(), time_limit=LIMIT)
         others = [pool.call(length, bytes(100_000), time_limit=LIMIT) for _ in range(20)]
         assert not wait([first, *others], LIMIT / 4).not_done
-        broken = "LAMMPS' processes broke down: one ended while it took a task or gave an answer"
+        broken = "LAMMPS' processes failed: one ended while it took a task or gave an answer"
         assert pool.outcome(first) == Failure("crashed", broken)
         assert not wait(others, LIMIT / 4).not_done
         assert [pool.outcome(each) for each in others] == 20 * [100_000]

@@ -195,7 +195,7 @@ def test_decks_compared_must_run(at: int) -> None:
 def test_numbers_must_be_finite() -> None:
     accepted = ManualProbe(id="x", about="X.", accepted=True)
     assert judge(accepted, [ran(p=[1.0])]).verdict == "pass"
-    assert said(accepted, ran(p=[np.inf])) == "p come out as NaN or infinite"
+    assert said(accepted, ran(p=[np.inf])) == "p are NaN or infinite"
 
 
 MEASURED = ManualProbe(id="x", about="X.", measured="a speed", bound="as it is", control=())

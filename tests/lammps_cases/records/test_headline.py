@@ -19,8 +19,8 @@ KNOWN: Mapping[str, Severity] = {"a": "high", "b": "high", "c": "medium", "d": "
         ({}, {}, "PASS: no difference"),
         ({}, {"same": "7 statements hold"}, "PASS: 7 statements hold"),
         ({}, {"compared": False}, "EMPTY: nothing was compared"),
-        (KNOWN, {}, "KNOWN BUGS: 4 known bugs of this LAMMPS seen, 2 severe; nothing new"),
-        ({"c": "medium"}, {}, "KNOWN BUGS: 1 known bug of this LAMMPS seen, none severe; nothing new"),
+        (KNOWN, {}, "KNOWN BUGS: 4 known bugs seen in this LAMMPS, 2 severe; nothing new"),
+        ({"c": "medium"}, {}, "KNOWN BUGS: 1 known bug seen in this LAMMPS (not severe); nothing new"),
         (
             {},
             {"differences": "1 statement does not hold, all known"},
@@ -28,17 +28,17 @@ KNOWN: Mapping[str, Severity] = {"a": "high", "b": "high", "c": "medium", "d": "
         ),
         ({}, {"new": ["1 case not as expected"]}, "FAIL: 1 case not as expected"),
         ({}, {"new": ["the engine failed"], "compared": False}, "FAIL: the engine failed"),
-        (KNOWN, {"new": ["x"]}, "FAIL: x; 4 known bugs of this LAMMPS seen, 2 severe"),
+        (KNOWN, {"new": ["x"]}, "FAIL: x; 4 known bugs seen in this LAMMPS, 2 severe"),
         (
             KNOWN,
             {"fail_on": "high"},
-            "FAIL: 4 known bugs of this LAMMPS seen, 2 severe; 2 of them fail by --fail-on high; nothing new",
+            "FAIL: 4 known bugs seen in this LAMMPS, 2 severe; 2 rejected by --fail-on high; nothing new",
         ),
-        ({"d": "low"}, {"fail_on": "medium"}, "KNOWN BUGS: 1 known bug of this LAMMPS seen, none severe; nothing new"),
+        ({"d": "low"}, {"fail_on": "medium"}, "KNOWN BUGS: 1 known bug seen in this LAMMPS (not severe); nothing new"),
         (
             {"d": "low"},
             {"fail_on": "low"},
-            "FAIL: 1 known bug of this LAMMPS seen, none severe; 1 of them fails by --fail-on low; nothing new",
+            "FAIL: 1 known bug seen in this LAMMPS (not severe); 1 rejected by --fail-on low; nothing new",
         ),
     ],
 )

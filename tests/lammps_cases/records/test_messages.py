@@ -163,7 +163,7 @@ SENTENCES: dict[str, tuple[dict[str, Any], str]] = {
     "fault of a worker": ({"verdict": "error", "ended": "error", "engine_error": "TypeError: x"}, "TypeError: x"),
 }
 PROBES: dict[str, tuple[dict[str, Any], str]] = {
-    "not finite": ({"kind": "not finite", "fields": ["p", "f"]}, "p, f come out as NaN or infinite"),
+    "not finite": ({"kind": "not finite", "fields": ["p", "f"]}, "p, f are NaN or infinite"),
     "logged": ({"kind": "logged", "text": "WARNING"}, "the log holds 'WARNING'"),
     "blind": ({"kind": "blind", "text": "no difference"}, "the probe is blind: its control passes (no difference)"),
     "other atoms": ({"kind": "other atoms", "fields": ["p"], "counts": [1, 2]}, "p differs: 1 and 2 atoms"),

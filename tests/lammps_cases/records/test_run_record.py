@@ -112,7 +112,7 @@ def test_verdicts_and_predictions_are_counted() -> None:
     run = run_of(*cases).counted()
     assert list(run.summary.items()) == [("pass", 2), ("differs", 1)]
     assert (run.predictions.computed, run.predictions.stored) == (2, 5)
-    assert str(run.predictions) == "5 of 7 predictions of the reference from the store"
+    assert str(run.predictions) == "5 of 7 reference predictions taken from the cache"
 
 
 def test_the_record_of_a_law_holds_its_parameters() -> None:

@@ -79,7 +79,7 @@ def test_what_is_taken_over_from_both_sides() -> None:
 def test_other_steps_are_another_comparison() -> None:
     one, other = (field(bits=bits, steps=[(step, "pass", "d")]) for bits, step in (("aa", 1), ("bb", 2)))
     change = field_change("one", one, other, NONE, Policy())
-    assert (change.kind, change.step, change.note) == ("changed", None, "compared at other steps")
+    assert (change.kind, change.step, change.note) == ("changed", None, "compared at different steps")
 
 
 @pytest.mark.parametrize("both", [True, False])

@@ -88,7 +88,7 @@ def test_arrays_of_one_step_say_nothing_of_the_others() -> None:
 
 def test_other_steps_are_another_scene() -> None:
     change = one_field(field(steps=[(0, "pass", "p")]), field(bits="bb", steps=[(1, "pass", "p")]))
-    assert (change.kind, change.note) == ("changed", "compared at other steps")
+    assert (change.kind, change.note) == ("changed", "compared at different steps")
 
 
 def test_a_run_of_before_there_were_digests() -> None:

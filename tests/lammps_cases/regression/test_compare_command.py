@@ -75,7 +75,7 @@ def finding_gone(record: dict[str, Any]) -> None:
             one |= {"verdict": "pass", "max_over_bound": 0.5, "explained_by": [], "digest": OTHER, "steps": []}
 
 
-KNOWN = "changes, all known; 1 known bug that came or went, 1 severe; nothing new"
+KNOWN = "changes, all known; 1 known bug that appeared or disappeared (severe); nothing new"
 UNKNOWN = "1 change without a finding"
 
 
@@ -212,7 +212,7 @@ def test_numbers_that_are_none_are_text_in_the_document() -> None:
         (["{run}", "nowhere/at-all"], "side: must be an engine"),
         (["{run}", "pypi:../x"], "engine: must be env"),
         (["{run}", "{run}", "no-such-case"], "case: is not in it, found 'no-such-case'"),
-        (["{run}", "{run}", "--tag", "no-such-tag"], "tag: no case has it"),
+        (["{run}", "{run}", "--tag", "no-such-tag"], "tag: no case has the tag 'no-such-tag'"),
         (["{run}", "env", "units"], "case: is not in it, found 'units'"),
         (["{run}", "env", "--tag", "twin"], "cases: none of those chosen is in it"),
         (["{run}", "{run}", "--out", "{run}"], "output folder: must be empty or hold an earlier comparison"),

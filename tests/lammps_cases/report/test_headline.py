@@ -26,7 +26,7 @@ Write = Callable[..., Path]
 DECKS = Path(__file__).parents[2] / "decks"
 SEVERE, LIGHT, CLEAN = "walls.stored.damped", "refused.range-two-stars", "near-rho0.linear.2d"
 TITLE = "Pair forces lack the volume of the particle they act on"
-KNOWN = "1 known bug of this LAMMPS seen"
+KNOWN = "1 known bug seen in this LAMMPS"
 
 
 def texts(folder: Path, terminal: str, job: Path) -> dict[str, str]:
@@ -88,7 +88,7 @@ def test_findings_come_before_what_differs_and_that_before_the_cases(
     done = eos_ref_command("run", *given, "mine", SEVERE, LIGHT, "--out", tmp_path / "report")
     assert done.code == 1
     end = done.out[
-        done.out.index("FAIL: 1 case not as expected: 1 differs; 2 known bugs of this LAMMPS seen, 1 severe") :
+        done.out.index("FAIL: 1 case not as expected: 1 differs; 2 known bugs seen in this LAMMPS, 1 severe") :
     ]
     assert end.splitlines()[1:3] == [f"  high  {TITLE} (force-per-volume): 1 case", "  and 1 low"]
     html = unpacked((tmp_path / "report" / "report.html").read_text(encoding="utf-8"))
@@ -149,7 +149,7 @@ def test_an_audit(eos_ref_command: Command, tmp_path: Path) -> None:
     done = eos_ref_command(*audit, "--fields", "f", "--fail-on", "medium")
     assert (
         done.code,
-        f"\nFAIL: {KNOWN}, 1 severe; 1 of them fails by --fail-on medium; nothing new\n" in done.out,
+        f"\nFAIL: {KNOWN}, 1 severe; 1 rejected by --fail-on medium; nothing new\n" in done.out,
     ) == (1, True)
     assert "\nKNOWN BUGS: " in eos_ref_command(*audit, "--fields", "f").out
     assert "\nPASS: no difference\n" in eos_ref_command(*audit, "--fields", "pressure", "--fail-on", "low").out

@@ -117,7 +117,7 @@ def test_findings_of_a_run(run: RunRecord, parsed: Page, html: str) -> None:
     last = sorted(found, key=lambda name: found[name].status == "absent")
     assert [place["id"] for place in places] == [f"finding={name}" for name in last]
     absent = sum(finding.status == "absent" for finding in found.values())
-    folded = html[html.index(f"{wording.counted(absent, 'finding')} of the ledger not applicable in this run") :]
+    folded = html[html.index(f"{wording.counted(absent, 'other finding')} not seen in this run") :]
     assert 'id="finding=elsewhere"' in folded and 'id="finding=pairs"' not in folded
     links = {a["href"] for tag, a in parsed.elements if tag == "a" and "href" in a}
     assert {"#finding=pairs", "#finding=F-3", "#case=model.flat", "#case=eos.broken"} <= links

@@ -227,7 +227,7 @@ def test_killed_run_leaves_the_earlier_report_whole(kill: signal.Signals, tmp_pa
     if kill != signal.SIGKILL:
         assert process.returncode == 130
         partial = folders.interrupted(out)
-        rest = "the same command with --resume does the rest"
+        rest = "the same command with --resume continues"
         told = rf"eos-ref: interrupted after \d+ of \d+ cases: see {partial}/summary.md; {rest}"
         assert re.fullmatch(told, err.strip().splitlines()[-1]), err
         assert "not judged" in (partial / "summary.md").read_text()

@@ -24,7 +24,7 @@ def test_one_name_or_path_is_a_list_of_one() -> None:
     ("arguments", "complaint"),
     [
         ({"names": "no-such-case"}, "no such case: 'no-such-case'"),
-        ({"tag": "no-such-tag"}, "tag: no case has it"),
+        ({"tag": "no-such-tag"}, "tag: no case has the tag 'no-such-tag'"),
         ({"cases": "no-such-folder"}, "no-such-folder"),
         ({"engine": "nonsense"}, "env, pypi:VERSION or path:DIR"),
         ({"jobs": 0}, r"argument jobs: .*greater than or equal to 1, found 0 \(run\(\)\)"),

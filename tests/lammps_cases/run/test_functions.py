@@ -212,12 +212,12 @@ def test_tables_are_written(ran: Result, tmp_path: Path, monkeypatch: pytest.Mon
 
 BAD = {
     "no such case: 'extrenal' (did you mean 'external'?)": lambda ran, tmp: run("extrenal"),
-    "tag: no case has it": lambda ran, tmp: run(tag="slow"),
+    "tag: no case has the tag 'slow'": lambda ran, tmp: run(tag="slow"),
     "argument names: Input should be a valid string, found 3 (run())": lambda ran, tmp: run(3),
     "argument jobs: Input should be greater than or equal to 1, found 0 (run())": lambda ran, tmp: run(jobs=0),
     "engine: must be env, pypi:VERSION or path:DIR, found 'x'": lambda ran, tmp: run(CASES[0], engine="x"),
     "output folder: must be empty or hold an earlier report": lambda ran, tmp: run(CASES[1], out=tmp),
-    "deck: must be a readable file, and there is none of this name (none)": lambda ran, tmp: audit("none"),
+    "deck: no such file (none)": lambda ran, tmp: audit("none"),
     "every: must be 1 to 2147483647 time steps, found 0": lambda ran, tmp: audit(DECK, every=0),
     "argument fail_on: Input should be 'high'": lambda ran, tmp: audit(DECK, fail_on="bad"),
     "side: must be an engine": lambda ran, tmp: compare(ran, "none"),

@@ -214,7 +214,7 @@ def test_a_run_that_is_kept_by_date_is_found_again(
         stopped = eos_ref_command("run", "near-rho0.linear", "ranges.override", "--jobs", 1)
     assert stopped.code == 130
     (partial,) = Path("reports/parts").glob("*.interrupted")
-    told = rf"interrupted after \d of 3 cases: see {partial}/summary.md; the same command with --resume does the rest$"
+    told = rf"interrupted after \d of 3 cases: see {partial}/summary.md; the same command with --resume continues$"
     assert re.search(told, stopped.err.strip())
     assert not Path("reports/parts/latest").exists()
     assert eos_ref_command("run", "ranges").code == 0

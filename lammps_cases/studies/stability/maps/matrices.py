@@ -110,7 +110,7 @@ ZMIN = StabilityMap(
     id="matrices-zmin",
     title="Moment matrices at free surfaces: zmin",
     about="A square of particles with corners and edges, without disorder. x: zmin, rounded down. Below zmin "
-    f"neighbours LAMMPS uses memory that nobody wrote (finding {STALE_GRADIENT_BELOW_ZMIN.id}): what becomes of a run "
+    f"neighbours LAMMPS uses uninitialised memory (finding {STALE_GRADIENT_BELOW_ZMIN.id}): what becomes of a run "
     "there depends on what its process did before.",
     x=Axis("zmin", 0.0, 12.0, 0.5),
     y=Axis("cut/spacing", 1.05, 3.0, 0.1),
@@ -171,7 +171,7 @@ def _zigzag(cut: float) -> float:
 ROW = StabilityMap(
     id="matrices-row",
     title="Moment matrices of neighbours in a row",
-    about="A row of particles, every second one off the line: a direction that no neighbour tells of.",
+    about="A row of particles, every second one off the line: a direction about which no neighbour gives information.",
     x=Axis("offset/spacing", 1e-12, 1.0, 0.1, log=True),
     y=Axis("cut/spacing", 2.05, 3.0, 0.1),
     lines=(2.1, 2.5, 3.0),

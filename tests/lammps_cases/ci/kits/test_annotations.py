@@ -126,7 +126,7 @@ def test_commands_of_a_run() -> None:
         ("error", "differs: near-rho0.linear.2d"),
         ("notice", "eos-ref"),
     ]
-    assert found[0][2].startswith("2 cases not as expected: 1 differs, 1 crashed; 1 known bug of this LAMMPS seen")
+    assert found[0][2].startswith("2 cases not as expected: 1 differs, 1 crashed; 1 known bug seen in this LAMMPS")
     assert found[1][1]["file"] == "lammps_cases/cases/near-rho0.yaml"
     assert found[1][2] == "SIGSEGV\neos-ref run near-rho0.linear.3d"
     strict = workflow_commands(a_run(*cases, fail_on="high"), ROOT)

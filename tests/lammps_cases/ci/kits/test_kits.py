@@ -177,7 +177,7 @@ def test_kits_are_listed(eos_ref_command: Run) -> None:
 def test_place_of_eos_ref_that_is_not_given_is_said(eos_ref_command: Run) -> None:
     code, out, err = eos_ref_command("kit", "github")
     assert code == 0 and "OWNER/eos-ref/.github/actions/eos-ref@main" in out
-    assert err == "replace OWNER/eos-ref by your repository (--repository)\n"
+    assert err == "replace OWNER/eos-ref with your repository (--repository)\n"
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_place_of_eos_ref_that_is_not_given_is_said(eos_ref_command: Run) -> Non
         (["github", "--repository", "a b; rm"], "eos-ref: repository: must be OWNER/NAME, found 'a b; rm'"),
         (["slurm", "--run", "--tga eos"], "eos-ref: No such option '--tga'."),
         (["slurm", "--run", "'"], "eos-ref: --run: must be words as a shell takes them: No closing quotation"),
-        (["slurm", "--run", "--tag none-such"], "eos-ref: tag: no case has it"),
+        (["slurm", "--run", "--tag none-such"], "eos-ref: tag: no case has the tag 'none-such'"),
         (["slurm", "--run", "--engine path:/nowhere"], "eos-ref: engine: must exist"),
         (["slurm", "--run", "--fresh --jobs 2"], "eos-ref: --run: must leave to the kit what each shard has"),
         (

@@ -247,7 +247,7 @@ def test_what_is_wrong_is_said() -> None:
     assert "false alarm, ranks: x" in _power(_fault("a", "x"), alarms=(alarm,)).complaints[0]
 
 
-BUGS = "1 known bug of this LAMMPS seen, 1 severe"
+BUGS = "1 known bug seen in this LAMMPS (severe)"
 
 
 def _known() -> Power:
@@ -256,10 +256,10 @@ def _known() -> Power:
 
 
 def test_headline() -> None:
-    assert str(_power(_fault("a", "x")).headline("low")) == "PASS: nothing to complain of"
+    assert str(_power(_fault("a", "x")).headline("low")) == "PASS: all checks as required"
     assert str(_power(_fault("a")).headline()) == "FAIL: 1 complaint"
     assert str(_known().headline()) == f"KNOWN BUGS: {BUGS}; nothing new"
-    assert str(_known().headline("high")) == f"FAIL: {BUGS}; 1 of them fails by --fail-on high; nothing new"
+    assert str(_known().headline("high")) == f"FAIL: {BUGS}; 1 rejected by --fail-on high; nothing new"
 
 
 @pytest.mark.slow
@@ -352,7 +352,7 @@ def test_command_goes_on_where_it_was_left(eos_ref_command: Command, tmp_path: P
     assert (out / "planted.jsonl").read_bytes() == kept
     assert json.loads((out / "power.json").read_text())["faults"] == found["faults"]
     clean = eos_ref_command("power", "told.cs-off", "--out", out, "--jobs", 1, "--fail-on", "low")
-    assert clean.code == 0 and clean.out.endswith("\nPASS: nothing to complain of\n")
+    assert clean.code == 0 and clean.out.endswith("\nPASS: all checks as required\n")
 
 
 @pytest.mark.lammps

@@ -311,10 +311,10 @@ def test_wrong_parameter_differs(plant: Any, name: str, red: set[str], monkeypat
     ("name", "field", "why"),
     [
         ("plain", "surface", "fix rheo has no surface/detection in this deck"),
-        ("plain", "rho", "integrated from step to step"),
+        ("plain", "rho", "integrated over time"),
         ("plain", "x", "input to the check, not a result"),
         ("gas", "heatflow", r"fix 6 \(add/heat\) may add to it"),
-        ("walls_corrected", "f", "reproducing kernels saw densities of walls"),
+        ("walls_corrected", "f", "reproducing kernels used densities of walls"),
     ],
 )
 def test_field_that_a_deck_does_not_have(name: str, field: str, why: str) -> None:

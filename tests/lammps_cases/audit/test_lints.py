@@ -61,7 +61,7 @@ def test_a_right_deck_is_not_warned_of(tmp_path: Path) -> None:
         # Nine rows of fluid: the extent between the outer ones is 8.
         (
             [("gravity 1e-4", "gravity 2e-2")],
-            ["speed of sound 1 is 2.5 times sqrt(g h) = 0.4 (g = 0.02, fluid of height 8): expect its weight to "],
+            ["speed of sound 1 is 2.5 times sqrt(g h) = 0.4 (g = 0.02, fluid of height 8): its weight will "],
         ),
         ([("vector 0 -1 0", "vector 1 0 0"), ("gravity 1e-4", "gravity 2e-2")], []),
         (

@@ -94,7 +94,7 @@ def test_a_right_deck_that_a_finding_blows_up(tmp_path: Path) -> None:
     assert field_table(case)[0].startswith("field") and field_table(case.model_copy(update={"fields": []})) == []
     (f,) = [of for of in case.effects if of.field == "f"]
     assert wording.effect(f).startswith("f is 100 times what it should be")
-    assert case.message.startswith("unstable because of the known bug force-per-volume: the reference runs on")
+    assert case.message.startswith("unstable because of the known bug force-per-volume: continued from step")
     assert "run 1: from step 10 on particles are much faster than sound: fields were not checked there" in case.warnings
 
 

@@ -26,7 +26,7 @@ def test_constants_that_are_not_given_are_noted(case_file: Write, eos_ref_comman
     assert code == 0
     mistakes = "cs instead of cs^2, cs ignored, rho0 ignored, rho0 and cs exchanged"
     assert notes(out) == [
-        "note: rho0 = 1, cs = 1 in 2 cases that do not say",
+        "note: defaults used in 2 cases: rho0 = 1, cs = 1",
         f"note: 2 cases cannot tell apart: {mistakes}",
     ]
     code, out, _ = eos_ref_command("run", "--cases", file, "mine.a", "--out", tmp_path / "report", "--json")
@@ -50,7 +50,7 @@ def test_shipped_cases_are_not_noted(eos_ref_command: Run, tmp_path: Path) -> No
 def test_viscosity_that_is_compared_is_noted(case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
     file = case_file(types=[{"mass": 1.31, "rho0": 1.2, "cs": 3.1}], compare=["viscosity"])
     out = eos_ref_command("run", "--cases", file, "--out", tmp_path / "report").out
-    assert notes(out)[0] == "note: viscosity = 0.1 in 1 case that does not say"
+    assert notes(out)[0] == "note: defaults used in 1 case: viscosity = 0.1"
 
 
 @pytest.mark.lammps

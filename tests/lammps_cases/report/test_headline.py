@@ -47,8 +47,8 @@ def texts(folder: Path, terminal: str, job: Path) -> dict[str, str]:
     ("scene", "code", "state", "sentence", "then"),
     [
         (CLEAN, 0, "PASS", "no difference", "eos-ref claims"),
-        (SEVERE, 0, "KNOWN BUGS", f"{KNOWN}, 1 severe; nothing new", "eos-ref report-bug force-per-volume"),
-        (LIGHT, 0, "KNOWN BUGS", f"{KNOWN}, none severe; nothing new", "eos-ref report-bug double-star-abort"),
+        (SEVERE, 0, "KNOWN BUGS", f"{KNOWN} (severe); nothing new", "eos-ref report-bug force-per-volume"),
+        (LIGHT, 0, "KNOWN BUGS", f"{KNOWN} (not severe); nothing new", "eos-ref report-bug double-star-abort"),
         ("mine", 1, "FAIL", "1 case not as expected: 1 differs", "eos-ref run --cases"),
     ],
 )
@@ -149,7 +149,7 @@ def test_an_audit(eos_ref_command: Command, tmp_path: Path) -> None:
     done = eos_ref_command(*audit, "--fields", "f", "--fail-on", "medium")
     assert (
         done.code,
-        f"\nFAIL: {KNOWN}, 1 severe; 1 rejected by --fail-on medium; nothing new\n" in done.out,
+        f"\nFAIL: {KNOWN} (severe); 1 rejected by --fail-on medium; nothing new\n" in done.out,
     ) == (1, True)
     assert "\nKNOWN BUGS: " in eos_ref_command(*audit, "--fields", "f").out
     assert "\nPASS: no difference\n" in eos_ref_command(*audit, "--fields", "pressure", "--fail-on", "low").out

@@ -46,8 +46,9 @@ test: $(READY) ## set up and run the tests
 fast: $(READY) ## the tests that need neither LAMMPS nor patience
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 -m "not lammps and not slow"
 
-browser: $(READY) ## the tests that draw a report in chromium
-	$(BIN)/python -m pytest -m browser tests/lammps_cases/report
+browser: $(READY) ## the tests that draw a report and the site in chromium
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	$(BIN)/python -m pytest -m browser tests/lammps_cases/report tests/test_site.py
 
 slurm: $(READY) ## the tests of the kit for Slurm, on a Slurm started for them (needs slurmctld, slurmd, munge)
 	$(BIN)/python -m pytest -m slurm tests/lammps_cases/ci/kits

@@ -1,4 +1,4 @@
-"""What mkdocs does not do by itself: pages and pictures from outside docs/, and formulas that need no script."""
+"""What mkdocs does not do by itself: pages and pictures from outside docs/, formulas, and a search, without a server."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from latex2mathml.converter import convert
+from markdown.extensions.toc import slugify
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
@@ -18,6 +19,10 @@ OUTSIDE = re.compile(
     r"(?:LICENSE|CITATION\.cff|lammps_cases/[^)]*|tests/[^)]*|reports/[^)]*(?<!\.png)|\.github/[^)]*)\)"
 )
 CODE = re.compile(r"(```.*?```|`[^`\n]+`)", re.DOTALL)
+FORMULA = re.compile(r"\$\$([^$]+)\$\$|\$([^$\n]+)\$")
+KEPT = re.compile("\ue000([0-9a-f]+)([\ue001\ue002])")
+DIGIT = re.compile(r"(\]\([^)\s]*#)(?=\d)")  # a link to a heading that begins with one
+PREFIX = "section-"  # of the name of such a heading
 
 
 def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
@@ -28,16 +33,48 @@ def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
     return files
 
 
+def on_config(config: MkDocsConfig, **_: Any) -> MkDocsConfig:
+    """Let the names of headings begin with a letter, which the theme's script expects."""
+    config.mdx_configs["toc"] = {"slugify": _anchor}
+    return config
+
+
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Follow links within the site, and set formulas in MathML."""
+    """Follow links within the site, and keep formulas from Markdown."""
     inside = OUTSIDE.sub(r"\1", markdown)
     inside = re.sub(r"\]\((\.\./)+(ARCHITECTURE|CONTRIBUTING|eos_ref|reports)", r"](\2", inside)
     inside = inside.replace("](docs/", "](")
     parts = CODE.split(inside)
-    return "".join(part if part.startswith("`") else _formulas(part) for part in parts)
+    return "".join(part if part.startswith("`") else _kept(DIGIT.sub(rf"\1{PREFIX}", part)) for part in parts)
 
 
-def _formulas(text: str) -> str:
-    text = re.sub(r"(?<=[^\n])\n(?=\$[^$])", " ", text)  # a line that begins with a formula would be a block of HTML
-    text = re.sub(r"\$\$(.+?)\$\$", lambda m: convert(m[1], display="block"), text, flags=re.DOTALL)
-    return re.sub(r"\$([^$\n]+)\$", lambda m: convert(m[1]), text)
+def on_page_content(html: str, **_: Any) -> str:
+    """Set formulas in MathML, and let wide tables scroll."""
+    html = html.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
+    return KEPT.sub(_formula, html)
+
+
+def on_post_build(config: MkDocsConfig, **_: Any) -> None:
+    """Make a script of the index of the search: a page that is a file may read no other."""
+    folder = Path(config.site_dir) / "search"
+    index = (folder / "search_index.json").read_text(encoding="utf-8")
+    (folder / "search_index.js").write_text(f"window.search_index = {index};\n", encoding="utf-8")
+    for name in ("search_index.json", "worker.js"):
+        (folder / name).unlink()
+
+
+def _anchor(heading: str, separator: str) -> str:
+    name = slugify(heading, separator)
+    return PREFIX + name if name[:1].isdigit() else name
+
+
+def _kept(text: str) -> str:
+    """Put the letters of formulas out of reach of Markdown, which would take some for a list, a table or HTML."""
+    return FORMULA.sub(lambda m: "\ue000" + (m[1] or m[2]).encode().hex() + ("\ue001" if m[1] else "\ue002"), text)
+
+
+def _formula(kept: re.Match[str]) -> str:
+    tex = bytes.fromhex(kept[1]).decode()
+    if kept[2] == "\ue001":
+        return f'<span class="formula">{convert(tex, display="block")}</span>'
+    return str(convert(tex))

@@ -42,11 +42,15 @@ class Browser:
 
     def open(self, url: str, width: int = 1280, height: int = 900, dark: bool = False) -> None:
         """Open a page in a window of some size."""
-        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        self.resize(width, height)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.ask("Emulation.setEmulatedMedia", features=[scheme])
         self.ask("Page.navigate", url="about:blank")  # an address that differs in its hash alone loads nothing
         self.ask("Page.navigate", url=url)
+
+    def resize(self, width: int, height: int = 900) -> None:
+        """Give the window a size."""
+        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
     def value(self, expression: str) -> Any:
         """Return the value of an expression in the page."""
@@ -91,9 +95,12 @@ class Browser:
     def _hear(self, event: dict[str, Any]) -> None:
         parameters = event.get("params", {})
         if event.get("method") == "Runtime.exceptionThrown":
-            self.complaints.append(parameters["exceptionDetails"]["exception"].get("description", "exception"))
+            details = parameters["exceptionDetails"]  # an uncaught one of a script that is a file has its text alone
+            self.complaints.append(details.get("exception", {}).get("description", details["text"]))
         elif event.get("method") == "Log.entryAdded" and parameters["entry"]["level"] == "error":
             self.complaints.append(parameters["entry"]["text"])
+        elif event.get("method") == "Runtime.consoleAPICalled" and parameters["type"] == "error":
+            self.complaints.append(" ".join(str(each.get("value", each["type"])) for each in parameters["args"]))
 
 
 @contextmanager

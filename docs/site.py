@@ -1,4 +1,4 @@
-"""What mkdocs does not do by itself: pages and pictures from outside docs/, formulas, and a search, without a server."""
+"""What mkdocs does not do by itself: pages from outside docs/, formulas, and a search that needs no server."""
 
 from __future__ import annotations
 

@@ -21,6 +21,7 @@ RED, BLUE, GREY = "#c0392b", "#1f5fa8", "#8a8f98"
 # Stand-ins for colours of the style sheet, which follow the reader's light or dark mode; OF is that of a CSS class.
 INK, FAINT, LINE, PAPER, DIFFERS, LINK, OF = (f"#0102{k:02x}" for k in range(7))
 _NAMES = {INK: "ink", FAINT: "faint", LINE: "line", PAPER: "paper", DIFFERS: "differs", LINK: "link", OF: "of"}
+_DARK = re.compile(r"#[0-3][0-9a-f][0-3][0-9a-f][0-3][0-9a-f]\b")
 STYLE: Any = {
     "font.family": "sans-serif",
     "font.size": 9,
@@ -84,7 +85,13 @@ def saved(figure: Figure, folder: Path, name: str) -> Markup:
     write_atomically(folder / f"{name}.svg", f'<?xml version="1.0" encoding="utf-8"?>\n{text}')
     figure.set_layout_engine("none")  # as it has been laid out; that takes half of the time
     figure.savefig(folder / f"{name}.png", dpi=150, metadata={"Software": None})
-    return Markup(with_own_names(text, name))
+    return Markup(_in_page(with_own_names(text, name)))
+
+
+def _in_page(svg: str) -> str:
+    """Let what is nearly black, white and the grid follow the reader's light or dark mode."""
+    svg = svg.replace("#ffffff", "var(--paper)").replace(STYLE["grid.color"], "var(--line)")
+    return _DARK.sub("var(--ink)", svg)
 
 
 def themed(figure: Figure, name: str, label: str, marks: Mapping[str, tuple[str, str]]) -> Markup:

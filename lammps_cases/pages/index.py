@@ -177,15 +177,15 @@ def _pages(reports: Path) -> Iterator[Page]:
         place = path.relative_to(reports)
         if says["command"] == "report" and place.parts[0].startswith("audit-"):
             says["command"] = "audit"
-        says["date"] = says["date"] or time.strftime("%Y-%m-%dT%H:%M", time.gmtime(_written(path) / 1e9))
+        says["date"] = says["date"] or time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(_written(path) / 1e9))
         pages.append(Page(place, **says, whole=path.parent in whole or path.name == "history.html"))
-    yield from sorted(pages, key=_order, reverse=True)
+    yield from sorted(sorted(pages, key=lambda page: page.path), key=_order, reverse=True)
 
 
-def _order(page: Page) -> tuple[bool, tuple[str, int], Path]:
-    """Return what pages are sorted by: whole reports, then when they were begun, or made."""
-    made = page.date.replace("T", "_").replace(":", ".")
-    return page.whole, kept.begun(page.path.parent) if kept.is_entry(page.path.parent) else (made, 0), page.path
+def _order(page: Page) -> tuple[bool, tuple[str, int]]:
+    """Return what pages are sorted by, the last first: whole reports, then when they were begun, or made."""
+    made = page.date[:19].replace("T", "_").replace(":", ".")
+    return page.whole, kept.begun(page.path.parent) if kept.is_entry(page.path.parent) else (made, 0)
 
 
 def _newest(pages: Sequence[Page], reports: Path) -> list[tuple[str, str, Path]]:

@@ -132,3 +132,11 @@ def test_commands_bring_it_up_to_date(
     Path("reports/index.html").write_text("old")
     eos_ref_command("list")
     assert Path("reports/index.html").read_text() == "old", "a command that writes no report"
+
+
+def test_reports_of_one_minute_are_sorted_by_second_then_by_name(tmp_path: Path) -> None:
+    for name, second in (("b", 20), ("c", 50), ("a", 20), ("d", 5)):
+        a_run(tmp_path / name, f"2026-01-31T12:00:{second:02}Z")
+    index.refresh(tmp_path)
+    listed = re.findall(r'<th scope="row"><a href="([^"/]+)/', (tmp_path / index.NAME).read_text(encoding="utf-8"))
+    assert listed == ["c", "a", "b", "d"]

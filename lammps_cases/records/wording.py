@@ -233,7 +233,12 @@ def tally(run: RunRecord) -> str:
 
 def worst_field(case: CaseRecord) -> FieldRecord | None:
     """Return the field to blame: worst verdict, then largest difference in units of the bound."""
-    return max(case.fields, key=lambda f: (SEVERITY[f.verdict], size(f.max_over_bound)), default=None)
+    return max(case.fields, key=how_bad, default=None)
+
+
+def how_bad(field: FieldRecord) -> tuple[int, float]:
+    """Return what fields are compared by: their verdicts, then their largest differences in units of the bound."""
+    return SEVERITY[field.verdict], size(field.max_over_bound)
 
 
 def worst_ratio(case: CaseRecord) -> float | None:

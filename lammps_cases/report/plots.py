@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import Any, cast
 
@@ -21,7 +21,8 @@ from eos_ref.eos.registry import LAWS, Style
 from eos_ref.eos.table import EOS, FloatArray
 from eos_ref.errors import InputError
 from lammps_cases.comparison.compare import excess
-from lammps_cases.records.run_record import CaseRecord, CheckRecord, LawRecord
+from lammps_cases.records import wording
+from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, LawRecord
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 Differences = Mapping[str, tuple[FloatArray, FloatArray]]
@@ -115,7 +116,8 @@ def _atoms(
     """
     stepped = {record.field: record for record in case.fields if record.steps}
     law = "pressure" in by_field and not stepped
-    fields = _drawn_fields(case, by_field, ["pressure"] if law else [])
+    worst = "" if stepped else _worst(case, by_field)
+    fields = _drawn_fields(case, by_field, ["pressure", worst] if law else [worst])
     if stepped and not fields:
         return {}, {}
     type_n, rho_n = arrays["type"], np.asarray(arrays["rho"], float)
@@ -129,6 +131,7 @@ def _atoms(
         data |= _of_model(case, arrays, fields, picked)
     else:
         data["rho"] = _column(rho_n[picked])
+        data |= _of_audit(case, arrays, fields, worst)
     if "e" in arrays:
         data["energy"] = _column((rho_n * arrays["e"])[picked])
     return data, _other_steps(beside, fields, picked)
@@ -170,6 +173,30 @@ def _of_model(case: CaseRecord, arrays: Arrays, fields: list[str], picked: npt.N
     if "phase.lammps" in arrays:
         data["phase"] = _column(arrays["phase.lammps"][picked])
     return data
+
+
+def _worst(case: CaseRecord, fields: Collection[str]) -> str:
+    """Return the field to blame, of those at hand: worst verdict, then largest ratio; pressure if all are the same."""
+    records = [record for record in case.fields if record.field in fields]
+    first = sorted(records, key=lambda record: record.field != "pressure")
+    return max(first, key=wording.how_bad).field if first else ""
+
+
+def _of_audit(case: CaseRecord, arrays: Arrays, fields: list[str], first: str) -> dict[str, Any]:
+    """Return the field to begin with; of an audit the step of the arrays, and of fields that were worse at others."""
+    data: dict[str, Any] = {"first": first} if first in fields else {}
+    if "step" not in arrays:
+        return data
+    step = int(arrays["step"])
+    worst: dict[str, FieldRecord] = {}
+    for record in sorted(case.fields, key=wording.how_bad):
+        worst[record.field] = record
+    elsewhere = {
+        field: [worst[field].worst_step, _packed([worst[field].max_over_bound or 0.0])]
+        for field in fields
+        if field in worst and worst[field].max_over_bound and worst[field].worst_step not in (None, step)
+    }
+    return data | {"step": step, "elsewhere": elsewhere}
 
 
 def _first(case: CaseRecord, fields: list[str]) -> str:

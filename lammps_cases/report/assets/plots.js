@@ -127,6 +127,12 @@ const Plots = (() => {
 
   // ---- figures
 
+  function when(data, name) {
+    // The step of what is drawn: of the model the field's own, of an audit that of its last sample.
+    const step = data.steps ? data.steps[name] : data.step;
+    return step === undefined || step === null ? "" : `, step ${step}`;
+  }
+
   function hover(data, name) {
     const field = data.fields[name];
     const kind = (i) => (data.phase ? (data.phase[i] ? ", solid" : ", fluid") : "");
@@ -139,8 +145,8 @@ const Plots = (() => {
   }
 
   function style(type, types, look) {
-    const at = types.indexOf(type);
-    return { color: look.colours[at % look.colours.length], symbol: SYMBOLS[at % SYMBOLS.length] };
+    const at = types.indexOf(type), count = look.colours.length; // as many symbols: 36 different pairs
+    return { color: look.colours[at % count], symbol: SYMBOLS[(at + Math.floor(at / count)) % SYMBOLS.length] };
   }
 
   function atoms(data, field, type) {
@@ -198,7 +204,7 @@ const Plots = (() => {
     const equal = field.difference.filter((v) => v === 0).length;
     const note = `${equal} of ${field.difference.length} atoms drawn have no difference at all${equal ? ": on the line “equal”" : ""}`;
     const extra = { xaxis: axis(look, title, x.axis), yaxis: axis(look, `|difference of ${plain(name)}|`, y.axis) };
-    return { title: "Difference and bound", note, traces, layout: layout(look, extra) };
+    return { title: `Difference and bound: ${plain(name)}${when(data, name)}`, note, traces, layout: layout(look, extra) };
   }
 
   function outline(data, look) {
@@ -254,7 +260,7 @@ const Plots = (() => {
     const traces = [...outline(data, look), particles(data, finite, text, shown, plain(name))];
     if (others.length) traces.push(particles(data, others, text, { size: 9, symbol: "x", color: OUTSIDE }, "not finite"));
     const note = others.length ? `${others.length} not finite: orange crosses` : "";
-    return { title: `Particles: ${plain(name)} of LAMMPS${data.steps ? `, step ${data.steps[name]}` : ""}`, note, traces, layout: particleLayout(data, look) };
+    return { title: `Particles: ${plain(name)} of LAMMPS${when(data, name)}`, note, traces, layout: particleLayout(data, look) };
   }
 
   function ratioFigure(data, name, look) {
@@ -268,8 +274,10 @@ const Plots = (() => {
     const traces = outline(data, look);
     if (inside.length) traces.push(particles(data, inside, text, shown, "inside the bound"));
     if (outside.length) traces.push(particles(data, outside, text, { size: 8, symbol: "diamond", color: OUTSIDE, line: { width: 1, color: look.ink } }, "outside the bound"));
-    const note = outside.length ? `${outside.length} atoms drawn lie outside the bound: orange diamonds` : `all inside the bound; largest ratio ${rough(Math.max(...field.ratio))}`;
-    return { title: "Particles: difference/bound", note, traces, layout: particleLayout(data, look) };
+    const here = outside.length ? `${outside.length} atoms drawn lie outside the bound: orange diamonds` : `all inside the bound; largest ratio ${rough(Math.max(...field.ratio))}`;
+    const [step, ratio] = data.elsewhere?.[name] ?? [];
+    const note = step === undefined ? here : `${here}; largest at step ${step}: ${rough(numbers(ratio)[0])}`;
+    return { title: `Particles: difference/bound of ${plain(name)}${when(data, name)}`, note, traces, layout: particleLayout(data, look) };
   }
 
   // ---- the particle model: a field at one of its steps
@@ -321,8 +329,7 @@ const Plots = (() => {
   function modelFigures(data, name, look) {
     const field = data.fields[name];
     const text = hover(data, name);
-    const step = data.steps[name];
-    const at = step === undefined || step === null ? "" : `step ${step}`;
+    const at = when(data, name);
     const heated = heat(field, look);
     const take = (column, picked) => picked.map((i) => column[i]);
     const labelled = (picked) => ({ text: take(text, picked) });
@@ -333,7 +340,7 @@ const Plots = (() => {
 
     const spots = byType(data, field, look, { of: spot(data), three: true }, (picked) => ({ ...place(data, data.x.map((c) => take(c, picked))), ...labelled(picked) }));
     const map = {
-      title: `Particles: difference/bound of ${plain(name)}, ${at}`, note: `${count}; positions of the last step`,
+      title: `Particles: difference/bound of ${plain(name)}${at}`, note: `${count}; positions of the last step`,
       traces: [...outline(data, look), ...spots], layout: { ...particleLayout(data, look), coloraxis: heated.axis },
     };
 
@@ -343,7 +350,7 @@ const Plots = (() => {
     const ends = [Math.min(...drawn), Math.max(...drawn)];
     const diagonal = { x: ends, y: ends, mode: "lines", hoverinfo: "skip", showlegend: false, line: { color: look.axis, width: 1.2 } };
     const scatter = {
-      title: `${one} against ${other}: ${plain(name)}, ${at}`, note: "on the line: equal; of vectors and tensors the component closest to its bound",
+      title: `${one} against ${other}: ${plain(name)}${at}`, note: "on the line: equal; of vectors and tensors the component closest to its bound",
       traces: drawn.length ? [diagonal, ...pairs] : pairs,
       layout: layout(look, { coloraxis: heated.axis, xaxis: axis(look, other, scale.axis), yaxis: axis(look, one, scale.axis) }),
     };
@@ -353,7 +360,7 @@ const Plots = (() => {
     const range = x.axis.range;
     const limit = { x: range, y: range, mode: "lines", hoverinfo: "skip", showlegend: false, line: { color: OUTSIDE, width: 1.5, dash: "dash" } };
     const error = {
-      title: `Difference against bound: ${plain(name)}, ${at}`, note: "below the dashed line: inside the bound",
+      title: `Difference against bound: ${plain(name)}${at}`, note: "below the dashed line: inside the bound",
       traces: [limit, ...errors], layout: layout(look, { coloraxis: heated.axis, xaxis: axis(look, "bound", x.axis), yaxis: axis(look, "|difference|", y.axis) }),
     };
     return [map, scatter, error, valueFigure(data, name, look)];

@@ -12,6 +12,7 @@
   const tags = document.getElementById("tag");
   const grouped = document.getElementById("grouped");
   const table = document.getElementById("cases");
+  const heading = document.getElementById("list-of-cases");
   const MANY = 40; // rows from which on they are shown in groups
   let rows = [...body.rows]; // in the order of the table
   const prefix = (row) => row.querySelector("a").textContent.split(".")[0];
@@ -41,7 +42,8 @@
     cell.append(count);
     const kinds = new Map();
     for (const row of members) kinds.set(row.dataset.kind, (kinds.get(row.dataset.kind) ?? 0) + 1);
-    for (const [kind, number] of kinds) cell.append(" ", badge(kind, number));
+    const ordered = [...select.options].map((option) => option.value).filter((kind) => kinds.has(kind)); // as everywhere
+    for (const kind of ordered) cell.append(" ", badge(kind, kinds.get(kind)));
     const open = (is) => {
       found.open = is;
       filter();
@@ -130,7 +132,7 @@
     const header = [...table.tHead.rows[0].cells].find((cell) => cell.textContent.trim() === state.get("sort")) ?? first;
     order(header, (header === first) !== state.has("down"));
     filter();
-    find.scrollIntoView();
+    heading.scrollIntoView();
   }
 
   async function opened(name) {
@@ -227,7 +229,7 @@
     button.addEventListener("click", () => {
       find.value = button.dataset.finding;
       changed();
-      table.scrollIntoView();
+      heading.scrollIntoView();
     });
   }
   const allKnown = document.getElementById("all-known");

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord
 from lammps_cases.report import plots, write_report
 from tests.support.browser import browser
 from tests.support.made_report import Page
@@ -125,4 +125,45 @@ def test_the_report_of_an_audit_opens_at_its_deck(run: RunRecord, tmp_path: Path
             if address:
                 page.value("document.querySelector('article .back').click()")
                 page.wait(f"!{hidden}")
+        assert page.complaints == []
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_marks_of_an_audit_are_all_different_and_its_fields_have_one_derivation(run: RunRecord, tmp_path: Path) -> None:
+    names = [f"field-{k}" for k in range(14)]
+    look = CheckRecord(run=1, step=0, type=0, natoms=9, verdict="pass", max_over_bound=0.5, max_abs=1.0, worst_id=1)
+    checks = [look.model_copy(update={"field": name, "step": step}) for name in names for step in (0, 10)]
+    fields = [
+        FieldRecord(field=name, stage="", verdict="pass", max_over_bound=0.5, derivation="by hand") for name in names
+    ]
+    deck = CaseRecord(case="in.one", verdict="pass", tags=["audit"], checks=checks, fields=fields)
+    write_report(run.model_copy(update={"cases": [deck]}).counted(), tmp_path)
+    marks = "document.querySelector('.js-plotly-plot')?.data.map((one) => `${one.marker.color} ${one.marker.symbol}`)"
+    with browser(tmp_path / "browser") as page:
+        page.open((tmp_path / "report.html").as_uri())
+        found = page.wait(marks)
+        assert len(found) == len(set(found)) == len(names)
+        box = "document.querySelector('{}').getBoundingClientRect()"
+        legend, bar = box.format(".legend"), box.format(".modebar")
+        assert page.value(f"{bar}.bottom <= {legend}.top")
+        assert page.value("[...document.querySelectorAll('.derivation')].map((each) => each.innerText)") == [
+            "bound: by hand"
+        ]
+        assert page.value("document.querySelector('.product').innerText") == "audit of in.one"
+        assert page.complaints == []
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_addresses_of_the_table_show_its_heading(run: RunRecord, folder: Path, tmp_path: Path) -> None:
+    top = "document.getElementById('list-of-cases').getBoundingClientRect().top"
+    with browser(tmp_path) as page:
+        for address in ("#find=eos", "#list-of-cases"):
+            page.open(f"{(folder / 'report.html').as_uri()}{address}", height=300)
+            page.wait("document.readyState === 'complete'")
+            page.wait(f"Math.abs({top}) < 40")
+        for width in (390, 1280):
+            page.resize(width)
+            assert page.value("document.documentElement.scrollWidth") <= width
         assert page.complaints == []

@@ -98,3 +98,22 @@ def test_the_mark_of_an_outcome() -> None:
         "1.0", "2026-01-02", "differs", 3.0, "1.0, 2 runs: differs, worst in f"
     )
     assert draw.mark("1.0", "", "1 run", CaseOutcome("one", "pass", True)).says == "1.0, 1 run: pass"
+
+
+def test_an_audit_begins_with_its_worst_field_and_says_at_which_step() -> None:
+    def record(field: str, verdict: str, ratio: float, step: int) -> FieldRecord:
+        return FieldRecord(
+            field=field, stage="", verdict=verdict, max_over_bound=ratio, worst_step=step, derivation="derived"
+        )
+
+    count = 3
+    zeros_n, ones_n = np.zeros(count), np.ones(count)
+    arrays = {"id": np.arange(1, count + 1), "type": np.ones(count, int), "x": np.zeros((count, 3)), "rho": ones_n}
+    arrays["step"] = np.array(60)
+    for field, size in (("pressure", 0.0), ("drho", 0.5), ("f", 2.0)):
+        arrays |= {f"{field}.lammps": size * ones_n, f"{field}.reference": zeros_n, f"{field}.bound": ones_n}
+    fields = [record("pressure", "exact", 0.0, 0), record("drho", "pass", 0.7, 40), record("f", "explained", 2.0, 60)]
+    case = CaseRecord(case="in.deck", verdict="explained", natoms=count, tags=["audit"], fields=fields)
+    data, _ = plots.payload(case, arrays, plots.differences(arrays))
+    assert data is not None and data["first"] == "f" and data["step"] == 60
+    assert {field: step for field, (step, _) in data["elsewhere"].items()} == {"drho": 40}

@@ -144,7 +144,7 @@ def test_what_lammps_should_refuse_still_breaks_the_rule(eos_ref_command: Run, t
             ("must show cross-type-support", "force-per-volume"),
         ),
         (("forces.all.rk1.2d", "--finding", "force-per-volum"), ("no such finding", "did you mean 'force-per-volume'")),
-        (("near-rho0",), ("must be one", "selects")),
+        (("near-rho0",), ("must be a single case", "selects")),
         (("near-rho1.linear.2d",), ("no such case",)),
         (("near-rho0.linear.2d", "--out", "."), ("must be a file",)),
     ],

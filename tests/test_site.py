@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import subprocess
 import sys
@@ -11,6 +12,8 @@ from types import ModuleType
 import pytest
 
 from tests.support.browser import browser
+
+pytestmark = pytest.mark.browser  # and what builds the site: make browser
 
 ROOT = Path(__file__).parents[1]
 NUMERICS = r"""- Surfaces: $\nabla\cdot\mathbf r$, normal
@@ -30,8 +33,6 @@ and ends it: `$HOME`.
 
 @pytest.fixture(scope="module")
 def hooks() -> ModuleType:
-    pytest.importorskip("mkdocs")
-    pytest.importorskip("latex2mathml")
     spec = importlib.util.spec_from_file_location("site_hooks", ROOT / "docs" / "site.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -48,7 +49,7 @@ def site(hooks: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_formulas_leave_lists_tables_and_paragraphs_as_they_are(hooks: ModuleType) -> None:
-    markdown = pytest.importorskip("markdown")
+    markdown = importlib.import_module("markdown")
     html = hooks.on_page_content(markdown.markdown(hooks.on_page_markdown(NUMERICS), extensions=["tables"]))
     assert html.count("<ul>") == 1 and html.count("<li>") == 2
     item = html[html.index("<li>") : html.index("</li>")]
@@ -66,8 +67,6 @@ def test_links_to_headings_that_begin_with_a_digit(hooks: ModuleType) -> None:
     assert link.endswith("`[d](#1)`")
 
 
-@pytest.mark.slow
-@pytest.mark.browser
 def test_no_page_complains_or_scrolls_sideways(site: Path, tmp_path: Path) -> None:
     pages = sorted(path for path in site.rglob("*.html") if path.name != "404.html")
     assert len(pages) > 20
@@ -75,7 +74,7 @@ def test_no_page_complains_or_scrolls_sideways(site: Path, tmp_path: Path) -> No
     with browser(tmp_path) as page:
         for path in pages:
             page.open(path.as_uri())
-            page.wait("document.readyState === 'complete'")
+            page.wait("document.readyState === 'complete'", 120)
             for width in (1280, 390):
                 page.resize(width)
                 inner = page.value("document.documentElement.scrollWidth")
@@ -84,15 +83,13 @@ def test_no_page_complains_or_scrolls_sideways(site: Path, tmp_path: Path) -> No
         assert page.complaints == [] and wide == {}
 
 
-@pytest.mark.slow
-@pytest.mark.browser
 def test_search_finds_and_the_switch_switches(site: Path, tmp_path: Path) -> None:
     results = "[...document.querySelectorAll('#mkdocs-search-results a')].map((each) => each.href)"
     theme = "document.documentElement.getAttribute('data-bs-theme')"
     with browser(tmp_path) as page:
         for name in ("index.html", "findings/force-per-volume.html"):
             page.open((site / name).as_uri())
-            page.wait("document.readyState === 'complete'")
+            page.wait("document.readyState === 'complete'", 120)
             page.value("document.querySelector('[data-bs-target=\"#mkdocs_search_modal\"]').click()")
             page.wait("document.activeElement.id === 'mkdocs-search-query'")
             page.ask("Input.insertText", text="audit")
@@ -105,7 +102,7 @@ def test_search_finds_and_the_switch_switches(site: Path, tmp_path: Path) -> Non
             page.value(f"document.querySelector('[data-bs-theme-value={mode}]').click()")
             assert page.value(theme) == mode
         page.open((site / "eos_ref" / "NUMERICS.html").as_uri())
-        page.wait("document.readyState === 'complete'")
+        page.wait("document.readyState === 'complete'", 120)
         bold = "getComputedStyle(document.querySelector('mi[mathvariant=bold]'))"
         assert page.value(f"[{bold}.fontWeight, {bold}.textTransform]") == ["700", "none"]
         assert page.complaints == []

@@ -73,7 +73,7 @@ def test_step_and_neighbours_by_keys_and_clicks(run: RunRecord, folder: Path, tm
         page.press("ArrowLeft")
         page.wait("location.hash === '#case=model.flat&field=f&step=0&atom=4'")
         assert page.value(titles).count("step 0") == 4 and page.value(f"{spot}.y.join()") != after
-        assert page.value(f"{step}.getAttribute('aria-valuetext')").startswith("0 (the worst) of 0, 10")
+        assert page.value(f"{step}.getAttribute('aria-valuetext')").startswith("0 (worst) of 0, 10")
         said = page.value(box)
         assert "2 neighbours at step 0, and what each pair adds (the reference)" in said and "explain" not in said
         rows = page.value("[...document.querySelectorAll('.neighbours tr')].map((row) => row.innerText.trim())")

@@ -38,7 +38,7 @@ def test_a_case_fits_a_screen_and_the_rest_is_an_option(name: str, eos_ref_comma
         assert rule in short.out
     assert ("compared" in short.out) != refused and ("bound: " in short.out) != refused
     assert not any(part in short.out for part in OF_FULL) and all(part in full.out for part in OF_FULL[: 4 - refused])
-    assert "--full shows" in short.out and "--full shows" not in full.out
+    assert "--full also shows" in short.out and "--full also shows" not in full.out
 
 
 def test_cases_whose_names_begin_alike_are_listed(eos_ref_command: Run) -> None:

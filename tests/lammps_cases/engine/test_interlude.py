@@ -66,7 +66,7 @@ def test_actions_in_their_order() -> None:
 
 
 def test_what_must_be_refused_and_is_not() -> None:
-    with pytest.raises(NotRefused, match="took what it must refuse: good"):
+    with pytest.raises(NotRefused, match="accepted what it must refuse: good"):
         done(InterludeAction("good", "refused"))
 
 

@@ -58,7 +58,7 @@ def test_the_runs_are_listed_with_what_changed(command: Callable[..., Outcome], 
 def test_one_case_is_told_at_length(command: Callable[..., Outcome]) -> None:
     out = command("walls.a").out
     assert "walls.a   error ▁×   LAMMPS ▁▁" in out
-    assert "first changed in 10.0, from 9.0: pass to differs; other bits of f; verdict of f" in out
+    assert "first changed in 10.0, from 9.0: pass to differs; different bits of f; verdict of f" in out
 
 
 @pytest.mark.usefixtures("filled")

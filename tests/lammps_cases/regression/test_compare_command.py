@@ -101,7 +101,7 @@ def test_headline_and_exit_codes_of_a_comparison(
     other = small_run if change is None else changed_run(change, "images.quintic.two")
     compare = ("compare", small_run, other, "--out", tmp_path / "out")
     done = eos_ref_command(*compare)
-    assert re.search(rf"^{state}: .*{sentence}$", done.out, re.MULTILINE)
+    assert re.search(rf"^{state}: .*{re.escape(sentence)}$", done.out, re.MULTILINE)
     assert f'<span class="stamp">{state}</span>' in (tmp_path / "out" / "compare.html").read_text()
     assert (tmp_path / "out" / "summary.md").read_text().startswith(f"## eos-ref compare: {LOOKS[state].mark} {state}")
     levels = [eos_ref_command(*compare, "--fail-on", level) for level in ("new", "high", "low")]

@@ -118,7 +118,7 @@ def test_a_case_that_only_the_journal_had_is_not_lost_unnoticed(
 ) -> None:
     monkeypatch.setattr(campaign, "KEPT", 1)
     out = tmp_path / "report"
-    with pytest.raises(InputError, match="lost 1 judged case while"):
+    with pytest.raises(InputError, match="lost 1 judged case during"):
         campaign.run_cases(cases, Engine(), 2, out, progress=Forgets(folders.making(out)))
     assert not out.exists()
 

@@ -290,7 +290,7 @@ def test_the_kit_is_written_as_lammps_tree_has_it(
 
 def test_the_kit_is_not_printed(eos_ref_command: Run) -> None:
     done = eos_ref_command("kit", "unittest")
-    assert done.code == 2 and "--out: must be given" in done.err and not done.out
+    assert done.code == 2 and "--out: is needed" in done.err and not done.out
 
 
 # --- LAMMPS' own programs (make unittest)

@@ -68,7 +68,7 @@ def test_command(eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(run, "measure", measure)
     out = eos_ref_command("inputs", "mass.plain.mass.nan", "--out", tmp_path / "a")
     assert out.code == 1
-    assert "a.b.c.x: crash: a x" in out.out and "5 inputs, 1 against the manual" in out.out
+    assert "a.b.c.x: crash: a x" in out.out and "5 inputs, 1 contrary to the manual" in out.out
     out = eos_ref_command(
         "inputs", "mass.plain.mass.nan", "--out", tmp_path / "b", "--against", tmp_path / "a", "--json"
     )

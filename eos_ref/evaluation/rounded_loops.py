@@ -76,39 +76,23 @@ OPERATIONS = {"add": _add, "subtract": _subtract, "multiply": _multiply, "divide
 
 def operation(name: str, a: Any, b: Any) -> Rounded | None:
     """Return the sum, difference, product or quotient of two, one of which is `Rounded`; None: of different shapes."""
-    shape = a.value.shape if isinstance(a, Rounded) else b.value.shape
+    shape = a.shape if isinstance(a, Rounded) else b.shape
     one, other = _flat(a, shape), _flat(b, shape)
     if one is None or other is None:
         return None
     x, dx = np.empty(shape), np.empty(shape)
-    OPERATIONS[name](*one, *other, *((x, dx) if len(shape) == 1 else (x.ravel(), dx.ravel())))
+    OPERATIONS[name](*one, *other, x.ravel(), dx.ravel())
     return Rounded.known(x, dx)
 
 
 def _flat(side: Any, shape: tuple[int, ...]) -> tuple[Array, Array] | None:
     """Return values and errors of one side of an operation as arrays of one axis; None: it has another shape."""
     if isinstance(side, Rounded):
-        return (side.value.ravel(), side.error.ravel()) if side.value.shape == shape else None
+        return (side.value.ravel(), side.error.ravel()) if side.shape == shape else None
     values, size = np.asarray(side, float), math.prod(shape)
     if values.shape == shape:
-        return values.ravel(), _zeros(size)
-    if values.shape:
-        return None
-    same = np.empty(size)
-    same.fill(values)
-    return same, _zeros(size)
-
-
-_exact = np.zeros(0)
-
-
-def _zeros(size: int) -> Array:
-    """Return as many zeros, the errors of exact numbers: of an array that is only read."""
-    global _exact
-    if len(_exact) < size:
-        _exact = np.zeros(2 * size)
-        _exact.flags.writeable = False
-    return _exact[:size]
+        return values.ravel(), np.zeros(size)
+    return None if values.shape else (np.full(size, values), np.zeros(size))
 
 
 def sum_by(x: Rounded, row_p: Array, n: int) -> Rounded | None:

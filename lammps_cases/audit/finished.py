@@ -227,8 +227,9 @@ class _Audit:
             if left:
                 reason = NO_PARTICLE if left == len(id_n) else f"{left} of {counted(len(id_n), 'particle')} {OPEN}"
                 self.reasons.setdefault((name, reason), []).append(snapshot.step)
+        if self.findings.blame is None:  # of the first snapshot in which a field differs, or the last one
+            self.arrays = _arrays(sample, snapshot, id_n, compared)
         self.findings.take(SampleRows(snapshot.step, run.number, snapshot.step, rows))
-        self.arrays = _arrays(sample, snapshot, id_n, compared)
 
     def _choice(self, frame: Frame, held: dict[str, Any]) -> tuple[list[str], dict[str, str]]:
         names, unchecked = [], {}

@@ -94,7 +94,9 @@ class AuditOptions:
 
 @dataclass(frozen=True)
 class AuditResult:
-    """The record of an audit, which LAMMPS it was, and the per-atom arrays of its last sample, sorted by id.
+    """The record of an audit, which LAMMPS it was, and the per-atom arrays of one sample, sorted by id.
+
+    That is the first sample in which a field differs, or the last one.
 
     ``arrays`` has ``id``, ``type``, ``x``, ``rho``, ``box`` (low and high corner), ``step``, for every field
     ``FIELD.lammps``, ``FIELD.reference`` and ``FIELD.bound``, and ``e`` if a law needs it; it is empty if there
@@ -274,7 +276,7 @@ class PairShare:
 
 @dataclass(frozen=True)
 class DeckEnd:
-    """The deck came to its end, or to the error ``refused``; with the arrays and fields of the last sample."""
+    """The deck came to its end, or to the error ``refused``; with arrays of one sample, and the fields of the last."""
 
     __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
 

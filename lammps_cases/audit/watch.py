@@ -40,6 +40,7 @@ from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.model_fields import derived
 
 Array = npt.NDArray[Any]
+Compared = tuple[PressureSample, dict[str, Comparison], bool]  # see `PressureSample.result`
 FIX = "eosref_audit"
 NEVER = 2**31 - 1  # steps between two uses of the callback's forces
 
@@ -96,7 +97,8 @@ class DeckWatch:
         self.runs = self.done = 0
         self.lammps_seconds = self.sample_seconds = 0.0
         self._run: WatchedRun | None = None
-        self._last: tuple[PressureSample, dict[str, Comparison], bool] | None = None  # see `PressureSample.result`
+        self._last: Compared | None = None  # the last sample
+        self._differing: Compared | None = None  # the first one in which a field differs
         self._previous: int | None = None  # step of the last call
         self._good: Good | None = None  # the last sample that looks like a fluid, if the deck's forces are known
         self._first: Good | None = None  # the first sample of the last run, if it looks so
@@ -282,6 +284,8 @@ class DeckWatch:
         of_findings = self._look_ahead(run, step)
         budgets = self._budget(run, step, setup, bool(of_findings))
         self.send(SampleRows(step, self.runs, self.done + step - run.first, rows, of_findings, budgets))
+        if self._differing is None and any(row.verdict == "differs" for row in rows.values()):
+            self._differing = self._last
 
     def _look_ahead(self, run: WatchedRun, step: int) -> tuple[EffectRecord, ...]:
         """Keep a sample slower than sound; of the 1st, 2nd, 4th, 8th ... return what findings do to it."""
@@ -344,8 +348,17 @@ class DeckWatch:
         return outlook(self._good, self.engine, self._broke_off - self._good.step)
 
     def final(self) -> tuple[dict[str, Array], dict[int, FieldRecord]]:
-        """Return the arrays of the last sample by id, and the pressure's fields per type with the digits lost."""
+        """Return arrays by id, and the pressure's fields per type in the last sample with the digits lost.
+
+        The arrays are those of the first sample in which a field differs, which shows more than what a run that has
+        blown up ends with; of the last one if none does.
+        """
         if self._last is None:
             return {}, {}
-        now, others, checked = self._last
-        return now.result(others, checked)
+        arrays, records = _result(self._last)
+        return (arrays if self._differing is None else _result(self._differing)[0]), records
+
+
+def _result(compared: Compared) -> tuple[dict[str, Array], dict[int, FieldRecord]]:
+    now, others, checked = compared
+    return now.result(others, checked)

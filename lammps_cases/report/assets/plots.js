@@ -128,7 +128,7 @@ const Plots = (() => {
   // ---- figures
 
   function when(data, name) {
-    // The step of what is drawn: of the model the field's own, of an audit that of its last sample.
+    // The step of what is drawn: of the model the field's own, of an audit that of the sample kept.
     const step = data.steps ? data.steps[name] : data.step;
     return step === undefined || step === null ? "" : `, step ${step}`;
   }

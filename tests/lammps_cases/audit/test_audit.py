@@ -222,8 +222,11 @@ def test_wrong_law_differs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_one_wrong_atom_is_named(monkeypatch: pytest.MonkeyPatch, kept: Callable[[str], Path]) -> None:
     monkeypatch.setattr(supervise, "ENTRY", _one_atom)
-    case = case_of(audit_deck(DECKS / "in.plain", OF_PRESSURE))
+    result = audit_deck(DECKS / "in.plain", OF_PRESSURE)
+    case = case_of(result)
+    assert int(result.arrays["step"]) == 20  # what is drawn is where it begins
     healthy = audited("plain", kept("plain")).arrays
+    assert int(healthy["step"]) == max(check.step for check in case.checks) == 40
     wrong_type = int(healthy["type"][healthy["id"] == 17][0])
     assert f"first at step 20 (run 1), type {wrong_type}, atom 17: 1 of 32 atoms" in case.message
     field = case.fields[wrong_type - 1]

@@ -288,6 +288,7 @@ def test_one_wrong_value_is_named(field: str, monkeypatch: pytest.MonkeyPatch) -
     assert f"{field} leaves its bound first at step 10 (run 1), atom 17: 1 of 75 atoms" in case.message or field == "f"
     bad = {(check.field, check.step) for check in case.checks if check.verdict == "differs"}
     assert bad == {(field, 10), (field, 20)}
+    assert int(result.arrays["step"]) == 10  # where it begins, not where the audit ends
     if field == "f":  # without the finding, which takes all others out of their bounds as well
         assert "f leaves its bound first at step 10 (run 1)" in case.message
 

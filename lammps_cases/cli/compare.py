@@ -72,6 +72,8 @@ def compare_command(
         _show(comparison)
         click.echo(f"report: {out / 'compare.html'}")
         shared.say(comparison.headline)
+        if command := comparison.next_command:
+            click.echo(f"next: {command}")
     return comparison.exit_code
 
 

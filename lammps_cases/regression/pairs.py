@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -91,6 +92,20 @@ class SideComparison:
             compared=any(pair.changes.fields for pair in self.pairs),
             whose="that appeared or disappeared",
         )
+
+    @property
+    def next_command(self) -> str:
+        """What to type next: the same of the first case that changed without a finding, or the worst finding moved.
+
+        Nothing if that case was compared alone, or comes from a file.
+        """
+        for pair in self.pairs:
+            sides = [self.sides[label] for label in (pair.a, pair.b)]
+            unknown = [change.case for change in pair.changes.faults if not change.known]
+            if unknown:
+                repeats = len(sides[0].cases) == 1 or "--cases" in self.command
+                return "" if repeats else shlex.join(["eos-ref", "compare", *(side.name for side in sides), unknown[0]])
+        return shlex.join(["eos-ref", "ledger", next(iter(self.moved))]) if self.moved else ""
 
     @property
     def alone(self) -> Pair | None:

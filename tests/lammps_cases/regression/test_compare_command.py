@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -80,11 +81,14 @@ UNKNOWN = "1 change without a finding"
 
 
 @pytest.mark.parametrize(
-    ("change", "codes", "state", "sentence"),
+    ("change", "codes", "state", "sentence", "then"),
     [
-        (None, (0, 0, 0, 0), "PASS", "no difference beyond the bounds"),
-        (finding_gone, (1, 0, 1, 1), "KNOWN BUGS", KNOWN),
-        (of_field("f", digest=OTHER, verdict="differs", explained_by=[]), (1, 1, 1, 1), "FAIL", UNKNOWN),
+        (None, (0, 0, 0, 0), "PASS", "no difference beyond the bounds", ""),
+        (finding_gone, (1, 0, 1, 1), "KNOWN BUGS", KNOWN, "eos-ref ledger force-per-volume"),
+        (
+            *(of_field("f", digest=OTHER, verdict="differs", explained_by=[]), (1, 1, 1, 1), "FAIL", UNKNOWN),
+            "eos-ref compare {0} {1} images.quintic.two",
+        ),
     ],
 )
 def test_headline_and_exit_codes_of_a_comparison(
@@ -92,18 +96,27 @@ def test_headline_and_exit_codes_of_a_comparison(
     codes: tuple[int, ...],
     state: State,
     sentence: str,
+    then: str,
     small_run: Path,
     changed_run: Change,
     eos_ref_command: Run,
     tmp_path: Path,
 ) -> None:
-    """By default whatever changed makes the exit code 1; with --fail-on what is new, or of that severity."""
+    """By default whatever changed makes the exit code 1; with --fail-on what is new, or of that severity.
+
+    The line after the headline is a command that leads on.
+    """
     other = small_run if change is None else changed_run(change, "images.quintic.two")
     compare = ("compare", small_run, other, "--out", tmp_path / "out")
     done = eos_ref_command(*compare)
     assert re.search(rf"^{state}: .*{re.escape(sentence)}$", done.out, re.MULTILINE)
     assert f'<span class="stamp">{state}</span>' in (tmp_path / "out" / "compare.html").read_text()
     assert (tmp_path / "out" / "summary.md").read_text().startswith(f"## eos-ref compare: {LOOKS[state].mark} {state}")
+    after = re.findall(r"^next: (.*)$", done.out, re.MULTILINE)
+    assert after == ([then.format(small_run, other)] if then else [])
+    if then:
+        alone = eos_ref_command(*shlex.split(after[0])[1:], "--out", tmp_path / "alone") if state == "FAIL" else None
+        assert alone is None or (alone.code, "next:" in alone.out) == (1, False)
     levels = [eos_ref_command(*compare, "--fail-on", level) for level in ("new", "high", "low")]
     assert tuple(each.code for each in (done, *levels)) == codes
 

@@ -221,6 +221,8 @@ class Scene(SceneModel):
                 )
             if self.mass and stop.by in LOSES_MASSES:
                 raise BrokenRule(f"stops: {stop.by} does not keep the per-particle masses given by mass", *STOPS)
+            if self.mass and stop.stretch and stop.by == "restart":  # LAMMPS' rule, until the next run has begun
+                raise BrokenRule("stretch needs another stop than a restart with per-particle masses", *STOPS)
             if stop.stretch:
                 self._check_stretch(stop.stretch)
             if stop.displace:

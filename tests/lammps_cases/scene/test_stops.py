@@ -88,6 +88,11 @@ def test_every_begins_anew_between_stops_and_is_read_at_the_end() -> None:
             {"engine": {"boundary": "fs"}},
             "stretch needs faces that are periodic or fixed, found boundary fs",
         ),
+        (
+            {"stops": [{"at": 1, "by": "restart", "stretch": {"x": 1.5}}]},
+            {"mass": {"range": [0.9, 1.4]}},
+            "stretch needs another stop than a restart with per-particle masses",
+        ),
         ({"stops": [{"at": 1}]}, {"twin": {"skin": 0.7}}, "stops go with no twin"),
         ({"deform": {"x": -200.0}}, {}, r"deform must leave every run a box: .* is -.* of an edge"),
         ({"deform": {"z": 0.5}}, {}, r"deform.z must be 0 in 2D, found 0.5"),

@@ -100,7 +100,8 @@ def _nearest(limits: Limits, step: Numbers) -> tuple[float, str] | None:
     side = "viscous" if step.viscous > step.acoustic else "sound"
     where = f"{curve.map}, {curve.layer}" if curve.layer else curve.map
     outside = "" if curve.covers(ratio) else ", outside the measured viscosities"
-    return fraction, f"{at.low * scale:.3g} to {at.high * scale:.3g}, {side}; map {where}: {curve.above}{outside}"
+    low, high = sorted((at.low * scale, at.high * scale))
+    return fraction, f"{low:.3g} to {high:.3g}, {side}; map {where}: {curve.above}{outside}"
 
 
 def _of_lammps(measured: Iterable[L]) -> dict[tuple[str, str], L]:

@@ -97,14 +97,19 @@ class SideComparison:
     def next_command(self) -> str:
         """What to type next: the same of the first case that changed without a finding, or the worst finding moved.
 
-        Nothing if that case was compared alone, or comes from a file.
+        Nothing if that case was compared alone, is on one side only, or comes from a file.
         """
         for pair in self.pairs:
             sides = [self.sides[label] for label in (pair.a, pair.b)]
             unknown = [change.case for change in pair.changes.faults if not change.known]
             if unknown:
-                repeats = len(sides[0].cases) == 1 or "--cases" in self.command
-                return "" if repeats else shlex.join(["eos-ref", "compare", *(side.name for side in sides), unknown[0]])
+                of_both = all(unknown[0] in side.cases for side in sides)
+                leads_on = of_both and len(sides[0].cases) > 1 and "--cases" not in self.command
+                return (
+                    ""
+                    if not leads_on
+                    else shlex.join(["eos-ref", "compare", *(side.name for side in sides), unknown[0]])
+                )
         return shlex.join(["eos-ref", "ledger", next(iter(self.moved))]) if self.moved else ""
 
     @property

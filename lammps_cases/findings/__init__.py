@@ -102,6 +102,12 @@ def shown_by(problem: Problem, engine: str, lists: bool = False) -> list[Finding
     return [entry for entry in applicable(problem, lists) if entry.listed(engine)]
 
 
+def with_gap(scene: Scene, engine: str) -> list[Finding]:
+    """Return the findings of an engine of which it is known that no variant reproduces every such scene."""
+    listed = (entry for entry in LEDGER if entry.gaps and (not entry.engines or entry.listed(engine)))
+    return [entry for entry in listed if any(gap.applies(scene) for gap in entry.gaps)]
+
+
 def explain_outcome(record: CaseRecord, scene: Scene | None = None) -> Finding | None:
     """Return the entry that predicts how a case ended without numbers, by its name or by its scene."""
     named = (entry for entry in LEDGER if entry.covers(record.case) and entry.predicts(record))

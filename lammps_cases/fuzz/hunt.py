@@ -16,7 +16,7 @@ from eos_ref import InputError
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.findings import LEDGER
+from lammps_cases.findings import LEDGER, with_gap
 from lammps_cases.fuzz.coverage import ChoiceCounts
 from lammps_cases.fuzz.draw import DrawnScene, draws
 from lammps_cases.fuzz.lost import loses
@@ -215,8 +215,7 @@ def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:
     """Return the finding that the engine is known to have and of which no variant reproduces such a scene, or ""."""
     if not (is_lost(record) or (record.verdict == "differs" and record.ended == "answered")):
         return ""
-    listed = (entry for entry in LEDGER if entry.gaps and (not entry.engines or entry.listed(engine)))
-    return next((entry.id for entry in listed if any(gap.applies(scene) for gap in entry.gaps)), "")
+    return next((entry.id for entry in with_gap(scene, engine)), "")
 
 
 def is_unbounded(record: CaseRecord, engine: str) -> bool:

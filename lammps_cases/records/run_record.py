@@ -225,6 +225,9 @@ class CaseRecord(Record):
     source: str = Field("", description="file that holds the scene")
     reproduce: str = Field("", description="command that runs this case alone")
     unseen: list[str] = Field([], description="ledger entries that this case would show if they were still there")
+    limits: list[str] = Field(
+        [], description="of a case that differs: ledger entries known not to be reproduced in scenes like this"
+    )
     lint: list[str] = Field([], description="formulas that this scene cannot tell apart")
     exercises: dict[str, int] = Field(
         {}, description="rules of the reference that the case is for: number of particles or pairs that take each"

@@ -283,7 +283,8 @@ def message(case: CaseRecord, findings: bool = True) -> str:
     """
     if case.verdict in INSIDE:
         return ""
-    parts = [outlook(case), blame(case, findings), end(case), unexercised(case)]
+    limit = f"a known limit of {listed(case.limits)}, of which no variant reproduces such scenes" if case.limits else ""
+    parts = [outlook(case), blame(case, findings), limit, end(case), unexercised(case)]
     return "; ".join(part for part in parts if part) or case.message
 
 

@@ -11,7 +11,7 @@ from lammps_cases.comparison.compare import Comparison
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem, ProblemStop
 from lammps_cases.engine.session import Answer
-from lammps_cases.findings import applicable
+from lammps_cases.findings import Finding, applicable, with_gap
 from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.records.run_record import Beyond, Blame, CaseRecord, worst
@@ -111,7 +111,9 @@ def judge_model(
     comparisons = [*(comparison for _, comparison in inputs), *judged.comparisons]
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
-    record.unseen = [entry.id for entry in judged.unseen]
+    known_limits = [entry.id for entry in with_gap(scene, engine) if not _left_to_chance(entry)]
+    record.unseen = [entry.id for entry in judged.unseen if entry.id not in known_limits]  # else nothing tells
+    record.limits = known_limits if record.verdict == "differs" else []
     record.lint = judged.lint
     record.ended = "answered"
     reason = Reason(judged.first, judged.beyond, judged.entries) if judged.first else None
@@ -119,6 +121,11 @@ def judge_model(
         record.blame, record.beyond = reason.first, reason.beyond
     in_box = atoms.within(problem.box_at(scene.snapshots[-1]))
     return field_arrays(in_box, answer.arrays, comparisons, judged.table)
+
+
+def _left_to_chance(entry: Finding) -> bool:
+    """Return whether a variant leaves the values that it cannot tell without a bound: the others it does tell."""
+    return entry.model_variant is not None and entry.model_variant.undefined
 
 
 def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor) -> Reason | None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lammps_cases import findings
 from lammps_cases.engine.installations import Engine
 from lammps_cases.findings import LEDGER
 from lammps_cases.fuzz import hunt
@@ -69,7 +70,7 @@ def test_gaps_are_of_findings_that_the_engine_has(monkeypatch: pytest.MonkeyPatc
     drawn = (draw(1, k).case.scene for k in range(200))
     scene = next(one for one in drawn if one.rheo.kernel == "RK1" and one.rheo.zmin and not one.pair.harmonic_means)
     (entry,) = (entry for entry in LEDGER if entry.id == "stale-gradient-below-zmin")
-    monkeypatch.setattr(hunt, "LEDGER", (replace(entry, engines=("2025.7.22.4.0",)),))
+    monkeypatch.setattr(findings, "LEDGER", (replace(entry, engines=("2025.7.22.4.0",)),))
     record = CaseRecord(case="drawn", verdict="differs", ended="answered")
     assert known_gap(record, scene, "2025.7.22.4.0") == entry.id
     assert known_gap(record.model_copy(update={"ended": "crashed", "verdict": "crashed"}), scene, "2025.7.22.4.0") == ""

@@ -1,0 +1,45 @@
+"""Scenes in which a finding's variant is known not to reproduce LAMMPS: a difference is said to be that limit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lammps_cases.records.yaml_files import yaml_text
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+FLUID = {"mass": 1.31, "rho0": 1.27, "cs": 6.1, "viscosity": 0.17}
+WALLS: dict[str, Any] = {
+    "dimension": 2,
+    "types": [FLUID, {"mass": 0.62, "rho0": 0.81, "cs": 9.3, "viscosity": 0.29, "phase": "solid"}],
+    "positions": {
+        **{"lattice": "sq", "spacing": 0.9, "cells": [8, 8], "disorder": 0.15},
+        "regions": [{"type": 1, "low": [0, 0], "high": [1, 1]}, {"type": 2, "low": [0, 0], "high": [1, 0.42]}],
+    },
+    "pressure": [{"types": "*", "style": "linear"}],
+    "rheo": {"interface_reconstruct": True},
+    "rho": {"ratio": [0.97, 1.04]},
+    "velocity": {"random": 0.3},
+    "evolve": {"steps": 4, "timestep": 0.004, "stops": [{"at": 1, "by": "minimize"}, {"at": 3}]},
+    "compare": ["rho_wall", "grad/v", "f", "x"],
+}
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize(("kernel", "limit"), [("RK2", ["walls-begin-with-pressure"]), ("quintic", [])])
+def test_a_minimisation_beside_walls(kernel: str, limit: list[str], eos_ref_command: Run, tmp_path: Path) -> None:
+    """With a kernel that corrects gradients it leaves other forces to the walls than the variant has."""
+    scene = WALLS | {"rheo": WALLS["rheo"] | {"kernel": kernel}}
+    (tmp_path / "mine.yaml").write_text(yaml_text({"name": "mine", "about": "walls", "scene": scene}))
+    code, out, _ = eos_ref_command("run", "--cases", tmp_path / "mine.yaml", "--out", tmp_path / "out")
+    run = json.loads((tmp_path / "out" / "run.json").read_text())
+    (case,) = run["cases"]
+    assert (case["verdict"], case["limits"], code) == ("differs" if limit else "explained", limit, int(bool(limit)))
+    assert ("a known limit of walls-begin-with-pressure" in case["message"]) == bool(limit)
+    assert run["triage"] is None and "no hypothesis" not in out  # the cause is known
+    assert "walls-begin-with-pressure" not in case["unseen"]

@@ -106,8 +106,9 @@ def audit(task: AuditTask, connection: Connection) -> DeckEnd:
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
     questions, (cause, ahead) = watch.questions, watch.outlook()
     warnings, margins = [*questions.lines(), *watch.unbudgeted()], questions.stability
-    mistaken, (series, solution) = (HYPHEN,) if questions.mistaken else (), watch.series()
+    touching = (*([HYPHEN] if questions.mistaken else []), *watch.under)
+    series, solution = watch.series()
     return DeckEnd(
         watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead,
-        watch.share(), series, solution, mistaken, lacks,
+        watch.share(), series, solution, touching, lacks,
     )  # fmt: skip

@@ -7,6 +7,7 @@ followed (a keyword of a later version, a variable where a number is expected) i
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 import re
 from collections.abc import Callable, Sequence
@@ -127,6 +128,10 @@ class Deck:
         """Return why the neighbours of a particle are not simply all within the cutoff; or nothing."""
         if self.excludes:
             return "neigh_modify exclude takes pairs out"
+        if (
+            self.pair[:1] not in ([], ["rheo"]) and not self._rheo_for_all()
+        ):  # each pair of types has a cutoff of its own
+            return SOME_TYPES
         lj, coulomb = _weights(self.special)
         if self.bonded and any(a == b == 0 for a, b in zip(lj, coulomb, strict=True)):
             return "special_bonds 0 for lj and coul takes bonded pairs out"
@@ -134,11 +139,22 @@ class Deck:
 
     def changes_pairs(self) -> str:
         """Return why the terms of pair_style rheo are not simply those of all pairs; or nothing."""
-        rheo = [words for words in self.coefficients if "rheo" in words[2:3] or self.pair[:1] == ["rheo"]]
-        if not any(words[:2] == ["*", "*"] for words in rheo):
-            return "pair_coeff gives rheo to some types only"
+        if not self._rheo_for_all():
+            return SOME_TYPES
         if self.bonded and any(weight != 1 for weight in _weights(self.special)[0]):
             return "special_bonds weighs bonded pairs"
+        return ""
+
+    def _rheo_for_all(self) -> bool:
+        """Return whether pair_coeff gives pair_style rheo to the pairs of all types at once."""
+        rheo = [words for words in self.coefficients if "rheo" in words[2:3] or self.pair[:1] == ["rheo"]]
+        return any(words[:2] == ["*", "*"] for words in rheo)
+
+    def moves_images(self) -> str:
+        """Return why velocities beyond a boundary are not those of the particles there; or nothing."""
+        for name, values in self.fixes.items():
+            if values[3] == "deform" and ("remap", "v") in itertools.pairwise(values):
+                return f"fix {name} (deform) gives images other velocities (remap v)"
         return ""
 
     def adds_heat(self) -> str:
@@ -202,6 +218,7 @@ def between(values: Sequence[str]) -> str:
     return next((word for word in words if word.split()[:1] and word.split()[0] not in HARMLESS), "")
 
 
+SOME_TYPES = "pair_coeff gives rheo to some types only"
 _LAWS = ("rheo", "rheo/pressure")
 _HYPHEN = re.compile("([0-9]+)-[0-9]+")  # no number looks so
 

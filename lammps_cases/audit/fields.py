@@ -6,8 +6,8 @@ evaluation, so that whatever follows from the state alone can be checked.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy.typing as npt
@@ -84,6 +84,7 @@ class Setting:
     units: str
     open_tilt: bool = False  # whether the box is tilted along an axis that is not periodic
     between: str = ""  # a command that run executes in between and that may change the model
+    by_lists: Mapping[str, str] = field(default_factory=dict)  # by field: a known bug, by neighbour lists
 
 
 def choose(requested: Sequence[str], model: Model | InputError, setting: Setting) -> Choice:
@@ -123,6 +124,8 @@ def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
         return f"fix rheo has no {keyword_of(name)} in this deck"
     if name == "shift/v" and setting.deck.fix("rheo/oxidation"):
         return MARKED
+    if bug := setting.by_lists.get(name):
+        return f"by known bug {bug} it depends on LAMMPS' neighbour lists, which no audit reads"
     if setting.between:
         return f"run executes commands in between that may change the model ({setting.between})"
     if name != "rho" and not needs(name, "pairs", model):
@@ -144,6 +147,8 @@ def needs(name: str, quantity: str, model: Model) -> bool:
 
 
 def _of_pairs(name: str, model: Model, setting: Setting) -> str:
+    if (name == "f" or needs(name, "grad/v", model)) and (moving := setting.deck.moves_images()):
+        return moving
     if name == "rho" and not model.fix.rho_sum:
         return "integrated over time; it can be checked only with rho/sum"
     if FIELDS[name].stage != "pair":

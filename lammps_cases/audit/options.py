@@ -293,5 +293,5 @@ class DeckEnd:
     share: PairShare | None = None
     series: list[SeriesRecord] = field(default_factory=list)
     closed: ClosedRecord | None = None
-    mistaken: tuple[str, ...] = ()  # findings by which LAMMPS takes commands of the deck for something else
+    touching: tuple[str, ...] = ()  # findings that the deck is under by its commands, whatever its particles are
     lacks: str = ""  # what this LAMMPS was built without, and the deck needs

@@ -104,11 +104,14 @@ class Findings:
                 self.fields["pressure", t].digits_lost = record.digits_lost
         fields = [self.fields[key] for key in sorted(self.fields, key=lambda key: (offered().index(key[0]), key[1]))]
         of_fields = worst([record.verdict for record in fields])
-        if self.ended and self.ended.mistaken and fields:
+        effects = [of for of in self.effects if not self._inside(of)]
+        missed = (self.chosen | {name for name, _ in self.unchecked}) - {record.field for record in fields}
+        of_commands = self.ended.touching if self.ended else ()
+        touching = [*of_commands, *(of.finding for of in effects if of.field in missed)]
+        if touching and fields:
             of_fields = worst([of_fields, "explained"])
         facts = self.facts or NOTHING
-        mistaken = self.ended.mistaken if self.ended else ()
-        explained = [*mistaken, *(name for record in fields for name in record.explained_by)]
+        explained = [*touching, *(name for record in fields for name in record.explained_by)]
         case = CaseRecord(
             case=name,
             tags=["audit"],
@@ -126,7 +129,7 @@ class Findings:
             laws=facts.laws,
             warnings=self.ended.warnings if self.ended else [],
             stability=self.ended.stability if self.ended else [],
-            effects=self.effects,
+            effects=effects,
             outlook=self.ended.outlook if self.ended else None,
             budgets=self.budgets,
             series=self.ended.series if self.ended else [],
@@ -138,6 +141,12 @@ class Findings:
         leave_unchecked(case, self.reasons())
         case.message = wording.message(case)
         return case
+
+    def _inside(self, of: EffectRecord) -> bool:
+        """Return whether the field of an effect was compared in that sample and is inside its bound: there is none."""
+        sample = of.run, of.step, of.field
+        verdicts = [check.verdict for check in self.checks if (check.run, check.step, check.field) == sample]
+        return bool(verdicts) and worst(verdicts) in wording.INSIDE
 
     def _natoms(self) -> dict[int, int]:
         """Return the atoms of the last sample by type; of all types together (0), if no field was compared by type."""

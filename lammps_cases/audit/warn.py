@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,11 @@ class Questions:
             self._far.clear()
             self._said.clear()
             self.stillness = Stillness()
+        if "property/atom" in values[3:4] and "rmass" in values and ("ghost", "yes") not in pairwise(values):
+            self._lines.append(
+                f"fix {values[1]} (property/atom rmass): without 'ghost yes' images of particles beyond a boundary "
+                "have no masses, and sums over neighbours there are wrong"
+            )
         if values[0] in _FROM_FILE or (values[0] == "set" and "rheo/rho" in values):
             self._rho_set = True
 

@@ -26,7 +26,7 @@ from lammps_cases.audit import fields, pressure, sample, share
 from lammps_cases.audit.budget import budget
 from lammps_cases.audit.closed import closed
 from lammps_cases.audit.deck import Action, Deck, between, hyphens
-from lammps_cases.audit.effects import effects, of_pressure, touching
+from lammps_cases.audit.effects import effects, of_masses, of_pressure, of_units, touching
 from lammps_cases.audit.fields import leans_open
 from lammps_cases.audit.options import AuditOptions, PairShare, RunFacts, SampleRow, SampleRows
 from lammps_cases.audit.outlook import RUNAWAY, Good, mach, model_with_forces, outlook
@@ -102,6 +102,7 @@ class DeckWatch:
         self._previous: int | None = None  # step of the last call
         self._good: Good | None = None  # the last sample that looks like a fluid, if the deck's forces are known
         self._first: Good | None = None  # the first sample of the last run, if it looks so
+        self.under: dict[str, None] = {}  # findings that the deck is under by its units and masses
         self._harmful: set[str] = set()  # findings that change a field that steps need, in some sample
         self._judged = 0  # samples that looked so
         self._fluid = 0  # atoms in the run's samples, as long as all looked so
@@ -159,6 +160,8 @@ class DeckWatch:
             self.questions.unwatched(self.runs)
         else:
             pressure.load_compiled(table)
+            units, sums_density = str(lmp.extract_global("units")), "rho/sum" in (self.deck.fix("rheo") or ())
+            self.under |= dict.fromkeys(of_units(units, sums_density, self.engine))
         mass_t = None if lmp.extract_atom("rmass") else np.array(lmp.numpy.extract_atom("mass"))
         stop = None if steps is None else first + steps - self.done
         self._previous = None
@@ -192,11 +195,22 @@ class DeckWatch:
         model = self._model(table, mass_t)
         _, _, xy, yz, xz, periodic, _ = self.lmp.extract_box()
         open_tilt = leans_open((xy, xz, yz), periodic)
-        setting = fields.Setting(self.deck, str(self.lmp.extract_global("units")), open_tilt, between(values))
+        by_lists = self._by_lists() if mass_t is None else {}
+        self.under |= dict.fromkeys(by_lists.values())
+        units = str(self.lmp.extract_global("units"))
+        setting = fields.Setting(self.deck, units, open_tilt, between(values), by_lists)
         choice = fields.choose(self.options.fields, model, setting)
         if not isinstance(model, Model) or choice.fields == fields.PRESSURE:
             return choice, None
         return choice, sample.Sampler(self.lmp, choice.fields, model, actions, mass_t, self.engine)
+
+    def _by_lists(self) -> dict[str, str]:
+        """Return, by field, the finding by which different masses of particles make neighbour lists decide it."""
+        mass_n = self.lmp.numpy.extract_atom("rmass")[: int(self.lmp.extract_setting("nlocal"))]
+        if not np.ptp(mass_n):
+            return {}
+        scaled = "scale/cross/type" in (self.deck.fix("rheo") or ())
+        return {field: bug for field, bug in of_masses(self.engine).items() if field != "shift/v" or scaled}
 
     def _added(self, choice: fields.Choice) -> str:
         """Return what adds to the forces, if that alone is why they are left out and the share of rheo can be had."""

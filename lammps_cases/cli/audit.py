@@ -12,7 +12,7 @@ from lammps_cases.cli import shared
 from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.records.wording import effects, listed, unchecked
+from lammps_cases.records.wording import listed, unchecked
 
 
 @click.command("audit")
@@ -102,9 +102,10 @@ def audit_command(
 def known_bugs(case: CaseRecord) -> list[str]:
     """Return a line for every known finding that touches the deck: what it does there, and what to do meanwhile."""
     from lammps_cases.findings import LEDGER
+    from lammps_cases.report.findings import touching
 
     workaround = {entry.id: entry.workaround for entry in LEDGER}
-    return [f"{name}: {does}. {workaround[name]}" for name, does in effects(case).items()]
+    return [f"{name}: {does}. {workaround[name]}" for name, does in touching(case).items()]
 
 
 def field_table(case: CaseRecord) -> list[str]:

@@ -143,6 +143,13 @@ class Outcome:
         return shlex.join(["eos-ref", *words, *([] if engine == "env" else ["--engine", engine])])
 
 
+def touching(case: CaseRecord, ledger: Sequence[Finding] = LEDGER) -> dict[str, str]:
+    """Say, by finding, what known findings do to an audited deck: to its particles, or else in general."""
+    said = wording.effects(case)
+    named = {entry.id: entry.effect for entry in ledger if entry.id in case.explained_by and "audit" in case.tags}
+    return said | {name: does for name, does in named.items() if name not in said and name not in str(case.warnings)}
+
+
 def outcome(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> Outcome:
     """Return what a run is by a ledger."""
     return Outcome(run, of_run(run, ledger))

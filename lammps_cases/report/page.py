@@ -22,7 +22,7 @@ from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
 from lammps_cases.report import agreement, plots
 from lammps_cases.report.drawn import Drawn, drawn_from
-from lammps_cases.report.findings import Outcome
+from lammps_cases.report.findings import Outcome, touching
 from lammps_cases.rules import RULES
 
 ASSETS = Path(__file__).parent / "assets"
@@ -109,6 +109,7 @@ def articles(families: Sequence[Family]) -> list[Markup]:
                 known=family.known,
                 whole=family.whole,
                 wording=wording,
+                touching_of=touching,
                 rules=RULES,
             )
         )

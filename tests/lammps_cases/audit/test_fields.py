@@ -78,7 +78,8 @@ def test_every_field_is_compared(name: str, kept: Callable[[str], Path]) -> None
     assert {f.field: ", ".join(f.explained_by) for f in case.fields if f.verdict == "explained"} == explained
     assert all(f.verdict in ("exact", "pass") for f in case.fields if f.field not in explained)
     assert all((f.max_over_bound or 0) < 1 for f in case.fields if f.field not in explained)
-    assert case.verdict == ("explained" if explained else "pass")
+    touched = {effect.finding for effect in case.effects if effect.field not in checked}  # a known bug, unseen
+    assert case.verdict == ("explained" if explained or touched else "pass")
     named = {line.partition(":")[0].removesuffix(" with all that adds to it") for line in case.not_checked}
     assert named | checked == set(fields.offered())
 
@@ -273,7 +274,7 @@ def test_second_lammps_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> No
     case = case_of(audit_deck(DECKS / "in.overlay", AuditOptions(steps=1)))
     told = next(line for line in case.not_checked if line.startswith("f: "))
     assert "pair_style soft adds to it; of pair_style rheo alone" in told and "cannot be had (ERROR" in told
-    assert case.verdict in ("exact", "pass")
+    assert case.verdict == "explained" and case.findings == ["force-per-volume"]  # which no look at f contradicts
 
 
 SUMMED_WRONG = ["coordination", "rho", "grad/v", "shift/v", "surface/r", "surface/n", "surface/divr", "f", "drho"]
@@ -424,6 +425,28 @@ def test_shifts_of_particles_that_oxidize_are_left_out() -> None:
     assert fields.why_not("shift/v", model, fields.Setting(oxidizing, "lj")) == fields.MARKED
     assert not fields.why_not("shift/v", model, fields.Setting(followed(MODEL), "lj"))
     assert not fields.why_not("grad/v", model, fields.Setting(oxidizing, "lj"))
+
+
+def test_types_without_pairs_of_rheo_have_other_cutoffs() -> None:
+    some = "pair_style hybrid rheo 3.0\npair_coeff 1 1 rheo\npair_coeff 1 2 none"
+    for style in (some, some.replace("hybrid ", "hybrid/overlay soft 2.0 ")):
+        found = followed(style)
+        assert found.hides_pairs() == found.changes_pairs() == deck.SOME_TYPES
+    every = followed("pair_style hybrid rheo 3.0\npair_coeff * * rheo")
+    assert not every.hides_pairs() and not followed("pair_style rheo 3.0\npair_coeff 1 1").hides_pairs()
+
+
+def test_images_that_have_other_velocities() -> None:
+    model = Model(
+        *(2, parse_fix_rheo("fix 1 all rheo 3.0 quintic 0"), (1.0,), EOSTable((EOS("linear"),)), PairRheo(3.0)),
+        (Viscosity("constant", 0.1),),
+    )
+    moved = fields.Setting(followed(MODEL + "fix 5 all deform 1 xy erate 0.1 remap v"), "lj")
+    for name in ("grad/v", "stress/v", "f"):
+        assert fields.why_not(name, model, moved).endswith("gives images other velocities (remap v)")
+    assert not fields.why_not("coordination", model, moved)
+    still = fields.Setting(followed(MODEL + "fix 5 all deform 1 xy erate 0.1 remap x"), "lj")
+    assert not fields.why_not("grad/v", model, still)
 
 
 def test_what_takes_pairs_out() -> None:

@@ -102,7 +102,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
         writing = writing[writing.index(frame.run) :]  # steps may be counted anew
         _check(frame, dump.name)
         audit.take(frame)
-    audit.end()
+    audit.end(str(dump))
     case = findings.case(case_name(dump))
     case.about = "a dump of your input deck: its columns against each other, at the end of a step"
     leave_unchecked(case, audit.unchecked())
@@ -276,11 +276,13 @@ class _Audit:
             lines.append((name, reason + some * (len(steps) < len(self.steps))))
         return by_field(lines)
 
-    def end(self) -> None:
-        """Tell the record that all snapshots have been taken."""
+    def end(self, file: str) -> None:
+        """Tell the record that all snapshots of a file have been taken."""
         if not self.findings.checks:
-            why = "; ".join(sorted({f"{name}: {reason}" for name, reason in self.reasons})[:3])
-            raise InputError("dump", f"must hold columns that can be checked against each other ({why}, ...)")
+            missing = [name for name, reason in self.reasons if reason in (NO_COLUMN, NO_FORCES, NO_RATE)]
+            others = [f"{name}: {reason}" for name, reason in self.reasons if name not in missing]
+            why = f"it lacks {', '.join(missing)}: see compute rheo/property/atom" if missing else "; ".join(others[:3])
+            raise InputError("dump", f"must hold columns that can be checked against each other; {why}", where=file)
         runs = len({check.run for check in self.findings.checks})
         self.findings.take(DeckEnd(max(self.steps), runs, Seconds(), [], [], {}, {}))
 

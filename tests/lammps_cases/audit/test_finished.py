@@ -10,12 +10,13 @@ import re
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import AuditOptions, finished, restart, supervise
+from lammps_cases.audit import AuditOptions, fields, finished, restart, supervise
 from lammps_cases.audit.options import DeckSetups
 from lammps_cases.audit.printed import number
 from lammps_cases.audit.verdict import Findings
@@ -267,6 +268,21 @@ def test_a_planted_place_is_found(
 
 
 # --- what is not checked, and why
+
+
+@pytest.mark.parametrize(
+    ("reasons", "says"),
+    [
+        ({("chi", fields.ABSENT): [0], ("coordination", finished.NO_COLUMN): [0], ("f", finished.NO_FORCES): [0]},
+         "it lacks coordination, f: see compute rheo/property/atom"),
+        ({("chi", fields.ABSENT): [0]}, f"chi: {fields.ABSENT}"),
+    ],
+)  # fmt: skip
+def test_a_dump_without_a_column_that_can_be_checked_says_which_it_lacks(reasons: Any, says: str) -> None:
+    audit = finished._Audit.__new__(finished._Audit)
+    audit.findings, audit.reasons = Findings(), reasons
+    with pytest.raises(InputError, match=rf"that can be checked against each other; {re.escape(says)}.*\(a\.dump\)"):
+        audit.end("a.dump")
 
 
 def cut(dump: Path, keep: Sequence[str], name: str, folder: Path) -> Path:

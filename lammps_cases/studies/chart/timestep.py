@@ -138,13 +138,14 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
         ("-temporal", "same run with a short step", "temporal"),
     ):
         errors = {name: getattr(s, error) for name, s in of_name.items()}
+        against = "" if error == "total" else f" Order of the temporal error in the step: {orders}."
         reasons = {name: f"a time step of {name.split()[-1]} min(h/4c, h^2/8nu)" for name in of_name}
         regime = f"{n} spacings per wavelength"
         yield Panel(
             f"timestep-{flow.name}{kind}",
             f"Time step of the {flow.name.replace('-', ' ')}, against the {what}",
             f"Steps in units of min(h/4c, h^2/8nu). {len(any_start.atoms)} particles; time is in units of spacing over "
-            f"speed of sound. Order of the temporal error in the step: {orders}.",
+            f"speed of sound.{against}",
             f"root mean square of the error over that of the wave, at the end, against the {what}"
             + (f" (1/{round(1 / FINE)})" if error == "temporal" else ""),
             "particle and unit of time",

@@ -22,10 +22,43 @@ class EffectRecord(Record):
     factor: float | None = Field(description="if the field is a multiple of the right one")
 
 
+class ActingRecord(Record):
+    """A finding that acts on an audited deck by its definitions, whether or not a compared field shows it."""
+
+    finding: str
+    does: str = Field(description="its effect on this deck: every force is divided by 10 (m/rho0 = 10)")
+    fields: list[str] = Field([], description="those that it changes and that cannot be predicted here")
+
+
+class BreakRecord(Record):
+    """The first sample in which the state of an audited deck is none of a fluid, whichever code evaluates it."""
+
+    kind: Literal["not a number", "runaway"]
+    run: int
+    step: int
+    column: str = Field(description="as LAMMPS names it: vx, rho, energy, f")
+    atom: int = Field(description="the first particle of which it holds")
+    value: float
+    particles: int
+    of: int
+    both: bool = Field(description="whether the reference has it from the same state as well, so that codes agree")
+
+
+class LostRecord(Record):
+    """Particles that an audited run has lost, with LAMMPS' error or without one (thermo_modify lost ignore)."""
+
+    lost: int
+    of: int
+    run: int
+    step: int = Field(description="the first sample that lacks them, or the end of the run")
+    ignored: bool = Field(description="whether the deck tells LAMMPS to go on")
+
+
 class OutlookRecord(Record):
     """Why an audited run broke off: what the reference does from its last good sample on."""
 
     cause: Literal["findings", "time step", "set-up", "not understood"]
+    because: str = Field("", description="what is wrong with the set-up, in a few words: mass is 4e4 times rho0 V")
     findings: list[str] = Field([], description="that make the reference run away, which without them does not")
     run: int
     step: int = Field(description="of the last good sample")

@@ -19,7 +19,16 @@ from pydantic import Field, model_validator
 from eos_ref import EOS, InputError
 from eos_ref.syntax.manual import Manual, manual_of
 from lammps_cases.records import schema1
-from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, EffectRecord, OutlookRecord, SeriesRecord
+from lammps_cases.records.audit_record import (
+    ActingRecord,
+    BreakRecord,
+    BudgetRecord,
+    ClosedRecord,
+    EffectRecord,
+    LostRecord,
+    OutlookRecord,
+    SeriesRecord,
+)
 from lammps_cases.records.documents import SCHEMAS, Document, Record
 from lammps_cases.records.levels import FailOn
 
@@ -64,6 +73,7 @@ class FieldRecord(Record):
     derivation: str = Field("", description="how the bound was derived")
     worst_id: int | None = Field(None, description="id of the worst atom")
     worst_step: int | None = None
+    until: int | None = Field(None, description="last step at which it could be judged, if the run went on (audit)")
     outside: int = Field(0, description="number of atoms outside the bound")
     first_id: int | None = Field(None, description="lowest id outside the bound")
     atom_type: int | None = Field(None, description="only atoms of this type (audit)")
@@ -235,6 +245,9 @@ class CaseRecord(Record):
     warnings: list[str] = Field([], description="questionable set-ups of an audited deck")
     stability: list[str] = Field([], description="how far an audited deck lies from where it would fail")
     effects: list[EffectRecord] = Field([], description="what known findings do to an audited deck")
+    acting: list[ActingRecord] = Field([], description="known findings that act on an audited deck by its definitions")
+    broke: BreakRecord | None = Field(None, description="where the state of an audited deck is none of a fluid any more")
+    lost: LostRecord | None = Field(None, description="particles that an audited run has lost")
     outlook: OutlookRecord | None = Field(None, description="why an audited run broke off")
     budgets: list[BudgetRecord] = Field([], description="conserved quantities of an audited deck, sample by sample")
     series: list[SeriesRecord] = Field([], description="runs of the reference like an audited deck's last one")

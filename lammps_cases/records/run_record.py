@@ -246,7 +246,7 @@ class CaseRecord(Record):
     stability: list[str] = Field([], description="how far an audited deck lies from where it would fail")
     effects: list[EffectRecord] = Field([], description="what known findings do to an audited deck")
     acting: list[ActingRecord] = Field([], description="known findings that act on an audited deck by its definitions")
-    broke: BreakRecord | None = Field(None, description="where the state of an audited deck is none of a fluid any more")
+    broke: BreakRecord | None = Field(None, description="where the state of an audited deck stops being a fluid")
     lost: LostRecord | None = Field(None, description="particles that an audited run has lost")
     outlook: OutlookRecord | None = Field(None, description="why an audited run broke off")
     budgets: list[BudgetRecord] = Field([], description="conserved quantities of an audited deck, sample by sample")

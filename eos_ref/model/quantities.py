@@ -74,6 +74,7 @@ class Quantity:
     dimension : powers of the units
     rank : 0 scalar, 1 vector, 2 tensor
     inputs : quantities that it is computed from, of all models or of a given one; None: no stage of an evaluation
+    reads : quantities that it depends on, of all models or of a given one, where these are not its inputs
     part_of : the quantity that it is evaluated with
     keyword : of fix rheo, without which a model does not have it; parts have that of the whole
     discrete : whether it is a count or a class
@@ -88,6 +89,7 @@ class Quantity:
     dimension: Dimension = NUMBER
     rank: int = 0
     inputs: tuple[str, ...] | Callable[[Model], tuple[str, ...]] | None = None
+    reads: Callable[[Model], tuple[str, ...]] | None = None
     part_of: str = ""
     keyword: Keyword | None = None
     discrete: bool = False
@@ -136,6 +138,20 @@ def _pair_terms(model: Model) -> tuple[str, ...]:
     )
 
 
+def _with_velocities(inputs: Callable[[Model], tuple[str, ...]]) -> Callable[[Model], tuple[str, ...]]:
+    """Return what a sum over the velocities of neighbours depends on."""
+    return lambda model: (*inputs(model), "v")
+
+
+def _diffusion(model: Model) -> tuple[str, ...]:
+    return (*_gradient(model), *(["grad/rho"] if model.pair.rho_damp and model.corrects_gradients else []))
+
+
+def _force(model: Model) -> tuple[str, ...]:
+    artificial = ["grad/v"] if model.pair.artificial_viscosity else []
+    return (*_gradient(model), *artificial, "pressure", "viscosity", "v")
+
+
 def _viscosity(model: Model) -> tuple[str, ...]:
     return ("grad/v",) if any(law.style == "power" for law in model.viscosity) else ()
 
@@ -170,7 +186,15 @@ QUANTITIES: dict[str, Quantity] = {
             part_of="chi",
             output=lambda e: where(e.state.solid_n, e.state.rho_n, 0.0),
         ),
-        Quantity("grad/v", "velocity gradients", RATE, 2, _gradient, result=lambda e: e.gradient.v_ncc),
+        Quantity(
+            "grad/v",
+            "velocity gradients",
+            RATE,
+            2,
+            _gradient,
+            _with_velocities(_gradient),
+            result=lambda e: e.gradient.v_ncc,
+        ),
         Quantity(
             "grad/rho", "density gradients", Dimension(-1, 1, 0, -1), 1, _gradient, result=lambda e: e.gradient.rho_nc
         ),
@@ -194,7 +218,7 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity("surface/r", "distances to the surface", LENGTH, part_of="surface", result=lambda e: e.surface.r_n),
         Quantity("surface/n", "normals", NUMBER, 1, part_of="surface", result=lambda e: e.surface.normal_nc),
         Quantity("surface/divr", "divergences of positions", part_of="surface", result=lambda e: e.surface.divr_n),
-        Quantity("shift/v", "shifting velocities", VELOCITY, 1, _shift, keyword="shift"),
+        Quantity("shift/v", "shifting velocities", VELOCITY, 1, _shift, _with_velocities(_shift), keyword="shift"),
         Quantity("viscosity", "viscosities", VISCOSITY, inputs=_viscosity),
         Quantity(
             "pressure",
@@ -211,9 +235,16 @@ QUANTITIES: dict[str, Quantity] = {
             "stress/v", "viscous stresses", PRESSURE, 2, ("grad/v", "viscosity"), output=lambda e: e.stress(False)
         ),
         Quantity("stress/t", "total stresses", PRESSURE, 2, ("stress/v", "pressure"), output=lambda e: e.stress(True)),
-        Quantity("heatflow", "heat flows", POWER, inputs=_pair_terms, keyword="thermal"),
-        Quantity("drho", "rates of density", Dimension(0, 1, -1, -1), inputs=_pair_terms),
-        Quantity("f", "forces", FORCE, 1, lambda model: (*_pair_terms(model), "pressure", "viscosity")),
+        Quantity(
+            "heatflow",
+            "heat flows",
+            POWER,
+            inputs=_pair_terms,
+            reads=lambda model: (*_gradient(model), "temperature"),
+            keyword="thermal",
+        ),
+        Quantity("drho", "rates of density", Dimension(0, 1, -1, -1), inputs=_pair_terms, reads=_diffusion),
+        Quantity("f", "forces", FORCE, 1, lambda model: (*_pair_terms(model), "pressure", "viscosity"), _force),
         Quantity("stress/atom", "virial stresses", ENERGY, 2, ("f",)),
         Quantity(
             "virial", "virial pressures", PRESSURE, 2, part_of="stress/atom", output=lambda e: e.pressure_of_all()
@@ -294,6 +325,25 @@ def needed_to_step(model: Model) -> tuple[str, ...]:
     if fix.thermal:
         wanted += ["temperature", "heatflow"]
     return tuple(wanted)
+
+
+def dependencies(model: Model, name: str) -> frozenset[str]:
+    """Return all quantities that the values of a field depend on, itself and the state included.
+
+    Raises
+    ------
+    InputError
+        See `of_model`.
+    """
+    found: set[str] = set()
+    ahead = [name, *evaluated_for(model, name)]
+    while ahead:
+        of = ahead.pop()
+        if of not in found:
+            found.add(of)
+            quantity = QUANTITIES[of]
+            ahead += (quantity.reads or quantity.needs)(model)
+    return frozenset(found)
 
 
 def required(model: Model, wanted: Iterable[str]) -> tuple[str, ...]:

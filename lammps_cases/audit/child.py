@@ -106,9 +106,10 @@ def audit(task: AuditTask, connection: Connection) -> DeckEnd:
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
     questions, (cause, ahead) = watch.questions, watch.outlook()
     warnings, margins = [*questions.lines(), *watch.unbudgeted()], questions.stability
-    touching = (*([HYPHEN] if questions.mistaken else []), *watch.under)
+    touching = (HYPHEN,) if questions.mistaken else ()
     series, solution = watch.series()
     return DeckEnd(
         watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead,
-        watch.share(), series, solution, touching, lacks,
+        watch.share(), series, solution, touching, list(watch.acting.found.values()), watch.health.broke,
+        watch.health.lost, lacks,
     )  # fmt: skip

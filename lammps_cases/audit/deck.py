@@ -132,18 +132,21 @@ class Deck:
             self.pair[:1] not in ([], ["rheo"]) and not self._rheo_for_all()
         ):  # each pair of types has a cutoff of its own
             return SOME_TYPES
-        lj, coulomb = _weights(self.special)
-        if self.bonded and any(a == b == 0 for a, b in zip(lj, coulomb, strict=True)):
-            return "special_bonds 0 for lj and coul takes bonded pairs out"
         return ""
 
     def changes_pairs(self) -> str:
         """Return why the terms of pair_style rheo are not simply those of all pairs; or nothing."""
-        if not self._rheo_for_all():
-            return SOME_TYPES
-        if self.bonded and any(weight != 1 for weight in _weights(self.special)[0]):
-            return "special_bonds weighs bonded pairs"
-        return ""
+        return "" if self._rheo_for_all() else SOME_TYPES
+
+    def keeps_masses(self) -> bool:
+        """Return whether images of particles with masses of their own have these, too."""
+        own = (values for values in self.fixes.values() if values[3] == "property/atom" and "rmass" in values)
+        return all(("ghost", "yes") in itertools.pairwise(values) for values in own)
+
+    @property
+    def unlists_bonded(self) -> bool:
+        """Whether LAMMPS may leave pairs of bonded particles out of its neighbour lists."""
+        return bool(self.bonded) and any(a == b == 0 for a, b in zip(*_weights(self.special), strict=True))
 
     def _rheo_for_all(self) -> bool:
         """Return whether pair_coeff gives pair_style rheo to the pairs of all types at once."""
@@ -159,9 +162,7 @@ class Deck:
 
     def adds_heat(self) -> str:
         """Return what else adds to the heat flow; or nothing."""
-        if self.bonded:
-            return f"{self.bonded[0]} may add to it"
-        return self._other_fix(lambda style: style in _NO_HEAT or style.startswith("wall/"))
+        return self._other_fix(lambda style: style not in _HEAT)
 
     def adds_force(self) -> str:
         """Return what adds to the force and is not followed; or nothing."""
@@ -241,10 +242,12 @@ _PAIR_WORDS = ("rheo", *commands.PAIR_KEYWORDS)
 _NO_FORCE = (
     *("rheo", "rheo/viscosity", "rheo/pressure", "rheo/thermal", "enforce2d", "add/heat"),
     *("deposit", "evaporate", "print", "halt", "vector", "balance", "momentum", "recenter", "property/atom"),
+    *("deform", "dt/reset", "move", "nve", "nve/limit", "temp/rescale", "numdiff"),
     *("ave/time", "ave/atom", "ave/chunk", "ave/histo", "ave/grid", "ave/correlate", "store/state", "store/force"),
 )
-_NO_HEAT = (*(style for style in _NO_FORCE if style != "add/heat"), *_FOLLOWED)
-_STAY = (*(style for style in _NO_FORCE if style not in ("momentum", "recenter")), *_FOLLOWED, "viscous")
+_HEAT = ("add/heat", "heat/flow", "external", "python/invoke")  # fixes that add to heat flows
+_MOVING = ("momentum", "recenter", "deform", "move", "nve", "nve/limit", "temp/rescale")
+_STAY = (*(style for style in _NO_FORCE if style not in _MOVING), *_FOLLOWED, "viscous")
 
 
 def _weights(special: list[str]) -> tuple[list[float], list[float]]:

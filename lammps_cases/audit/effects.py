@@ -13,14 +13,9 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.quantities import needed_to_step
-from eos_ref.model.units import UNITS
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
-from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings import LEDGER, Finding, applicable
-from lammps_cases.findings.forces import MASS_OF_FIRST
-from lammps_cases.findings.shifting import CROSS_TYPE_MASS_OF_TYPE
-from lammps_cases.findings.units import DENSITY_BY_FORCE_FACTOR, UNITS_UNCONVERTED
+from lammps_cases.findings import Finding, applicable
 from lammps_cases.records.audit_record import EffectRecord
 
 MULTIPLE = 0.01  # part of the largest value by which a field may differ from a multiple of the right one
@@ -33,29 +28,13 @@ def touching(sample: ParticleSample, engine: str) -> list[Finding]:
     return [entry for entry in known if entry.model_variant and not entry.model_variant.fit]
 
 
-def of_units(units: str, sums_density: bool, engine: str) -> list[str]:
-    """Return the findings that an engine has in a system of units, whatever the particles are."""
-    if units not in UNITS or UNITS[units].consistent:
-        return []
-    ids = {UNITS_UNCONVERTED.id} | (set() if sums_density else {DENSITY_BY_FORCE_FACTOR.id})
-    return [entry.id for entry in LEDGER if entry.id in ids and entry.listed(engine)]
-
-
-def of_masses(engine: str) -> dict[str, str]:
-    """Return, by field, the finding of an engine by which particles' own masses make neighbour lists decide it."""
-    fields = {"f": MASS_OF_FIRST, "drho": MASS_OF_FIRST, "heatflow": MASS_OF_FIRST, "shift/v": CROSS_TYPE_MASS_OF_TYPE}
-    listed = {entry.id for entry in LEDGER if entry.listed(engine)}
-    return {field: entry.id for field, entry in fields.items() if entry.id in listed}
-
-
 def of_pressure(sample: ParticleSample, engine: str) -> list[str]:
     """Return the findings of an engine that can change what LAMMPS prints as the pressure of the system."""
     return [entry.id for entry in _listed(sample, engine, ("press",), lists=True)]
 
 
 def _listed(sample: ParticleSample, engine: str, fields: tuple[str, ...], lists: bool = False) -> list[Finding]:
-    problem = Problem(sample.model, sample.box, sample.state, 0.0, fields, (0,))
-    return [entry for entry in applicable(problem, lists) if entry.listed(engine)]
+    return [entry for entry in applicable(sample.problem(fields), lists) if entry.listed(engine)]
 
 
 def effects(sample: ParticleSample, engine: str, run: int, step: int) -> list[EffectRecord]:

@@ -25,6 +25,7 @@ from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import Rounded, error
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.fields import corrected_by_hidden_densities, needs
+from lammps_cases.comparison.problem import Problem
 
 Array = npt.NDArray[Any]
 
@@ -41,6 +42,7 @@ class ParticleSample:
     summed : whether the densities of walls are not those that the forces used (after the set-up of a run with rho/sum
         and interface/reconstruct; see the ledger)
     z_n : (n,) heights of particles in 2D, which ought to be all the same
+    unlists_bonded : whether LAMMPS may leave pairs of bonded particles out of its neighbour lists
     """
 
     model: Model
@@ -50,12 +52,17 @@ class ParticleSample:
     actions: Sequence[tuple[Action, BoolArray]] = ()
     summed: bool = False
     z_n: Array | None = None
+    unlists_bonded: bool = False
+
+    def problem(self, fields: tuple[str, ...], steps: tuple[int, ...] = (0,)) -> Problem:
+        """Return the sample as a problem whose findings can be looked for."""
+        return Problem(self.model, self.box, self.state, 0.0, fields, steps, unlists_bonded=self.unlists_bonded)
 
     def rounded(self) -> State:
         """Return the state in `Rounded` arrays."""
         s = self.state
         energy_n = None if s.energy_n is None else Rounded(s.energy_n)
-        return State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n)
+        return State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n, s.mass_n)
 
 
 class _GivenDensities(ArrayEvaluator):

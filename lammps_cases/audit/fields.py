@@ -6,8 +6,8 @@ evaluation, so that whatever follows from the state alone can be checked.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy.typing as npt
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from eos_ref.errors import InputError, nearest
 from eos_ref.model.box import TILTED
 from eos_ref.model.parameters import Model
-from eos_ref.model.quantities import QUANTITIES, has, keyword_of, required
+from eos_ref.model.quantities import QUANTITIES, dependencies, has, keyword_of
 from lammps_cases.audit.deck import Deck
 from lammps_cases.scene.fields import FIELDS
 
@@ -84,7 +84,7 @@ class Setting:
     units: str
     open_tilt: bool = False  # whether the box is tilted along an axis that is not periodic
     between: str = ""  # a command that run executes in between and that may change the model
-    by_lists: Mapping[str, str] = field(default_factory=dict)  # by field: a known bug, by neighbour lists
+    massless: bool = False  # whether periodic images lack the masses that particles have of their own
 
 
 def choose(requested: Sequence[str], model: Model | InputError, setting: Setting) -> Choice:
@@ -124,16 +124,15 @@ def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
         return f"fix rheo has no {keyword_of(name)} in this deck"
     if name == "shift/v" and setting.deck.fix("rheo/oxidation"):
         return MARKED
-    if bug := setting.by_lists.get(name):
-        return f"by known bug {bug} it depends on LAMMPS' neighbour lists, which no audit reads"
     if setting.between:
         return f"run executes commands in between that may change the model ({setting.between})"
     if name != "rho" and not needs(name, "pairs", model):
         return ""
-    hidden = setting.deck.hides_pairs() or (
-        "the box is tilted along an axis that is not periodic" if setting.open_tilt else ""
-    )
-    return hidden or _of_pairs(name, model, setting)
+    if setting.open_tilt:
+        return "the box is tilted along an axis that is not periodic"
+    if setting.massless and needs(name, "rho", model):
+        return "periodic images have no rmass (fix property/atom without 'ghost yes')"
+    return setting.deck.hides_pairs() or _of_pairs(name, model, setting)
 
 
 def leans_open(tilt: Sequence[float], periodic: Sequence[bool]) -> bool:
@@ -142,12 +141,12 @@ def leans_open(tilt: Sequence[float], periodic: Sequence[bool]) -> bool:
 
 
 def needs(name: str, quantity: str, model: Model) -> bool:
-    """Return whether a field follows from a quantity of the evaluation."""
-    return quantity in required(model, (name,))
+    """Return whether a field depends on a quantity of the evaluation or of the state."""
+    return quantity in dependencies(model, name)
 
 
 def _of_pairs(name: str, model: Model, setting: Setting) -> str:
-    if (name == "f" or needs(name, "grad/v", model)) and (moving := setting.deck.moves_images()):
+    if needs(name, "v", model) and (moving := setting.deck.moves_images()):
         return moving
     if name == "rho" and not model.fix.rho_sum:
         return "integrated over time; it can be checked only with rho/sum"
@@ -156,12 +155,10 @@ def _of_pairs(name: str, model: Model, setting: Setting) -> str:
     if corrected_by_hidden_densities(model):
         return "the reproducing kernels used densities of walls from before their reconstruction"
     deck = setting.deck
-    added = ""
     if name == "f" and setting.units in ("real", "metal", "electron"):
-        added = f"in units {setting.units} force over mass is not an acceleration"
-    elif name != "drho":
-        added = deck.adds_force() if name == "f" else deck.adds_heat()
-    return added or deck.changes_pairs()
+        return f"in units {setting.units} force over mass is not an acceleration"
+    added = {"f": deck.adds_force, "heatflow": deck.adds_heat}.get(name)
+    return (added() if added else "") or deck.changes_pairs()
 
 
 def corrected_by_hidden_densities(model: Model) -> bool:

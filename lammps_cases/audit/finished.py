@@ -217,19 +217,21 @@ class _Audit:
             return
         sample = _sample(frame, held, id_n)
         shown = {name: held[name].value for name in names}
-        compared, _, self.explained = judged(
+        found = judged(
             sample, names, id_n, shown, self.listed, self.explained, FrameEvaluation,
             {name: held[name].error for name in names},
         )  # fmt: skip
+        compared, self.explained = found.comparisons, found.explained
+        open_ = {name: tuple(entry.id for entry in entries) for name, entries in found.unpredictable.items()}
         rows = {(name, 0): SampleRow.of(len(c.bound_n), c.record) for name, c in compared.items()}
         for name in names:
             left = len(id_n) - len(compared[name].bound_n) if name in compared else len(id_n)
-            if left:
+            if left and name not in open_:
                 reason = NO_PARTICLE if left == len(id_n) else f"{left} of {counted(len(id_n), 'particle')} {OPEN}"
                 self.reasons.setdefault((name, reason), []).append(snapshot.step)
         if self.findings.blame is None:  # of the first snapshot in which a field differs, or the last one
             self.arrays = _arrays(sample, snapshot, id_n, compared)
-        self.findings.take(SampleRows(snapshot.step, run.number, snapshot.step, rows))
+        self.findings.take(SampleRows(snapshot.step, run.number, snapshot.step, rows, unpredictable=open_))
 
     def _choice(self, frame: Frame, held: dict[str, Any]) -> tuple[list[str], dict[str, str]]:
         names, unchecked = [], {}
@@ -307,9 +309,9 @@ def _sample(frame: Frame, held: dict[str, Any], id_n: npt.NDArray[Any]) -> Frame
         [(action, setup.members[action.group][at_n] & (at_n >= 0)) for action in run.deck.plain_actions()],
         frame.set_up and both,
         snapshot.numbers("z") if d == 2 and "z" in snapshot.columns else None,
-        state,
-        {name: held[name] for name in ("rho", "energy") if name in held},
-        held.get("grad/v"),
+        of_forces=state,
+        at_end={name: held[name] for name in ("rho", "energy") if name in held},
+        gradient_ncc=held.get("grad/v"),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Set-ups that LAMMPS runs without a word and that physics forbids, judged by the first sample of a run.
+"""Set-ups that LAMMPS runs without a word and that physics forbids, judged by single samples of a run.
 
 Every line has the numbers that it is judged by. Gases are left out: they have neither an equilibrium density nor a
 speed of sound of their own.
@@ -7,6 +7,7 @@ speed of sound of their own.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,14 +17,29 @@ import numpy.typing as npt
 from eos_ref import EOS
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.pairs import directed_pairs
+from eos_ref.evaluation.pairs import directed_pairs, separations
 from eos_ref.model.box import BoolArray
 from lammps_cases.audit.evaluation import ParticleSample
+from lammps_cases.records.wording import counted, number
 
 Array = npt.NDArray[Any]
 FAR = 0.1  # of rho0: ten times what a weakly compressible fluid is set up to vary by
 SLOW = 10.0  # times the largest speed is what sound takes for densities to vary by 1 %, Monaghan, JCP 110, 399 (1994)
 OUTER = 2 / 3  # of the cutoff, beyond which a full support has neighbours in every direction
+CLOSE = 0.5  # of the spacing: no lattice and no fluid that is well resolved has pairs that close
+
+
+@dataclass(frozen=True)
+class Lint:
+    """A questionable set-up: of lines on one subject that with the largest measure is the worst.
+
+    ``brief`` says it in a few words where it can make a run diverge.
+    """
+
+    subject: str
+    line: str
+    measure: float = 1.0
+    brief: str = ""
 
 
 def number_density(sample: ParticleSample) -> tuple[Array, BoolArray]:
@@ -34,7 +50,8 @@ def number_density(sample: ParticleSample) -> tuple[Array, BoolArray]:
     """
     model, state = sample.model, sample.state
     pairs = ArrayEvaluator(model, sample.box, state.type_n, state.solid_n)
-    pairs.move(state.x_nc)
+    with np.errstate(invalid="ignore"):  # of particles at one place
+        pairs.move(state.x_nc)
     own = model.kernel.normalisation(model.dimension, model.cut) * float(model.kernel.shape(0.0))
     outer_p = pairs.r > OUTER * model.cut
     full_n = np.ones(len(state.type_n), bool)
@@ -46,90 +63,136 @@ def number_density(sample: ParticleSample) -> tuple[Array, BoolArray]:
     return own + np.asarray(pairs.kernel_sum()), full_n
 
 
-def lints(sample: ParticleSample) -> tuple[dict[int, str], dict[str, str]]:
-    """Return lines by type, where densities are far from rho0, and by subject for whatever else is questionable."""
-    state, far, lines = sample.state, dict[int, str](), _walls(sample) | _gravity(sample)
+def lints(sample: ParticleSample, id_n: Array) -> Iterator[Lint]:
+    """Yield what is questionable in a sample, given the ids of its particles."""
+    yield from _walls(sample)
+    yield from _weight(sample)
+    state = sample.state
     try:
         n_n, full_n = number_density(sample)
     except InputError:  # particles far from the box, which the next step will lose
-        return {}, lines
+        return
+    if len(n_n):
+        yield from _close(sample, id_n, float(np.median(n_n)) ** (-1 / sample.model.dimension))
     for t, law in enumerate(sample.model.eos, 1):
         fluid_n = (state.type_n == t) & ~state.solid_n
         if law.needs_energy or not fluid_n.any():
             continue
         bulk_n = fluid_n & full_n
         # A density that is summed is low at surfaces, as it should be.
-        judged_n = bulk_n if sample.model.fix.rho_sum else fluid_n
-        if line := _density(law, state.rho_n[judged_n]):
-            far[t] = line
-        mass = _mass(law, sample.mass_n[bulk_n], n_n[bulk_n], state.rho_n[bulk_n], t in far)
-        of_type = {"mass": mass, "speed": _speed(law, state.v_nc[fluid_n])}
-        lines |= {f"{subject} {t}": f"type {t}: {line}" for subject, line in of_type.items() if line}
-    return far, lines
+        sums = sample.model.fix.rho_sum
+        judged_n = bulk_n if sums else fluid_n
+        density = list(_density(t, law, state.rho_n[judged_n], id_n[judged_n]))
+        mass = list(_mass(t, law, sample.mass_n[bulk_n], n_n[bulk_n], state.rho_n[bulk_n], bool(density) and not sums))
+        yield from mass if mass and sums else density + mass
+        yield from _speed(t, law, state.v_nc[fluid_n])
 
 
-def _density(law: EOS, rho_n: Array) -> str:
-    """Judge the densities of a type."""
-    if not rho_n.size:
-        return ""
-    rho = float(np.median(rho_n))
-    if not abs(rho / law.rho0 - 1) > FAR:
-        return ""
+def _close(sample: ParticleSample, id_n: Array, spacing: float) -> Iterator[Lint]:
+    """Judge the closest pairs; two solids may overlap, but not lie at one place."""
+    state = sample.state
+    i, j, shift_pc = directed_pairs(state.x_nc, sample.box, min(CLOSE * spacing, sample.model.cut))
+    r = separations(state.x_nc, i, j, shift_pc)
+    once = (id_n[i] < id_n[j]) & (~(state.solid_n[i] & state.solid_n[j]) | (r == 0))
+    if not once.any():
+        return
+    i, j, r, across = i[once], j[once], r[once], shift_pc[once].any(axis=1)
+    at = int(np.lexsort((id_n[i], r))[0])
+    pair = f"atoms {id_n[i[at]]} and {id_n[j[at]]}"
+    if r[at] == 0:
+        brief = f"{pair} lie at the same place"
+        more = f" ({counted(int((r == 0).sum()), 'such pair')})" if (r == 0).sum() > 1 else ""
+        yield Lint("close", f"{brief}{more}: forces between them are not defined (delete_atoms overlap)", 1.0, brief)
+        return
+    boundary = " across a boundary" if across[at] else ""
+    yield Lint(
+        "close",
+        f"{pair} are {number(r[at])} apart{boundary}, {number(r[at] / spacing, 2)} of the spacing {number(spacing)} "
+        f"({counted(len(r), 'pair')} closer than {CLOSE:g} of it)",
+        1 - r[at] / spacing,
+        f"{pair} are {number(r[at] / spacing, 2)} of the spacing apart",
+    )
+
+
+def _density(t: int, law: EOS, rho_n: Array, id_n: Array) -> Iterator[Lint]:
+    """Judge the densities of a type, by the median if it is far, else by the particles that are."""
+    off_n = np.abs(rho_n / law.rho0 - 1)
+    if not (off_n > FAR).any():
+        return
+    median = float(np.median(rho_n))
+    whole = abs(median / law.rho0 - 1) > FAR
+    rho = median if whole else float(rho_n[np.argmax(off_n)])
     pressure = (float(law.pressure(rho)) - law.background) / (law.rho0 * law.cs**2)
-    return (
-        f"rho is {rho / law.rho0:.3g} times rho0 = {law.rho0:g} (median of {len(rho_n)} fluid particles: {rho:.6g}), "
-        f"which {law.style} makes a pressure of {pressure:.3g} rho0 c^2; a weakly compressible fluid stays within "
-        f"{100 * FAR:g} %"
+    of = (
+        f"median of {len(rho_n)} fluid particles: {rho:.6g}"
+        if whole
+        else f"{rho:.6g}, atom {id_n[np.argmax(off_n)]}; {(off_n > FAR).sum()} of {len(rho_n)} fluid particles are off"
     )
-
-
-def _mass(law: EOS, mass_n: Array, n_n: Array, rho_n: Array, far: bool) -> str:
-    """Judge the masses of a type; those that fit a density which is far from rho0 are not to blame as well."""
-    if not mass_n.size:
-        return ""
-    filled = float(np.median(mass_n * n_n)) / law.rho0
-    fits = far and abs(float(np.median(mass_n * n_n / rho_n)) - 1) <= FAR
-    if fits or not abs(filled - 1) > FAR:
-        return ""
-    volume = float(np.median(1 / n_n))
-    return (
-        f"m = {float(np.median(mass_n)):.6g} is {filled:.3g} times rho0 V = {law.rho0 * volume:.6g} (V = {volume:.6g} "
-        f"by the spacing of {len(mass_n)} fluid particles with full support): sum_j m/rho0 W_ij is {filled:.3g} "
-        "instead of 1, and gradients and forces are wrong by this factor"
+    brief = f"rho is {rho / law.rho0:.3g} times rho0"
+    line = (
+        f"{brief} = {law.rho0:g} ({of}), which {law.style} makes a pressure of {pressure:.3g} rho0 c^2; a weakly "
+        f"compressible fluid stays within {100 * FAR:g} %"
     )
+    yield Lint(f"rho {t}", f"type {t}: {line}", abs(rho / law.rho0 - 1), brief)
 
 
-def _speed(law: EOS, v_nc: Array) -> str:
+def _mass(t: int, law: EOS, mass_n: Array, n_n: Array, rho_n: Array, far: bool) -> Iterator[Lint]:
+    """Judge the masses of a type; those that fit a density which is far from rho0 are not to blame as well.
+
+    Particles with masses of their own are judged by groups of one mass.
+    """
+    for mass in np.unique(mass_n).tolist():
+        own_n = mass_n == mass
+        filled = float(np.median(mass * n_n[own_n])) / law.rho0
+        fits = far and abs(float(np.median(mass * n_n[own_n] / rho_n[own_n])) - 1) <= FAR
+        if fits or not abs(filled - 1) > FAR:
+            continue
+        volume = float(np.median(1 / n_n[own_n]))
+        line = (
+            f"type {t}: m = {mass:.6g} is {filled:.3g} times rho0 V = {law.rho0 * volume:.6g} (V = {volume:.6g} by the "
+            f"spacing of {own_n.sum()} fluid particles with full support): sum_j m/rho0 W_ij is {filled:.3g} instead "
+            "of 1, and gradients and forces are wrong by this factor"
+        )
+        yield Lint(
+            f"mass {t}", line, abs(math.log(filled)) if filled > 0 else math.inf, f"mass is {filled:.3g} times rho0 V"
+        )
+
+
+def _speed(t: int, law: EOS, v_nc: Array) -> Iterator[Lint]:
     """Judge the speed of sound of a type by its fastest particle."""
     speed = float(np.sqrt((v_nc**2).sum(axis=1)).max())
-    if not law.cs < SLOW * speed:
-        return ""
-    return (
-        f"speed of sound {law.cs:g} is {law.cs / speed:.3g} times the largest speed of its fluid, {speed:.3g}: its "
-        f"density will vary by about {100 * (speed / law.cs) ** 2:.2g} %; a ratio of {SLOW:g} would limit this to 1 %"
-    )
+    if law.cs < SLOW * speed:
+        line = (
+            f"type {t}: speed of sound {law.cs:g} is {law.cs / speed:.3g} times the largest speed of its fluid, "
+            f"{speed:.3g}: its density will vary by about {100 * (speed / law.cs) ** 2:.2g} %; a ratio of {SLOW:g} "
+            "would limit this to 1 %"
+        )
+        yield Lint(
+            f"speed {t}", line, speed / law.cs, f"speed of sound is {law.cs / speed:.3g} times that of the fluid"
+        )
 
 
-def _gravity(sample: ParticleSample) -> dict[str, str]:
-    """Judge the speed of sound by the height of the fluid that gravity acts on, but along periodic axes."""
-    model, state, lines = sample.model, sample.state, dict[str, str]()
+def _weight(sample: ParticleSample) -> Iterator[Lint]:
+    """Judge the speed of sound by the height of the fluid that is accelerated, but along periodic axes."""
+    model, state = sample.model, sample.state
     for action, acts_n in sample.actions:
-        if action.style != "gravity":
-            continue
         fluid_n = acts_n & ~state.solid_n
-        g_c = np.where(sample.box.periodic, 0.0, np.array(action.vector[: model.dimension], float))
-        g = float(np.linalg.norm(g_c))
         laws = [model.eos[t] for t in np.unique(state.type_n[fluid_n]).tolist()]
+        if action.style == "setforce" or not laws:
+            continue
+        vector_c = np.where(sample.box.periodic, 0.0, np.array(action.vector[: model.dimension], float))
+        g_c = vector_c / float(np.median(sample.mass_n[fluid_n])) if action.style == "addforce" else vector_c
+        g = float(np.linalg.norm(g_c))
         c = min((law.cs for law in laws if not law.needs_energy), default=math.inf)
-        height = float(np.ptp(state.x_nc[fluid_n] @ g_c)) / g if g > 0 and laws else 0.0
+        height = float(np.ptp(state.x_nc[fluid_n] @ g_c)) / g if g > 0 else 0.0
         fall = math.sqrt(g * height)
         if c < SLOW * fall:
-            lines["gravity"] = (
-                f"speed of sound {c:g} is {c / fall:.3g} times sqrt(g h) = {fall:.3g} (g = {g:g}, fluid of height "
+            line = (
+                f"speed of sound {c:g} is {c / fall:.3g} times sqrt(g h) = {fall:.3g} (g = {g:.4g}, fluid of height "
                 f"{height:.4g}): its weight will compress it by about {100 * (fall / c) ** 2:.2g} %; a ratio "
                 f"of {SLOW:g} would limit this to 1 %"
             )
-    return lines
+            yield Lint("weight", line, fall / c, f"speed of sound is {c / fall:.3g} times sqrt(g h)")
 
 
 def held(sample: ParticleSample) -> BoolArray:
@@ -141,19 +204,20 @@ def held(sample: ParticleSample) -> BoolArray:
     return held_n & ~sample.state.solid_n
 
 
-def _walls(sample: ParticleSample) -> dict[str, str]:
-    state, held_n, lines = sample.state, held(sample), dict[str, str]()
+def _walls(sample: ParticleSample) -> Iterator[Lint]:
+    state, held_n = sample.state, held(sample)
     if held_n.any():
-        lines["held"] = (
+        yield Lint(
+            "held",
             f"fix setforce 0 holds {held_n.sum()} particles of type {_types(state.type_n[held_n])} that are fluid: "
-            "those of a wall must be solid (set ... rheo/status 1)"
+            "those of a wall must be solid (set ... rheo/status 1)",
         )
     if sample.model.fix.interface_reconstruct and not state.solid_n.any():
-        lines["reconstruct"] = (
+        yield Lint(
+            "reconstruct",
             f"fix rheo has interface/reconstruct, but none of {len(state.type_n)} particles is solid: nothing is "
-            "reconstructed (set ... rheo/status 1)"
+            "reconstructed (set ... rheo/status 1)",
         )
-    return lines
 
 
 def _types(type_n: Array) -> str:

@@ -13,7 +13,16 @@ from pydantic import ConfigDict
 from eos_ref.errors import InputError
 from lammps_cases.audit.fields import DEFAULT, chosen
 from lammps_cases.engine.containment import Means
-from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, EffectRecord, OutlookRecord, SeriesRecord
+from lammps_cases.records.audit_record import (
+    ActingRecord,
+    BreakRecord,
+    BudgetRecord,
+    ClosedRecord,
+    EffectRecord,
+    LostRecord,
+    OutlookRecord,
+    SeriesRecord,
+)
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import FieldRecord, LawRecord, RunRecord, Seconds, Verdict
 
@@ -234,7 +243,7 @@ class SampleRows:
     """One sample: every field and atom type (0: all types) at one step, and the number of steps done.
 
     ``effects``: what known findings do to the particles as they are, in some of the samples; ``budgets``: one, if asked
-    for.
+    for; ``unpredictable``: by field that could not be compared, the findings that reach it.
     """
 
     step: int
@@ -243,6 +252,7 @@ class SampleRows:
     rows: dict[tuple[str, int], SampleRow]
     effects: tuple[EffectRecord, ...] = ()
     budgets: tuple[BudgetRecord, ...] = ()
+    unpredictable: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -294,4 +304,7 @@ class DeckEnd:
     series: list[SeriesRecord] = field(default_factory=list)
     closed: ClosedRecord | None = None
     touching: tuple[str, ...] = ()  # findings that the deck is under by its commands, whatever its particles are
+    acting: list[ActingRecord] = field(default_factory=list)
+    broke: BreakRecord | None = None
+    lost: LostRecord | None = None
     lacks: str = ""  # what this LAMMPS was built without, and the deck needs

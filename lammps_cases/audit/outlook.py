@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -17,16 +16,17 @@ from eos_ref.model.quantities import needed_to_step
 from eos_ref.model.state import State
 from lammps_cases.audit.effects import effects, touching
 from lammps_cases.audit.evaluation import ParticleSample
+from lammps_cases.audit.health import RUNAWAY, fastest
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import own_stages
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import combined
 from lammps_cases.records.audit_record import EffectRecord, OutlookRecord
+from lammps_cases.studies.stability.limits import numbers
 
 STEPS = (50, 500)  # that an attempt takes at least and at most, else twice as many as LAMMPS took
 WORK = 1_000_000  # steps times particles of an attempt, beyond which it would take longer than a user waits
 FINER = 10  # a time step is too large if this part of it is not
-RUNAWAY = 10.0  # a speed beyond this many times that of sound, or of the fastest particle before, is none of a fluid
 
 Cause = Literal["findings", "time step", "set-up", "not understood"]
 
@@ -41,27 +41,18 @@ class Good:
     step: int
 
 
-def fastest(model: Model, state: State) -> float:
-    """Return the largest speed there is: of sound, of heat as sound for a gas, or of a particle."""
-    speeds = [*(law.cs for law in model.eos.laws), float(np.abs(state.v_nc).max(initial=0.0))]
-    if model.eos.needs_energy and state.energy_n is not None:
-        speeds.append(float(np.sqrt(2 * np.abs(state.energy_n / model.mass[state.type_n - 1]).max(initial=0.0))))
-    return max(speeds)
-
-
-def mach(sample: ParticleSample) -> float:
-    """Return the largest component of a velocity over the speed of sound; infinite where numbers are not finite."""
-    state = sample.state
-    if not all(np.isfinite(of).all() for of in (state.x_nc, state.v_nc, state.rho_n)):
-        return math.inf
-    at_rest = replace(state, v_nc=np.zeros(state.v_nc.shape))
-    return float(np.abs(state.v_nc).max(initial=0.0)) / fastest(sample.model, at_rest)
-
-
-def outlook(good: Good, engine: str, taken: int) -> tuple[OutlookRecord | None, list[EffectRecord]]:
+def outlook(
+    good: Good, engine: str, taken: int, brief: str = "", unpredictable: Sequence[Finding] = ()
+) -> tuple[OutlookRecord | None, list[EffectRecord]]:
     """Return why a run broke off, and what findings do to the particles that the reference makes of the sample.
 
     A lattice at rest feels no force yet, right or wrong; some steps later it does.
+
+    Parameters
+    ----------
+    taken : steps that LAMMPS took from the sample
+    brief : what is wrong with the set-up, in a few words
+    unpredictable : findings that change forces of the sample in a way that cannot be evaluated
     """
     model = model_with_forces(good.sample)
     if model is None:
@@ -71,7 +62,7 @@ def outlook(good: Good, engine: str, taken: int) -> tuple[OutlookRecord | None, 
         return None, []
     attempts = _Attempts(replace(good, sample=boxed(good.sample)), model, count)
     try:
-        record = _cause(attempts, engine, taken)
+        record = _cause(attempts, engine, taken, brief, unpredictable)
         if record.cause != "findings":
             return record, []
         state = attempts.state_after(record.after or 0)
@@ -80,30 +71,42 @@ def outlook(good: Good, engine: str, taken: int) -> tuple[OutlookRecord | None, 
         return None, []
 
 
-def _cause(attempts: _Attempts, engine: str, taken: int) -> OutlookRecord:
+def _cause(attempts: _Attempts, engine: str, taken: int, brief: str, unpredictable: Sequence[Finding]) -> OutlookRecord:
     """Return the likeliest cause of an end that came ``taken`` steps after a good sample.
 
     The reference runs on from the sample: if it runs away, the set-up is to blame, or the time step if a tenth of it
     does not. If not, the findings of the engine are put into it, each alone and at last all together: the first that
-    makes it run away is the cause.
+    makes it run away is the cause. Else it is what nobody can put into it, if there is any.
     """
     good = attempts.good
 
-    def record(cause: Cause, entries: Sequence[Finding] = (), after: int | None = None) -> OutlookRecord:
+    def record(
+        cause: Cause, entries: Sequence[Finding] = (), after: int | None = None, because: str = ""
+    ) -> OutlookRecord:
         names = [entry.id for entry in entries]
         return OutlookRecord(
-            cause=cause, findings=names, run=good.run, step=good.step, taken=taken, after=after, steps=attempts.count
-        )
+            cause=cause, because=because, findings=names,
+            run=good.run, step=good.step, taken=taken, after=after, steps=attempts.count,
+        )  # fmt: skip
 
     after = attempts.runaway(good.timestep, ())
     if after is not None:
         finer = attempts.runaway(good.timestep / FINER, (), 2 * FINER * after)
-        return record("set-up" if finer is not None else "time step", after=after)
+        if finer is not None:
+            return record("set-up", after=after, because=brief)
+        return record("time step", after=after, because=_limit(attempts.model, good))
     for entries in _sets(touching(good.sample, engine)):
         after = attempts.runaway(good.timestep, entries)
         if after is not None:
             return record("findings", entries, after)
-    return record("not understood")
+    return record("findings", unpredictable) if unpredictable else record("not understood")
+
+
+def _limit(model: Model, good: Good) -> str:
+    """Return how many times its limit by theory the time step is, and of what that is."""
+    step = numbers(model, good.sample.state, good.timestep)
+    of = "sound" if step.viscous <= step.acoustic else "conduction" if step.conducts else "viscosity"
+    return f"time step is {step.fraction:.3g} times the limit of {of}"
 
 
 def _sets(entries: Sequence[Finding]) -> Iterator[tuple[Finding, ...]]:
@@ -154,12 +157,16 @@ class _Attempts:
         """
         steps = steps or self.count
         sim = self._simulation(timestep, steps, entries)
-        limit = RUNAWAY * fastest(self.model, self.good.sample.state)
+        begin = self.good.sample.state
+        limit = RUNAWAY * fastest(self.model, begin)
+        warmest = 0.0 if begin.energy_n is None else RUNAWAY * float(np.abs(begin.energy_n).max(initial=0.0))
         with np.errstate(all="ignore"):
             sim.setup()
             for step in range(1, steps + 1):
                 sim.run(1, timestep)
                 if not np.abs(sim.state.v_nc).max(initial=0.0) <= limit:
+                    return step
+                if warmest and not np.abs(sim.state.energy_n).max(initial=0.0) <= warmest:
                     return step
         return None
 

@@ -18,7 +18,8 @@ from eos_ref.model.box import Box
 from eos_ref.model.parameters import Force, Model
 from eos_ref.model.quantities import needed_to_step
 from eos_ref.model.state import State
-from lammps_cases.audit.outlook import RUNAWAY, Good, boxed, fastest, model_with_forces
+from lammps_cases.audit.health import RUNAWAY, fastest
+from lammps_cases.audit.outlook import Good, boxed, model_with_forces
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import combined

@@ -6,8 +6,8 @@ only. LAMMPS evaluates a compute anew for every step and after every set-up, fro
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,10 +21,12 @@ from eos_ref.model.state import State
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
-from lammps_cases.audit.explanation import Explained, explain
+from lammps_cases.audit.explanation import Explained, Left, explain
 from lammps_cases.audit.fields import checked
 from lammps_cases.comparison.compare import Comparison, compare_field, excess
+from lammps_cases.engine.session import read_list
 from lammps_cases.findings import LEDGER, Finding
+from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.model_fields import derived
 
@@ -34,6 +36,24 @@ MEMBERS = "eosref_in_"
 SOLID = 1
 ATOM_VARIABLE = 1  # extract_variable's LMP_VAR_ATOM
 NOT_PRINTED: Mapping[str, Array] = {}
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A sample compared with the reference.
+
+    Attributes
+    ----------
+    comparisons : by field; without those that cannot be predicted, or of which no particle can be compared
+    reference : the reference's evaluation
+    explained : what explained fields of this sample and of earlier ones
+    unpredictable : by field, the findings that reach it and that cannot be evaluated in this sample
+    """
+
+    comparisons: dict[str, Comparison]
+    reference: SampleEvaluation
+    explained: Explained
+    unpredictable: Explained
 
 
 class Sampler:
@@ -51,6 +71,8 @@ class Sampler:
         Mass per type, from index 1; None where every particle has its own.
     engine : str
         Version of the distribution, for the ledger.
+    unlists_bonded : bool
+        Whether LAMMPS may leave pairs of bonded particles out of its neighbour lists.
     """
 
     def __init__(
@@ -61,8 +83,10 @@ class Sampler:
         actions: Sequence[Action],
         mass_t: Array | None,
         engine: str,
+        unlists_bonded: bool = False,
     ) -> None:
         self.lmp, self.model, self.actions, self.mass_t = lmp, model, actions, mass_t
+        self.unlists_bonded = unlists_bonded
         self.fields = tuple(field for field in checked() if field in fields and field != "pressure")
         self.listed = known(engine)
         self.explained: Explained = {}  # by earlier samples
@@ -79,24 +103,32 @@ class Sampler:
             names = ["pressure", *(FIELDS[field].words() for field in self.columns)]
             lmp.command(f"compute {COMPUTE} all rheo/property/atom {' '.join(names)}")
 
-    def compare(self, tag_n: Array, x_nc: Array, setup: bool) -> dict[str, Comparison]:
-        """Compare all fields of the particles there are; ``setup`` on the set-up of a run."""
-        n = len(tag_n)
-        self.last = None
-        if not n or not np.isfinite(x_nc[:n]).all():  # no pairs to list; the pressures are compared all the same
-            return {}
-        self.last = sample = self._sample(n, x_nc, setup)
-        shown = self._shown(n)
-        comparisons, reference, self.explained = judged(sample, self.fields, tag_n, shown, self.listed, self.explained)
-        self.tilted = max(self.tilted, int(reference.tilted().sum()))
-        return comparisons
-
-    def _sample(self, n: int, x_nc: Array, setup: bool) -> ParticleSample:
+    def take(self, n: int, x_nc: Array, setup: bool) -> ParticleSample:
+        """Return the particles there are; ``setup`` on the set-up of a run."""
         fix = self.model.fix
-        sample = taken(self.lmp, self.model, self.actions, self.mass_t, n, x_nc)
-        return replace(sample, summed=setup and fix.rho_sum and fix.interface_reconstruct)
+        self.last = taken(self.lmp, self.model, self.actions, self.mass_t, n, x_nc)
+        summed = setup and fix.rho_sum and fix.interface_reconstruct
+        self.last = replace(self.last, summed=summed, unlists_bonded=self.unlists_bonded)
+        return self.last
 
-    def _shown(self, n: int) -> dict[str, Array]:
+    def compare(self, tag_n: Array, shown: Mapping[str, Array]) -> Judged:
+        """Compare all fields of the sample taken last with those that LAMMPS shows."""
+        assert self.last is not None
+        found = judged(self.last, self.fields, tag_n, shown, self.listed, self.explained, lists=self._lists)
+        self.explained = found.explained
+        self.tilted = max(self.tilted, int(found.reference.tilted().sum()))
+        return found
+
+    def _lists(self, tag_n: Array) -> tuple[NeighbourList, ...]:
+        """Return LAMMPS' neighbour list, whose particles are counted as in the sample; nothing on several ranks."""
+        if self.lmp.extract_setting("world_size") > 1 or self.lmp.find_pair_neighlist("rheo") < 0:
+            return ()
+        read, order_n = read_list(self.lmp), np.argsort(tag_n)
+        id_s = read.pop("id_s")
+        return (NeighbourList(order_n[np.searchsorted(tag_n[order_n], id_s)], **read),)
+
+    def shown(self, n: int) -> dict[str, Array]:
+        """Return LAMMPS' fields."""
         d = self.model.dimension
         shown: dict[str, Array] = {}
         for field in map(FIELDS.__getitem__, self.fields):
@@ -118,8 +150,11 @@ def judged(
     earlier: Explained,
     evaluation: type[SampleEvaluation] = SampleEvaluation,
     printed: Mapping[str, Array] = NOT_PRINTED,
-) -> tuple[dict[str, Comparison], SampleEvaluation, Explained]:
+    lists: Callable[[Array], tuple[NeighbourList, ...]] = lambda tag_n: (),
+) -> Judged:
     """Compare fields of a sample with the reference, and explain those that lie outside their bounds.
+
+    Particles for which neither side has a number are left out.
 
     Parameters
     ----------
@@ -128,9 +163,15 @@ def judged(
     earlier : what explained earlier samples
     evaluation : how the reference evaluates the sample
     printed : by how much LAMMPS' fields may be off, as they were printed
+    lists : reads LAMMPS' neighbour list, given the ids; only where a field differs
     """
     reference = evaluation(sample, fields)
-    rows_of = {field: rows_n for field in fields if (rows_n := reference.comparable(field)).any()}
+    rows_of = {}
+    for field in fields:
+        rows_n = reference.comparable(field)
+        rows_n = rows_n & ~_neither(shown[field], value(reference.output(field)))
+        if rows_n.any():
+            rows_of[field] = rows_n
 
     def sides(field: str, by: SampleEvaluation) -> tuple[Array, Array, Array]:
         a, b, bound = _sides(shown[field], by.output(field), rows_of[field])
@@ -142,17 +183,24 @@ def judged(
     }
     before = frozenset(field for field, c in comparisons.items() if c.record.verdict == "differs")
     if not before:
-        return comparisons, reference, earlier
+        return Judged(comparisons, reference, earlier, {})
 
-    def outside(stages: type[ArrayEvaluator], undefined: bool) -> frozenset[str]:
+    def outside(stages: type[ArrayEvaluator], undefined: bool) -> Left:
         by = evaluation(sample, fields, stages)
-        return frozenset(field for field in rows_of if not _inside(*sides(field, by), undefined))
+        ratios = {field: _ratios(*sides(field, by), undefined) for field in rows_of}
+        return Left(
+            frozenset(field for field, ratio_n in ratios.items() if not np.all(ratio_n <= 1)),
+            frozenset(field for field, ratio_n in ratios.items() if not ratio_n.size),
+        )
 
-    explained = explain(sample, shown, listed, before, outside, earlier)
-    for field, entries in explained.items():
+    read = lists(tag_n)
+    found = explain(sample, {**shown, **({"lists": read} if read else {})}, listed, before, outside, earlier)
+    for field, entries in found.explained.items():
         record = comparisons[field].record
         record.verdict, record.explained_by = "explained", [entry.id for entry in entries]
-    return comparisons, reference, earlier | explained
+    for field in found.unpredictable:
+        del comparisons[field]
+    return Judged(comparisons, reference, earlier | found.explained, found.unpredictable)
 
 
 def known(engine: str) -> list[Finding]:
@@ -172,6 +220,7 @@ def taken(
         type_n=atoms.extract_atom("type")[:n].copy(),
         solid_n=atoms.extract_atom("rheo_status")[:n] & SOLID != 0,
         energy_n=atoms.extract_atom("esph")[:n].copy() if model.thermal is not None else None,
+        mass_n=atoms.extract_atom("rmass")[:n].copy() if mass_t is None else None,
     )
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     tilt = (xy, xz, yz)[: d * (d - 1) // 2]
@@ -205,11 +254,19 @@ def _sides(lammps_n: Array, reference: Any, rows_n: Array) -> tuple[Array, Array
     return a, b, bound
 
 
-def _inside(lammps_n: Array, reference_n: Array, bound_n: Array, undefined: bool) -> bool:
-    """Return whether a field is inside its bound; where values may be undefined, those that have one, if any."""
-    if undefined:
-        some = np.isfinite(bound_n)
-        if not some.any():
-            return False
-        lammps_n, reference_n, bound_n = lammps_n[some], reference_n[some], bound_n[some]
-    return bool(np.all(excess(lammps_n, reference_n, bound_n)[1] <= 1))
+def _neither(a_n: Array, b_n: Array) -> Array:
+    """Return for which particles neither side is finite, (n,)."""
+    return ~(_finite(a_n) | _finite(b_n))
+
+
+def _finite(values_n: Array) -> Array:
+    """Return which particles have finite numbers only, (n,)."""
+    finite: Array = np.isfinite(np.asarray(values_n, float)).reshape(len(values_n), -1).all(axis=1)
+    return finite
+
+
+def _ratios(lammps_n: Array, reference_n: Array, bound_n: Array, undefined: bool) -> Array:
+    """Return differences over bounds, flat: 0 where neither side is finite."""
+    ratio_n: Array = excess(lammps_n, reference_n, bound_n)[1]
+    ratio_n[~(np.isfinite(lammps_n) | np.isfinite(reference_n))] = 0.0
+    return ratio_n[np.isfinite(bound_n)] if undefined else ratio_n

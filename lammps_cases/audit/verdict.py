@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from lammps_cases.audit.effects import worst as largest
@@ -17,8 +17,9 @@ from lammps_cases.audit.options import (
     SampleRows,
 )
 from lammps_cases.engine.workers import Failure
+from lammps_cases.findings import effect_of
 from lammps_cases.records import wording
-from lammps_cases.records.audit_record import BudgetRecord, EffectRecord
+from lammps_cases.records.audit_record import ActingRecord, BudgetRecord, EffectRecord
 from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, FieldRecord, worst
 
 
@@ -36,6 +37,10 @@ class Findings:
     chosen: set[str] = field(default_factory=set)
     effects: list[EffectRecord] = field(default_factory=list)
     budgets: list[BudgetRecord] = field(default_factory=list)
+    unpredictable: dict[tuple[str, tuple[str, ...]], list[int]] = field(
+        default_factory=dict
+    )  # steps by field, findings
+    sampled: tuple[int, int] = (0, 0)  # run and step of the last sample
     blame: Blame | None = None
     ended: DeckEnd | None = None
     setups: DeckSetups | None = None
@@ -62,7 +67,9 @@ class Findings:
                 self.done = message.done
 
     def _sample(self, sample: SampleRows) -> None:
-        self.done = sample.done
+        self.done, self.sampled = sample.done, (sample.run, sample.step)
+        for open_ in sample.unpredictable.items():
+            self.unpredictable.setdefault(open_, []).append(sample.step)
         self.effects = largest(self.effects, sample.effects)
         self.budgets.extend(sample.budgets)
         for key, row in sample.rows.items():
@@ -95,7 +102,12 @@ class Findings:
             (name, reason + (f" (run {', '.join(map(str, runs))})" if several else ""))
             for (name, reason), runs in self.unchecked.items()
         ]
-        return by_field([*of_runs, *((name, NEVER_COMPARABLE) for name in missed)])
+        open_ = [
+            (name, f"not predictable in {_steps(steps)}, because of the known bug {wording.listed(names)}")
+            for (name, names), steps in self.unpredictable.items()
+        ]
+        missed = [name for name in missed if not any(name == field for field, _ in self.unpredictable)]
+        return by_field([*of_runs, *open_, *((name, NEVER_COMPARABLE) for name in missed)])
 
     def case(self, name: str, failure: Failure | None = None) -> CaseRecord:
         """Make the record; ``failure`` says how LAMMPS ended, if not well."""
@@ -107,9 +119,15 @@ class Findings:
         effects = [of for of in self.effects if not self._inside(of)]
         missed = (self.chosen | {name for name, _ in self.unchecked}) - {record.field for record in fields}
         of_commands = self.ended.touching if self.ended else ()
-        touching = [*of_commands, *(of.finding for of in effects if of.field in missed)]
-        if touching and fields:
+        acting = self._acting()
+        touching = [*of_commands, *(of.finding for of in acting), *(of.finding for of in effects if of.field in missed)]
+        if touching:
             of_fields = worst([of_fields, "explained"])
+        broke, lost = (self.ended.broke, self.ended.lost) if self.ended else (None, None)
+        if broke is not None:
+            of_fields = worst([of_fields, "error"])
+        if broke or failure or (lost and not lost.ignored):
+            fields = [self._until(record) for record in fields]
         facts = self.facts or NOTHING
         explained = [*touching, *(name for record in fields for name in record.explained_by)]
         case = CaseRecord(
@@ -130,6 +148,9 @@ class Findings:
             warnings=self.ended.warnings if self.ended else [],
             stability=self.ended.stability if self.ended else [],
             effects=effects,
+            acting=acting,
+            broke=broke,
+            lost=lost,
             outlook=self.ended.outlook if self.ended else None,
             budgets=self.budgets,
             series=self.ended.series if self.ended else [],
@@ -141,6 +162,20 @@ class Findings:
         leave_unchecked(case, self.reasons())
         case.message = wording.message(case)
         return case
+
+    def _acting(self) -> list[ActingRecord]:
+        """Return the findings that act by the deck's definitions, with the fields that they leave open, and others."""
+        found = {of.finding: of for of in self.ended.acting} if self.ended else {}
+        for field_, names in self.unpredictable:
+            for name in names:
+                of = found.get(name, ActingRecord(finding=name, does=effect_of(name)))
+                found[name] = of.model_copy(update={"fields": [*dict.fromkeys([*of.fields, field_])]})
+        return list(found.values())
+
+    def _until(self, record: FieldRecord) -> FieldRecord:
+        """Return a record with the last step at which the field was compared."""
+        steps = [c.step for c in self.checks if (c.field, c.type) == (record.field, record.atom_type or 0)]
+        return record.model_copy(update={"until": steps[-1]})
 
     def _inside(self, of: EffectRecord) -> bool:
         """Return whether the field of an effect was compared in that sample and is inside its bound: there is none."""
@@ -172,6 +207,11 @@ def _joined(a: FieldRecord, b: FieldRecord) -> FieldRecord:
     verdict, max_abs = worst([a.verdict, b.verdict]), max(a.max_abs or 0.0, b.max_abs or 0.0)
     explained = list(dict.fromkeys([*a.explained_by, *b.explained_by])) if verdict == "explained" else []
     return record.model_copy(update={"verdict": verdict, "max_abs": max_abs, "explained_by": explained})
+
+
+def _steps(steps: Sequence[int]) -> str:
+    """Return some steps in words."""
+    return f"step {steps[0]}" if len(steps) == 1 else f"steps {steps[0]} to {steps[-1]}"
 
 
 def _blame(sample: SampleRows, key: tuple[str, int], row: SampleRow) -> Blame:

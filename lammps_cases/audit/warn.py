@@ -1,7 +1,7 @@
 """Questionable set-ups of a deck, by its commands and samples; one plain line with numbers for each.
 
 Judged by fluid particles only: the density of a solid is constructed (by reconstruction, or by a sum over half a
-neighbourhood) and may lie anywhere.
+neighbourhood) and may lie anywhere. Of all samples those are kept that are extreme in what lines are judged by.
 """
 
 from __future__ import annotations
@@ -9,16 +9,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from eos_ref import EOS
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.parameters import Model
 from lammps_cases.audit.evaluation import ParticleSample
-from lammps_cases.audit.lints import Stillness, lints
+from lammps_cases.audit.lints import Lint, Stillness, lints
 from lammps_cases.findings.refusals import HYPHEN_RANGE_ACCEPTED
 from lammps_cases.studies.stability.advice import judge
 
@@ -64,20 +63,53 @@ class _TypeHistory:
     p: _Range = field(default_factory=_Range)
 
 
+@dataclass(frozen=True)
+class Kept:
+    """A sample that is extreme in something."""
+
+    run: int
+    step: int
+    timestep: float
+    sample: ParticleSample
+    id_n: npt.NDArray[Any]
+
+
+class _Worst(NamedTuple):
+    warns: bool
+    measure: float
+    line: str
+    brief: str
+
+
+def extremes(sample: ParticleSample) -> dict[str, float]:
+    """Return what the lines of a sample are judged by, as numbers of which the largest is the worst."""
+    model, state = sample.model, sample.state
+    fluid_n = ~state.solid_n
+    rho_n = state.rho_n[fluid_n] / model.rho0[state.type_n[fluid_n] - 1]
+    v_nc, x_nc = state.v_nc[fluid_n], state.x_nc[fluid_n]
+    if not len(rho_n):
+        return {}
+    return {
+        "speed": float(np.abs(v_nc).max()),
+        "dense": float(rho_n.max()),
+        "rare": -float(rho_n.min()),
+        "extent": float(np.ptp(x_nc, axis=0).max()),
+    }
+
+
 @dataclass
 class Questions:
     """Collects evidence of questionable set-ups; `lines` are the warnings."""
 
     _rho_set: bool = False
     _types: dict[tuple[int, EOS], _TypeHistory] = field(default_factory=dict)
-    _far: dict[tuple[int, EOS], str] = field(default_factory=dict)
     _lines: list[str] = field(default_factory=list)
-    _said: set[str] = field(default_factory=set)  # subjects of the lints of this system
     stillness: Stillness = field(default_factory=Stillness)
     mistaken: bool = False  # whether LAMMPS takes commands of the deck for something else
     tilted: int = 0  # atoms of a 2D deck with neighbours above or below
-    stability: list[str] = field(default_factory=list)  # how far from failing, where that is no warning
-    _judged: tuple[Model, float] | None = None
+    _kept: dict[str, tuple[float, Kept]] = field(default_factory=dict)  # of one model and one time step, by measure
+    _worst: dict[str, _Worst] = field(default_factory=dict)  # by subject
+    _margins: list[str] = field(default_factory=list)  # of systems before
     _ran_away: int | None = None  # run in which they last did
 
     def note(self, values: list[str]) -> None:
@@ -86,8 +118,8 @@ class Questions:
             self._lines = self.lines()
             self._rho_set = False
             self._types.clear()
-            self._far.clear()
-            self._said.clear()
+            self._margins = self.stability
+            self._worst.clear()
             self.stillness = Stillness()
         if "property/atom" in values[3:4] and "rmass" in values and ("ghost", "yes") not in pairwise(values):
             self._lines.append(
@@ -139,29 +171,60 @@ class Questions:
         history.rho.add(rho_n)
         history.p.add(p_n)
 
-    def begin(self, run: int, sample: ParticleSample, timestep: float) -> None:
-        """Take the particles at the start of a run; judged once for a model and a time step."""
-        model, state = sample.model, sample.state
-        if self._judged == (model, timestep):
-            return
-        prefix = "" if run == 1 else f"run {run}: "
-        if self._judged is None or self._judged[0] != model:
-            far, warnings = lints(sample)
-            self._far |= {(t, model.eos[t]): line for t, line in far.items()}
-            self._lines += [prefix + line for subject, line in warnings.items() if subject not in self._said]
-            self._said |= warnings.keys()
-        self._judged = model, timestep
-        for advice in judge(model, sample.box, state, timestep):
-            lines = self._lines if advice.warns else self.stability
-            lines.append(prefix + advice.text)
+    def look(self, kept: Kept) -> None:
+        """Keep a sample if it is extreme in something, and the first and the last one."""
+        last = self._kept.get("last")
+        if last is not None and (last[1].sample.model, last[1].timestep) != (kept.sample.model, kept.timestep):
+            self._judge()
+        for name, measure in {**extremes(kept.sample), "first": 0.0}.items():
+            if name not in self._kept or measure > self._kept[name][0]:
+                self._kept[name] = measure, kept
+        self._kept["last"] = 0.0, kept
+
+    def _judge(self) -> None:
+        """Judge the samples that were kept, and let them go."""
+        by_step = sorted({(k.run, k.step): k for _, k in self._kept.values()}.items())
+        self._kept.clear()
+        for (run, step), kept in by_step:
+            at = f"run {run}: " if run > 1 else ""
+            sample = kept.sample
+            for lint in lints(sample, kept.id_n):
+                self._worse(lint, at, step, True)
+            for advice in judge(sample.model, sample.box, sample.state, kept.timestep):
+                subject = advice.subject or advice.text
+                self._worse(Lint(subject, advice.text, advice.measure), at, step, advice.warns)
+
+    def _worse(self, lint: Lint, run: str, step: int, warns: bool) -> None:
+        """Keep a line if none on its subject is worse."""
+        line = f"{run}{lint.line}" + (f" (step {step})" if step else "")
+        worst = _Worst(warns, lint.measure, line, lint.brief)
+        if lint.subject not in self._worst or worst[:2] > self._worst[lint.subject][:2]:
+            self._worst[lint.subject] = worst
+
+    @property
+    def stability(self) -> list[str]:
+        """How far from failing, where that is no warning."""
+        self._judge()
+        return [*self._margins, *(worst.line for worst in self._worst.values() if not worst.warns)]
+
+    @property
+    def brief(self) -> str:
+        """What is most likely wrong with the set-up, in a few words; nothing if nothing is."""
+        self._judge()
+        order = ("close", "mass", "rho", "weight", "speed")
+        found = {subject.split()[0]: worst.brief for subject, worst in self._worst.items() if worst.brief}
+        return next((found[subject] for subject in order if subject in found), "")
 
     def lines(self) -> list[str]:
         """Return the warnings, in the order of systems and types, each once."""
-        lines = list(self._lines)
+        self._judge()
+        own = {subject: worst.line for subject, worst in self._worst.items() if worst.warns}
+        lines = [*self._lines, *(line for subject, line in own.items() if not subject.startswith("rho "))]
         for (t, law), history in self._types.items():
             if not law.needs_energy:  # a gas has neither rho0 nor a pressure around 0
-                off = self._far.get((t, law)) or _unreached(history)
-                questions = [_unset(history)] if _unset(history) else [off, _offset(history)]
+                far, unset = own.get(f"rho {t}", ""), _unset(history)
+                lines += [far] if far and not unset else []
+                questions = [unset] if unset else ["" if far else _unreached(history), _offset(history)]
                 lines += [f"type {t}: {line}" for line in questions if line]
         if self.stillness.line:
             lines.append(self.stillness.line)

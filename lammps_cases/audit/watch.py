@@ -21,18 +21,23 @@ from eos_ref import EOSTable
 from eos_ref.eos import bounds
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model
+from eos_ref.numbers.rounded import value
 from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import fields, pressure, sample, share
+from lammps_cases.audit.acting import Acting
 from lammps_cases.audit.budget import budget
 from lammps_cases.audit.closed import closed
 from lammps_cases.audit.deck import Action, Deck, between, hyphens
-from lammps_cases.audit.effects import effects, of_masses, of_pressure, of_units, touching
+from lammps_cases.audit.effects import effects, of_pressure, touching
+from lammps_cases.audit.evaluation import ParticleSample
+from lammps_cases.audit.explanation import Explained
 from lammps_cases.audit.fields import leans_open
+from lammps_cases.audit.health import RUNAWAY, Health, mach
 from lammps_cases.audit.options import AuditOptions, PairShare, RunFacts, SampleRow, SampleRows
-from lammps_cases.audit.outlook import RUNAWAY, Good, mach, model_with_forces, outlook
+from lammps_cases.audit.outlook import Good, model_with_forces, outlook
 from lammps_cases.audit.pressure import PressureSample
 from lammps_cases.audit.rerun import looks, reruns
-from lammps_cases.audit.warn import SOLID, Questions
+from lammps_cases.audit.warn import SOLID, Kept, Questions
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, EffectRecord, OutlookRecord, SeriesRecord
 from lammps_cases.records.run_record import FieldRecord, LawRecord
@@ -61,6 +66,7 @@ class WatchedRun:
     sampler : of the fields beside the pressure, if any is checked
     deck : the commands at its beginning
     shared : what adds to the forces of pair_style rheo, if a second deck can be asked for these alone
+    steps : that it takes
     """
 
     first: int
@@ -73,6 +79,7 @@ class WatchedRun:
     sampler: sample.Sampler | None
     deck: Deck
     shared: str
+    steps: int
 
 
 class DeckWatch:
@@ -93,7 +100,7 @@ class DeckWatch:
     def __init__(self, lmp: Any, options: AuditOptions, send: Callable[[object], None], engine: str = "") -> None:
         self.lmp, self.options, self.send, self.engine = lmp, options, send, engine
         self.deck = Deck()
-        self.questions = Questions()
+        self.questions, self.health, self.acting = Questions(), Health(), Acting(engine)
         self.runs = self.done = 0
         self.lammps_seconds = self.sample_seconds = 0.0
         self._run: WatchedRun | None = None
@@ -102,13 +109,13 @@ class DeckWatch:
         self._previous: int | None = None  # step of the last call
         self._good: Good | None = None  # the last sample that looks like a fluid, if the deck's forces are known
         self._first: Good | None = None  # the first sample of the last run, if it looks so
-        self.under: dict[str, None] = {}  # findings that the deck is under by its units and masses
         self._harmful: set[str] = set()  # findings that change a field that steps need, in some sample
         self._judged = 0  # samples that looked so
         self._fluid = 0  # atoms in the run's samples, as long as all looked so
         self._broke_off: int | None = None  # step at which LAMMPS ended a run
         self._failure: BaseException | None = None
         self._shared: tuple[Any, ...] | None = None  # of the last sample that looks like a fluid; see `share`
+        self._open: Explained = {}  # by field of the last good sample, findings that cannot be evaluated
 
     def heed(self, values: list[str]) -> None:
         """Take down what LAMMPS will not do as a command that it is about to execute says."""
@@ -126,7 +133,8 @@ class DeckWatch:
         self.deck.note(values)
         if self.deck.fix("rheo") is not rheo:
             sample.drop(self.lmp)
-        self.questions.note(values)
+        for each in (self.questions, self.health, self.acting):
+            each.note(values)
 
     def run(self, values: list[str], execute: Callable[..., None]) -> bool:
         """Execute a run command with samples; return whether the audit has done all the steps it was to do."""
@@ -137,8 +145,9 @@ class DeckWatch:
         sampled, begin = self.sample_seconds, time.perf_counter()
         try:
             execute()
-        except Exception:  # LAMMPS' errors have no type of their own; all are raised again
+        except Exception as error:  # LAMMPS' errors have no type of their own; all are raised again
             self._broke_off = self._step()
+            self.health.ended(str(error), self.runs, self._broke_off)
             raise
         finally:
             self.lammps_seconds += time.perf_counter() - begin - (self.sample_seconds - sampled)
@@ -160,14 +169,20 @@ class DeckWatch:
             self.questions.unwatched(self.runs)
         else:
             pressure.load_compiled(table)
-            units, sums_density = str(lmp.extract_global("units")), "rho/sum" in (self.deck.fix("rheo") or ())
-            self.under |= dict.fromkeys(of_units(units, sums_density, self.engine))
         mass_t = None if lmp.extract_atom("rmass") else np.array(lmp.numpy.extract_atom("mass"))
         stop = None if steps is None else first + steps - self.done
         self._previous = None
         if self._run is not None and ("pre", "no") in itertools.pairwise(values) and lmp.has_id("fix", FIX):
             # A new fix, or compute, would need the set-up that such a run leaves out.
-            self._run = replace(self._run, first=first, stop=stop, continued=True, table=table, mass_t=mass_t)
+            self._run = replace(
+                self._run,
+                first=first,
+                stop=stop,
+                continued=True,
+                table=table,
+                mass_t=mass_t,
+                steps=_steps(values, first),
+            )
         else:
             sample.drop(lmp)
             choice, sampler, actions = fields.Choice((), {}), None, self.deck.plain_actions()
@@ -177,7 +192,8 @@ class DeckWatch:
                 choice, sampler = self._choose(table, mass_t, actions, values)
             shared = self._added(choice) if sampler is not None else ""
             deck = copy.deepcopy(self.deck)
-            self._run = WatchedRun(first, stop, False, table, mass_t, actions, choice, sampler, deck, shared)
+            count = _steps(values, first)
+            self._run = WatchedRun(first, stop, False, table, mass_t, actions, choice, sampler, deck, shared, count)
             if lmp.has_id("fix", FIX):
                 lmp.command(f"unfix {FIX}")
             # Called on the steps to sample, on the first one, and on the last one that the audit is to do.
@@ -195,27 +211,20 @@ class DeckWatch:
         model = self._model(table, mass_t)
         _, _, xy, yz, xz, periodic, _ = self.lmp.extract_box()
         open_tilt = leans_open((xy, xz, yz), periodic)
-        by_lists = self._by_lists() if mass_t is None else {}
-        self.under |= dict.fromkeys(by_lists.values())
         units = str(self.lmp.extract_global("units"))
-        setting = fields.Setting(self.deck, units, open_tilt, between(values), by_lists)
+        massless = mass_t is None and any(periodic) and not self.deck.keeps_masses()
+        setting = fields.Setting(self.deck, units, open_tilt, between(values), massless)
         choice = fields.choose(self.options.fields, model, setting)
         if not isinstance(model, Model) or choice.fields == fields.PRESSURE:
             return choice, None
-        return choice, sample.Sampler(self.lmp, choice.fields, model, actions, mass_t, self.engine)
-
-    def _by_lists(self) -> dict[str, str]:
-        """Return, by field, the finding by which different masses of particles make neighbour lists decide it."""
-        mass_n = self.lmp.numpy.extract_atom("rmass")[: int(self.lmp.extract_setting("nlocal"))]
-        if not np.ptp(mass_n):
-            return {}
-        scaled = "scale/cross/type" in (self.deck.fix("rheo") or ())
-        return {field: bug for field, bug in of_masses(self.engine).items() if field != "shift/v" or scaled}
+        unlists = self.deck.unlists_bonded
+        return choice, sample.Sampler(self.lmp, choice.fields, model, actions, mass_t, self.engine, unlists)
 
     def _added(self, choice: fields.Choice) -> str:
         """Return what adds to the forces, if that alone is why they are left out and the share of rheo can be had."""
         added = self.deck.adds_force() if choice.unchecked.get("f") == self.deck.adds_force() else ""
-        return added if share.can_be_asked(self.deck) else ""
+        own_masses = bool(self.lmp.extract_atom("rmass"))
+        return added if share.can_be_asked(self.deck) and not own_masses else ""
 
     def share(self) -> PairShare | None:
         """Return the deck of pair_style rheo alone for the last sample, where others add to its forces."""
@@ -261,23 +270,19 @@ class DeckWatch:
 
     def _sample(self, run: WatchedRun, table: EOSTable, step: int, tag_n: Array, x_nc: Array) -> None:
         n, sampler = len(tag_n), run.sampler
-        if step == run.first and n and np.isfinite(x_nc).all():
-            model = self._model(table, run.mass_t)
-            if isinstance(model, Model):
-                of_run = sample.taken(self.lmp, model, run.actions, run.mass_t, n, x_nc)
-                self.questions.begin(self.runs, of_run, float(self.lmp.extract_global("dt")))
         now = pressure.read(self.lmp, table, run.mass_t, step, tag_n, x_nc)
         status_n = self.lmp.numpy.extract_atom("rheo_status")[:n]
         # A run calls back twice on one step where it is set up anew, in between (run ... every).
         setup = not run.continued and step in (run.first, self._previous)
-        others = {} if sampler is None else sampler.compare(tag_n, x_nc, setup)
-        if sampler is not None and sampler.last is not None and mach(sampler.last) > RUNAWAY:
-            others = {}  # LAMMPS' lists of neighbours are not made for particles that move so far
-            self.questions.run_away(self.runs, step)
-        if sampler is not None:
-            self.questions.tilted = max(self.questions.tilted, sampler.tilted)
-        if sampler is not None and sampler.last is not None:
-            self.questions.stillness.look(step, tag_n, sampler.last, step == run.first)
+        state = {name: now.arrays[name] for name in ("x", "v", "rho", "energy") if name in now.arrays}
+        fluid = self.health.state(self.runs, step, now.arrays["id"], state) and n > 0
+        taken = self._taken(run, table, step, tag_n, x_nc, setup) if fluid else None
+        others, unpredictable = dict[str, Comparison](), Explained()
+        if sampler is not None and taken is not None:
+            if mach(taken.model, taken.state) > RUNAWAY:  # neighbour lists are not made for particles that move so far
+                self.questions.run_away(self.runs, step)
+            else:
+                others, unpredictable = self._compare(sampler, step, tag_n)
         if setup and self.deck.sums_walls():  # LAMMPS then shows other densities of walls than it used (see the ledger)
             fluid_n = status_n & SOLID == 0
             now, status_n = now.of(fluid_n), status_n[fluid_n]
@@ -285,6 +290,9 @@ class DeckWatch:
             units = str(self.lmp.extract_global("units"))
             self._shared = run.deck, sampler.last, tag_n.copy(), now.box_c, units, run.shared, self.runs, step
         checked = "pressure" in run.choice.fields
+        finite_n = np.isfinite(now.arrays["rho"])
+        if not finite_n.all():  # no law has a pressure for what is no density
+            now, status_n = now.of(finite_n), status_n[finite_n]
         self._last = now, others, checked
         rows = {}
         for t, (of_type, comparison) in now.compare().items():
@@ -295,25 +303,58 @@ class DeckWatch:
         rows |= {(field, 0): SampleRow.of(len(c.bound_n), c.record) for field, c in others.items()}
         order = fields.offered()
         rows = dict(sorted(rows.items(), key=lambda item: (order.index(item[0][0]), item[0][1])))
-        of_findings = self._look_ahead(run, step)
+        of_findings = self._look_ahead(run, step, taken if others or sampler is None else None, unpredictable)
         budgets = self._budget(run, step, setup, bool(of_findings))
-        self.send(SampleRows(step, self.runs, self.done + step - run.first, rows, of_findings, budgets))
+        open_ = {field: tuple(entry.id for entry in entries) for field, entries in unpredictable.items()}
+        self.send(SampleRows(step, self.runs, self.done + step - run.first, rows, of_findings, budgets, open_))
         if self._differing is None and any(row.verdict == "differs" for row in rows.values()):
             self._differing = self._last
 
-    def _look_ahead(self, run: WatchedRun, step: int) -> tuple[EffectRecord, ...]:
+    def _taken(
+        self, run: WatchedRun, table: EOSTable, step: int, tag_n: Array, x_nc: Array, setup: bool
+    ) -> ParticleSample | None:
+        """Return the particles of a sample, and look at what is questionable in them; None without a model."""
+        if run.sampler is not None:
+            taken = run.sampler.take(len(tag_n), x_nc, setup)
+        else:
+            model = self._model(table, run.mass_t)
+            if not isinstance(model, Model):
+                return None
+            taken = sample.taken(self.lmp, model, run.actions, run.mass_t, len(tag_n), x_nc)
+        first = step == run.first
+        self.health.fluid(self.runs, step, tag_n, taken.model, taken.state, bool(run.deck.adds_heat()), first)
+        if first and fields.ALL in self.options.fields:
+            self.acting.begin(self.lmp, run.deck, taken, run.steps, not run.continued)
+        if mach(taken.model, taken.state) <= RUNAWAY:
+            timestep = float(self.lmp.extract_global("dt"))
+            self.questions.look(Kept(self.runs, step, timestep, taken, tag_n.copy()))
+            self.questions.stillness.look(step, tag_n, taken, first)
+        return taken
+
+    def _compare(self, sampler: sample.Sampler, step: int, tag_n: Array) -> tuple[dict[str, Comparison], Explained]:
+        shown = sampler.shown(len(tag_n))
+        found = sampler.compare(tag_n, shown)
+        reference = {name: np.asarray(value(found.reference.output(name)), float) for name in shown}
+        self.health.fields(self.runs, step, tag_n, shown, reference)
+        self.questions.tilted = max(self.questions.tilted, sampler.tilted)
+        return found.comparisons, found.unpredictable
+
+    def _look_ahead(
+        self, run: WatchedRun, step: int, now: ParticleSample | None, unpredictable: Explained
+    ) -> tuple[EffectRecord, ...]:
         """Keep a sample slower than sound; of the 1st, 2nd, 4th, 8th ... return what findings do to it."""
-        now = run.sampler.last if run.sampler else None
-        count = 0 if now is None else len(now.mass_n)
+        count = 0 if now is None or run.sampler is None else len(now.mass_n)
         if step == run.first:
             self._fluid = count
-        if now is None or count < self._fluid or mach(now) > 1:
+        if now is None or count < self._fluid or mach(now.model, now.state) > 1 or run.sampler is None:
             self._fluid = count + 1  # what is left of a run that lost particles, or its measure, may look well again
             return ()
-        if "f" in run.choice.fields:
-            self._good = Good(now, float(self.lmp.extract_global("dt")), self.runs, step)
-            if self._first is None or self._first.run != self.runs:
-                self._first = self._good
+        if self.health.broke is None or self._good is None:
+            if "f" in run.choice.fields:
+                self._good = Good(now, float(self.lmp.extract_global("dt")), self.runs, step)
+                if self._first is None or self._first.run != self.runs:
+                    self._first = self._good
+            self._open = unpredictable
         self._judged += 1
         doubled = self._judged & (self._judged - 1) == 0
         harmful = tuple(effects(now, self.engine, self.runs, step)) if doubled else ()
@@ -323,7 +364,9 @@ class DeckWatch:
     def _budget(self, run: WatchedRun, step: int, setup: bool, with_findings: bool) -> tuple[BudgetRecord, ...]:
         """Return the conserved quantities of a sample if they are asked for, and the forces of all pairs are known."""
         now = run.sampler.last if run.sampler else None
-        if not self.options.budgets or now is None or "f" not in run.choice.fields or mach(now) > RUNAWAY:
+        if not self.options.budgets or now is None or "f" not in run.choice.fields:
+            return ()
+        if mach(now.model, now.state) > RUNAWAY:
             return ()
         force_nc = self.lmp.numpy.extract_atom("f")[: len(now.mass_n), : now.model.dimension]
         half_step = 0.0 if setup else 0.5 * float(self.lmp.extract_global("dt"))
@@ -356,10 +399,19 @@ class DeckWatch:
         return []
 
     def outlook(self) -> tuple[OutlookRecord | None, list[EffectRecord]]:
-        """Return why LAMMPS ended a run before its time; nothing if it did not, or if nothing can be said."""
-        if self._broke_off is None or self._good is None:
+        """Return why the state broke or LAMMPS ended a run before its time; nothing if neither, or if nobody knows."""
+        broke = self.health.broke
+        if self._good is None or (broke is None and self._broke_off is None):
             return None, []
-        return outlook(self._good, self.engine, self._broke_off - self._good.step)
+        at = broke.step if broke is not None and broke.run == self._good.run else self._broke_off or self._good.step
+        record, more = outlook(
+            self._good, self.engine, at - self._good.step, self.questions.brief, self._open.get("f", ())
+        )
+        grown = broke is not None and broke.column == "energy" and broke.kind == "runaway" and self._broke_off is None
+        if grown and (record is None or record.cause == "not understood"):
+            self.health.broke = None  # something heats the deck that is not followed
+            return None, []
+        return record, more
 
     def final(self) -> tuple[dict[str, Array], dict[int, FieldRecord]]:
         """Return arrays by id, and the pressure's fields per type in the last sample with the digits lost.
@@ -371,6 +423,12 @@ class DeckWatch:
             return {}, {}
         arrays, records = _result(self._last)
         return (arrays if self._differing is None else _result(self._differing)[0]), records
+
+
+def _steps(values: list[str], first: int) -> int:
+    """Return how many steps a run command takes; 0 if that is not a number."""
+    count = int(float(values[1])) if len(values) > 1 and values[1].replace(".", "", 1).isdigit() else 0
+    return max(count - first, 0) if "upto" in values else count
 
 
 def _result(compared: Compared) -> tuple[dict[str, Array], dict[int, FieldRecord]]:

@@ -3,22 +3,56 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from eos_ref import EOSTable
+from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import EosState
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.engines import nearest, since
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.levels import Severity
 from lammps_cases.records.run_record import CaseRecord, Ended, Verdict
+from lammps_cases.records.wording import number
 
 if TYPE_CHECKING:
     from lammps_cases.scene import Scene
 
+DECK_ROUNDING = 16 * EPS  # of a mass that a deck calculates, such as 1000*0.1^3
+
 Law = Callable[[EOSTable, EosState], FloatArray]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A run of a user's deck by its definitions, before its first step.
+
+    Attributes
+    ----------
+    problem : the particles at its beginning, with what steps need as fields
+    newton : the flags of pairs and of bonds
+    again : whether the state comes from a run, or a file, before
+    reacts : whether particles that freeze are bonded (rheo/thermal, react)
+    shown : computes and thermo keywords that the deck prints
+    """
+
+    problem: Problem
+    newton: tuple[bool, bool] = (True, True)
+    again: bool = False
+    reacts: bool = False
+    shown: frozenset[str] = frozenset()
+
+
+def multiplied(what: str, factor_t: Sequence[float]) -> str:
+    """Return by how much something is multiplied for the particles of each type; nothing where all factors are 1."""
+    wrong = {t: number(factor) for t, factor in enumerate(factor_t, 1) if abs(factor - 1) > DECK_ROUNDING}
+    if len(set(wrong.values())) == 1 and len(wrong) == len(factor_t):
+        return f"{what} {wrong[1]} times what it should be"
+    parts = [f"{factor} times for type {t}" for t, factor in wrong.items()]
+    return f"{what} {', '.join(parts)} what it should be" if parts else ""
 
 
 @dataclass(frozen=True)
@@ -79,6 +113,7 @@ class Finding:
     replaces : functions of the reference whose result no case compares, as LAMMPS with this finding has another one
     expected_in_maps, expected_in_alarms : where else the engines differ by it
     gaps : scenes of which it is known that the variant does not reproduce them
+    acts : what it does to a run of a deck by the deck's definitions, in words; True: its effect; False: nothing
     expected_inputs : bad inputs (ids of the table of `eos-ref stability`) that LAMMPS treats as the finding says
     """
 
@@ -106,6 +141,7 @@ class Finding:
     expected_in_maps: tuple[MapDifference, ...] = ()
     expected_in_alarms: tuple[AlarmDifference, ...] = ()
     gaps: tuple[Gap, ...] = ()
+    acts: Callable[[Setting], str | bool] = lambda setting: False
     expected_inputs: tuple[str, ...] = ()
 
     @property
@@ -135,6 +171,11 @@ class Finding:
         """Return whether a scene of any name ended without numbers as the entry says of it."""
         text = self.ends(scene)
         return bool(text) and self.outcome == record.verdict == record.ended and text in record.engine_error
+
+    def acting(self, setting: Setting) -> str:
+        """Return what it does to a run of a deck by the deck's definitions; nothing if it does not act."""
+        does = self.acts(setting)
+        return self.effect if does is True else does or ""
 
     def listed(self, engine: str) -> bool:
         """Return whether a version of LAMMPS was seen to have it, or else the nearest one that was taken in."""

@@ -23,6 +23,8 @@ from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, NeighbourList, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
+SUMS = ("rho", "chi", "grad/v", "grad/rho", "grad/energy", "surface")  # over neighbours, beside those of pair rheo
+
 
 class BoundaryPairsTwice(FollowingLists):
     """With newton off for pairs and on for bonds, some sums take a pair across a boundary twice.
@@ -218,8 +220,14 @@ BOUNDARY_PAIRS_TWICE = Finding(
     workaround="Use the same newton setting for pairs and bonds; 'newton on off' is right too.",
     scene="two particles with a periodic boundary between them, rho/sum, newton off on",
     model_variant=Variant(
-        lambda problem: problem.has_images, BoundaryPairsTwice, CountingSteps, lists_of_neighbours, lists=True
+        lambda problem: problem.has_images,
+        BoundaryPairsTwice,
+        CountingSteps,
+        lists_of_neighbours,
+        lists=True,
+        changes=SUMS,
     ),
+    acts=lambda setting: setting.newton == (False, True) and setting.problem.has_images,
 )
 
 IMAGES_LEFT_BEHIND = Finding(
@@ -242,7 +250,9 @@ IMAGES_LEFT_BEHIND = Finding(
     workaround="Keep the growth of an edge per step small compared with the smoothing length, or change the box "
     "between runs with change_box.",
     scene="two particles with a periodic boundary between them, fix deform x erate, two steps",
-    model_variant=Variant(grows, ImagesLeftBehind, CountingLate, lists_of_neighbours, lists=True),
+    model_variant=Variant(
+        grows, ImagesLeftBehind, CountingLate, lists_of_neighbours, lists=True, changes=("coordination", "x")
+    ),
 )
 
 ALIGNED_PAIRS_TWICE = Finding(
@@ -265,7 +275,15 @@ ALIGNED_PAIRS_TWICE = Finding(
     "may matter.",
     workaround="Set newton off, or measure lengths in a unit in which particles are further apart than 0.01.",
     scene="two particles with the same x and a boundary of a tilted box between them, rho/sum",
-    model_variant=Variant(has_close_images, AlignedPairsTwice, CountingSteps, lists_of_neighbours, lists=True),
+    model_variant=Variant(
+        has_close_images,
+        AlignedPairsTwice,
+        CountingSteps,
+        lists_of_neighbours,
+        lists=True,
+        changes=(*SUMS, "shift/v", "heatflow", "drho", "f"),
+    ),
+    acts=lambda setting: setting.newton[0] and has_close_images(setting.problem),
 )
 
 ENTRIES = (BOUNDARY_PAIRS_TWICE, IMAGES_LEFT_BEHIND, ALIGNED_PAIRS_TWICE)

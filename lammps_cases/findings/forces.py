@@ -13,7 +13,7 @@ from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings.entry import Finding, Gap, MapDifference
+from lammps_cases.findings.entry import Finding, Gap, MapDifference, multiplied
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
@@ -48,6 +48,21 @@ def has_forces(problem: Problem) -> bool:
     return problem.steps[-1] > 0 or (shown and not _unit_volumes(problem))
 
 
+def force_factors(problem: Problem) -> list[float]:
+    """Return, by type, how many times its forces are what they should be at the equilibrium density; gases: as it is.
+
+    Particles with masses of their own are left out.
+    """
+    model, state = problem.model, problem.state
+    if state.mass_n is not None:
+        return []
+    of_type = [state.rho_n[state.type_n == t] for t, _ in enumerate(model.mass_t, 1)]
+    return [
+        (float(np.median(rho_n)) if law.needs_energy and rho_n.size else law.rho0) / mass
+        for law, mass, rho_n in zip(model.eos.laws, model.mass_t, of_type, strict=True)
+    ]
+
+
 _VOLUME = "volumes deviate from 1 as the fluid is compressed or stretched, and LAMMPS' forces lack the volume m/rho"
 FORCE_PER_VOLUME = Finding(
     id="force-per-volume",
@@ -72,6 +87,7 @@ FORCE_PER_VOLUME = Finding(
     ended="answered",
     differing="speed of sound",
     model_variant=Variant(has_forces, ForcePerVolume),
+    acts=lambda setting: multiplied("forces of pairs are", force_factors(setting.problem)),
     replaces=("collecting_volume",),
     expected_in_maps=(
         MapDifference("tension", _VOLUME, "shift"),
@@ -166,7 +182,10 @@ MASS_OF_FIRST = Finding(
     workaround="Give particles of different mass different types ('mass'), or the same mass to all particles that may "
     "become neighbours.",
     scene="two particles of one type with different rmass",
-    model_variant=Variant(has_masses, MassOfFirst, CountingSteps, lists_of_neighbours, lists=True),
+    model_variant=Variant(
+        has_masses, MassOfFirst, CountingSteps, lists_of_neighbours, lists=True, changes=("f", "drho", "heatflow")
+    ),
+    acts=lambda setting: has_masses(setting.problem),
 )
 
 ENTRIES = (FORCE_PER_VOLUME, HARMONIC_MEAN_UNDEFINED, MASS_OF_FIRST)

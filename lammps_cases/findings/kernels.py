@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -216,7 +216,16 @@ STALE_GRADIENT_BELOW_ZMIN = Finding(
     workaround="Set zmin to 0 if every particle has enough neighbours for its matrix, as without a free surface; "
     "otherwise use the quintic kernel.",
     scene="two particles, RK1, zmin 5",
-    model_variant=Variant(falls_back, StaleGradient, LeavingGradients, lists_if_read, undefined=True, lists=True),
+    model_variant=Variant(
+        falls_back,
+        StaleGradient,
+        LeavingGradients,
+        lists_if_read,
+        undefined=True,
+        lists=True,
+        changes=("grad/v", "grad/rho", "grad/energy", "heatflow", "drho", "f"),
+    ),
+    acts=lambda setting: falls_back(replace(setting.problem, steps=(0,))),
     gaps=(
         Gap(
             lambda scene: scene.rheo.kernel in ("RK1", "RK2") and scene.rheo.zmin > 0,

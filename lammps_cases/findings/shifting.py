@@ -221,6 +221,7 @@ CROSS_TYPE_SUPPORT = Finding(
     "spacings 0.38 times the cutoff in 2D and 0.42 times in 3D. Particles close to the threshold may still differ.",
     scene="two disordered types, wmin at half of the full support",
     model_variant=Variant(asks_for_support, SupportTimesDistance),
+    acts=lambda setting: asks_for_support(setting.problem),
     replaces=("same_type_support",),
 )
 
@@ -246,8 +247,15 @@ CROSS_TYPE_NORMAL = Finding(
     workaround="Use 2026.7.4 or newer, or exclude/type, which is not affected.",
     scene="two disordered types, shiftscale 0",
     model_variant=Variant(
-        scales_across_types, NormalOfLastPair, CorrectingShifts, last_pair, undefined=True, lists=True
+        scales_across_types,
+        NormalOfLastPair,
+        CorrectingShifts,
+        last_pair,
+        undefined=True,
+        lists=True,
+        changes=("shift/v",),
     ),
+    acts=lambda setting: scales_across_types(setting.problem),
     replaces=("cross_type_normal",),
     expected_in_alarms=(
         AlarmDifference(
@@ -276,7 +284,8 @@ CROSS_TYPE_CORRECTED = Finding(
     "particle of one fluid in another, only rounding is left, and determines the normal.",
     workaround="Use the kernel quintic, whose gradients are not corrected.",
     scene="two disordered types, RK1, shiftscale 0",
-    model_variant=Variant(corrects_across_types, CorrectedColor, CorrectingFirst, undefined=True),
+    model_variant=Variant(corrects_across_types, CorrectedColor, CorrectingFirst, undefined=True, changes=("shift/v",)),
+    acts=lambda setting: corrects_across_types(setting.problem),
 )
 
 CROSS_TYPE_MASS_OF_TYPE = Finding(
@@ -297,7 +306,10 @@ CROSS_TYPE_MASS_OF_TYPE = Finding(
     "second it has (1, 1): exchanging labels turns the normal.",
     workaround="Give particles of different mass different types ('mass'), without rmass.",
     scene="two disordered types with rmass, shiftscale 0",
-    model_variant=Variant(has_masses_across_types, ColorMassOfType, CountingSteps, lists_of_neighbours, lists=True),
+    model_variant=Variant(
+        has_masses_across_types, ColorMassOfType, CountingSteps, lists_of_neighbours, lists=True, changes=("shift/v",)
+    ),
+    acts=lambda setting: has_masses_across_types(setting.problem),
 )
 
 ENTRIES = (CROSS_TYPE_SUPPORT, CROSS_TYPE_NORMAL, CROSS_TYPE_CORRECTED, CROSS_TYPE_MASS_OF_TYPE)

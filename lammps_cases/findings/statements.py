@@ -6,11 +6,25 @@ wrong, or does not say all.
 
 from __future__ import annotations
 
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.entry import Finding
 
 # The versions that were seen to have them: no case shows them, so that no accepted run does.
 WHEELS = ("2025.7.22.0.1", "2025.7.22.0.2", "2025.7.22.1.0", "2025.7.22.2.0", "2025.7.22.4.0")
 NEWER = ("2026.7.4",)
+
+
+def corrects_nothing(problem: Problem) -> bool:
+    """Return whether sums of a reproducing kernel are those of the quintic spline."""
+    fix = problem.model.fix
+    return fix.kernel == "RK0" or (problem.model.corrects_gradients and fix.rho_sum)
+
+
+def sums_solids(problem: Problem) -> bool:
+    """Return whether the densities of solids are summed, which should stay as they are."""
+    fix = problem.model.fix
+    return fix.rho_sum and not fix.interface_reconstruct and bool(problem.state.solid_n.any())
+
 
 KERNEL_CORRECTS_GRADIENTS_ONLY = Finding(
     id="kernel-corrects-gradients-only",
@@ -26,6 +40,7 @@ KERNEL_CORRECTS_GRADIENTS_ONLY = Finding(
     "constant density when it sums masses. In a block of 49 disordered particles forces exceed 2 with RK0, while RK1 "
     "has none beyond 1e-13, and summed densities miss 1.2 by 0.496 with any of the three.",
     workaround="Use RK1 for gradients, and leave out rho/sum where the support is incomplete.",
+    acts=lambda setting: corrects_nothing(setting.problem),
     engines=WHEELS + NEWER,
     applies_to=("probes.order-zero.rk0", "probes.order-zero-3d.rk0", "probes.sum-of-constant.*"),
     outcome="differs",
@@ -68,6 +83,7 @@ BONDS_ACROSS_BOUNDARY = Finding(
     argument="Three rows of 9 particles that freeze, periodic along x, have 27 + 18 = 45 bonds with their neighbours. "
     "In the two oldest versions compute property/local lists 42, as many as with fixed faces; later it lists 45, and "
     "thermo_style prints 48, one more for every row.",
+    acts=lambda setting: setting.reacts and any(setting.problem.box.periodic),
     workaround="Keep freezing particles away from periodic boundaries, or use a later version and count with compute "
     "property/local and compute reduce ('inputs local').",
     engines=WHEELS + NEWER,
@@ -90,6 +106,7 @@ SOLIDS_SUMMED = Finding(
     argument="A solid particle of density 0.8 below a fluid one of mass 1 (2D, distance 1, cutoff 3) has the density "
     "0.429 after the set-up, and by a linear law with rho0 = 1 and c = 2 the pressure -2.285 instead of -0.8: a wall "
     "thinner than the cutoff attracts fluid, whatever density it was given.",
+    acts=lambda setting: sums_solids(setting.problem),
     workaround="Use interface/reconstruct, or leave out rho/sum.",
     engines=WHEELS + NEWER,
     applies_to=("probes.solid-density-summed",),
@@ -155,6 +172,7 @@ GAS_WITHOUT_WORK = Finding(
     argument="In a gas that conducts no heat, sound travels at sqrt(gamma P/rho): 3.35 for gamma = 1.4 and e = 20. "
     "LAMMPS' wave has 2.84, like that of a gas with a heat capacity ratio of 1; gamma is merely a factor in the "
     "pressure.",
+    acts=lambda setting: setting.problem.model.eos.needs_energy,
     workaround="Treat the style as an isothermal gas of pressure (gamma - 1) rho e.",
     engines=WHEELS + NEWER,
     applies_to=("probes.sound-gas-adiabatic",),

@@ -66,6 +66,7 @@ LAYER_DEPENDS_ON_PAIR_ORDER = Finding(
         StatusOfLayers,
         lists_of_neighbours,
         lists=True,
+        changes=("status",),
     ),
     expected_in_alarms=(
         AlarmDifference(

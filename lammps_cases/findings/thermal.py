@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from eos_ref import EOS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.parameters import IntArray
 from eos_ref.numbers.number import Array
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings.entry import Finding, Gap
+from lammps_cases.findings.entry import Finding, Gap, multiplied
 from lammps_cases.findings.variants import Variant
 
 
@@ -49,6 +51,17 @@ def has_heat(problem: Problem) -> bool:
     return problem.model.thermal is not None
 
 
+def _heated(problem: Problem) -> list[tuple[float, float]]:
+    """Return mass and specific heat by type; nothing where particles have masses of their own."""
+    if problem.state.mass_n is not None:
+        return []
+    return [(m, of.specific_heat) for m, of in zip(problem.model.mass_t, problem.model.thermal or (), strict=False)]
+
+
+def _conducting(problem: Problem) -> Sequence[EOS]:
+    return problem.model.eos.laws if problem.model.thermal else ()
+
+
 HEAT_IS_TEMPERATURE_RATE = Finding(
     id="heat-is-temperature-rate",
     number=19,
@@ -66,6 +79,7 @@ HEAT_IS_TEMPERATURE_RATE = Finding(
     workaround="Multiply the conductivity by m cv, with the same m/rho0 for every type; the factor rho/rho0 remains.",
     scene="two particles of different temperature and volume, cv different from 1",
     model_variant=Variant(has_heat, HeatAsTemperatureRate),
+    acts=lambda setting: multiplied("heat flows are", [1 / (m * cv) for m, cv in _heated(setting.problem)]),
     replaces=("heated_volume",),
 )
 
@@ -86,6 +100,7 @@ HEAT_OVER_DENSITY = Finding(
     "density of the pair remains.",
     scene="two particles of different temperature and a density different from 1",
     model_variant=Variant(has_heat, HeatOverDensity),
+    acts=lambda setting: multiplied("heat flows are", [1 / law.rho0 for law in _conducting(setting.problem)]),
 )
 
 
@@ -105,6 +120,7 @@ TEMPERATURE_WITHOUT_MASS = Finding(
     workaround="Multiply the specific heat by the mass of a particle, or use 2025.7.22.2.0 or newer.",
     scene="one particle of a mass different from 1",
     model_variant=Variant(has_heat, TemperatureWithoutMass),
+    acts=lambda setting: multiplied("temperatures are", [m for m, _ in _heated(setting.problem)]),
 )
 
 

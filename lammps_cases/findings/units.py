@@ -79,6 +79,7 @@ UNITS_UNCONVERTED = Finding(
     workaround="Use units lj, si, cgs, micro or nano, which need no conversion.",
     scene="compressed water in units real",
     model_variant=Variant(has_own_units, stepping=UnitsUnconverted),
+    acts=lambda setting: has_own_units(setting.problem),
 )
 
 
@@ -99,6 +100,7 @@ DENSITY_BY_FORCE_FACTOR = Finding(
     workaround="Sum densities (rho/sum), or use units lj, si, cgs, micro or nano.",
     scene="two particles approaching each other in units real",
     model_variant=Variant(integrates_density, stepping=DensityByForceFactor),
+    acts=lambda setting: integrates_density(setting.problem),
 )
 
 ENTRIES = (UNITS_UNCONVERTED, DENSITY_BY_FORCE_FACTOR)

@@ -13,6 +13,8 @@ from typing import Any
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Model
+from eos_ref.model.quantities import dependencies
 from lammps_cases.comparison.problem import Problem
 
 # LAMMPS' fields at one step, by the names of `eos_ref.model.quantities`; the first one may hold `lists`, of all steps.
@@ -30,6 +32,7 @@ class Variant:
     fit : sets what only LAMMPS' numbers can tell, from its first snapshot
     undefined : whether it leaves values without a bound
     lists : whether it follows LAMMPS' lists of neighbours, which are read for it alone
+    changes : quantities that it changes; where they cannot be predicted, neither can what depends on them
     """
 
     applies: Callable[[Problem], bool]
@@ -38,11 +41,16 @@ class Variant:
     fit: Callable[[Problem, type[ArrayEvaluator], Snapshot], dict[str, Any] | None] | None = None
     undefined: bool = False
     lists: bool = False
+    changes: tuple[str, ...] = ()
 
     @property
     def blind(self) -> bool:
         """Return whether it says something where no lists were read."""
         return self.undefined or not self.lists
+
+    def reaches(self, model: Model, field: str) -> bool:
+        """Return whether a field of a model depends on a quantity that it changes."""
+        return not dependencies(model, field).isdisjoint(self.changes)
 
     def within(self, other: Variant) -> bool:
         """Return whether another variant builds on this one, so that beside it this one changes nothing."""

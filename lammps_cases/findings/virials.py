@@ -94,7 +94,10 @@ VIRIALS_CANCEL = Finding(
     workaround="Leave newton on for the pressure of the system; for stress/atom and what is derived from it there is "
     "no workaround.",
     scene="two particles",
-    model_variant=Variant(shows_virials, VirialsCancel, CountingSteps, lists_of_neighbours, lists=True),
+    model_variant=Variant(
+        shows_virials, VirialsCancel, CountingSteps, lists_of_neighbours, lists=True, changes=("stress/atom", *OVERALL)
+    ),
+    acts=lambda setting: "stress/atom" in setting.shown or ("press" in setting.shown and not setting.newton[0]),
 )
 
 VIRIAL_OF_PLACES = Finding(
@@ -112,7 +115,7 @@ VIRIAL_OF_PLACES = Finding(
     "does not change, and is equal to it where forces are opposite.",
     workaround="Compare only pressures computed with the same origin, or use the quintic kernel.",
     scene="disordered particles in an open box, RK1",
-    model_variant=Variant(shows_sums, VirialOfPlaces, CountingSteps, lists_of_neighbours, lists=True),
+    model_variant=Variant(shows_sums, VirialOfPlaces, CountingSteps, lists_of_neighbours, lists=True, changes=OVERALL),
 )
 
 ENTRIES = (VIRIALS_CANCEL, VIRIAL_OF_PLACES)

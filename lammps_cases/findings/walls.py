@@ -167,6 +167,7 @@ WALL_VELOCITY_LOST = Finding(
         ),
     ),
     model_variant=Variant(has_moving_walls, WallVelocityLost),
+    acts=lambda setting: has_moving_walls(setting.problem),
 )
 
 
@@ -221,7 +222,9 @@ WALLS_AFTER_REBUILD = Finding(
         CountingSteps,
         lists_of_neighbours,
         lists=True,
+        changes=("rho_wall",),
     ),
+    acts=lambda setting: has_kept_images(setting.problem),
     expected_in_alarms=(
         AlarmDifference(
             ("rebuilt",),
@@ -256,7 +259,9 @@ WALLS_DEPEND_ON_PAIR_ORDER = Finding(
         CountingSteps,
         lists_of_neighbours,
         lists=True,
+        changes=("rho_wall",),
     ),
+    acts=lambda setting: keeps_corrected_forces(setting.problem),
 )
 
 ENTRIES = (WALL_VELOCITY_LOST, WALLS_SUMMED_AFTER_SETUP, WALLS_AFTER_REBUILD, WALLS_DEPEND_ON_PAIR_ORDER)

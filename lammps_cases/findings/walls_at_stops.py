@@ -173,6 +173,7 @@ WALLS_BEGIN_WITH_PRESSURE = Finding(
     "also after read_restart (define and remove fix rheo once); data files written with 'nofix' are not affected.",
     scene="a fluid particle next to a solid one, run 0 twice",
     model_variant=Variant(begins_again_with_walls, stepping=PressureForceKept),
+    acts=lambda setting: setting.again and bool(walls(setting.problem).any()),
     gaps=(
         Gap(
             minimises_beside_walls,
@@ -201,7 +202,15 @@ WALLS_BEGIN_WITH_PARTS = Finding(
     "because an image has only part of the force.",
     workaround="As for walls-begin-with-pressure: use 'run N pre no', or define the RHEO fixes again before a run.",
     scene="a fluid particle next to a solid one across a periodic boundary, newton off, run 0 twice",
-    model_variant=Variant(begins_again_with_images, PartsInSlots, BeginningWithParts, lists_of_neighbours, lists=True),
+    model_variant=Variant(
+        begins_again_with_images,
+        PartsInSlots,
+        BeginningWithParts,
+        lists_of_neighbours,
+        lists=True,
+        changes=("rho_wall",),
+    ),
+    acts=lambda setting: setting.again and setting.problem.has_images and bool(walls(setting.problem).any()),
 )
 
 CREATED_WITH_FORCES_OF_OTHERS = Finding(
@@ -221,7 +230,9 @@ CREATED_WITH_FORCES_OF_OTHERS = Finding(
     "created, and would have 1.238 if the new particle had no force.",
     workaround="Remove the RHEO fixes (unfix) and define them again after create_atoms.",
     scene="two fluid particles next to a solid one, one of them deleted and created again between two run 0",
-    model_variant=Variant(creates_beside_walls, FollowingLists, LeftInMemory, lists_of_neighbours, lists=True),
+    model_variant=Variant(
+        creates_beside_walls, FollowingLists, LeftInMemory, lists_of_neighbours, lists=True, changes=("rho_wall",)
+    ),
 )
 
 ENTRIES = (WALLS_BEGIN_WITH_PRESSURE, WALLS_BEGIN_WITH_PARTS, CREATED_WITH_FORCES_OF_OTHERS)

@@ -28,10 +28,12 @@ L = TypeVar("L", Curve, Tension)
 
 @dataclass(frozen=True)
 class Advice:
-    """One line, and whether it is a warning."""
+    """One line, and whether it is a warning; of lines on one subject that with the largest measure is the worst."""
 
     text: str
     warns: bool = False
+    subject: str = ""
+    measure: float = 0.0
 
 
 def advice(model: Model, box: Box, state: State, timestep: float | None, limits: Limits | None = None) -> list[str]:
@@ -75,16 +77,20 @@ def time_step(model: Model, step: Numbers, limits: Limits) -> Iterable[Advice]:
     """Compare the time step with measured limits, those of theory, and the growth of sound."""
     theory = f"{_share_of(step.acoustic)} CFL h/4(c+U)"
     if step.nu > 0:
-        theory += f", {_share_of(step.viscous)} the viscous limit h^2/8nu"
+        limit = "limit of conduction h^2 rho cv/8kappa" if step.conducts else "viscous limit h^2/8nu"
+        theory += f", {_share_of(step.viscous)} the {limit}"
     measured = _nearest(limits, step)
     if measured is not None:
         fraction, text = measured
         yield Advice(
             f"time step {step.dt:.3g} is {_share_of(fraction)} the measured limit ({text}), {theory}",
             fraction >= NEAR,
+            "time step",
+            fraction,
         )
     else:
-        yield Advice(f"time step {step.dt:.3g} is {theory} (no measured limit)", step.fraction >= 1)
+        text = f"time step {step.dt:.3g} is {theory} (no measured limit)"
+        yield Advice(text, step.fraction >= 1, "time step", step.fraction)
     yield from _sound(model, step)
 
 
@@ -97,7 +103,7 @@ def _nearest(limits: Limits, step: Numbers) -> tuple[float, str] | None:
     near = [curve for curve in curves if curve.covers(ratio)] or curves
     fraction, curve = max(((step.fraction / curve.at(ratio).low, curve) for curve in near), key=lambda pair: pair[0])
     at, scale = curve.at(ratio), step.dt / step.fraction
-    side = "viscous" if step.viscous > step.acoustic else "sound"
+    side = "sound" if step.viscous <= step.acoustic else "conduction" if step.conducts else "viscous"
     where = f"{curve.map}, {curve.layer}" if curve.layer else curve.map
     outside = "" if curve.covers(ratio) else ", outside the measured viscosities"
     low, high = sorted((at.low * scale, at.high * scale))
@@ -116,7 +122,8 @@ def _sound(model: Model, step: Numbers) -> Iterable[Advice]:
         return
     damped = model.pair.artificial_viscosity > 0 or model.pair.rho_damp > 0
     rest = "; artificial viscosity and damping, which slow this growth, are not included" if damped else ""
-    yield Advice(f"sound waves grow: time step {step.dt:.3g} > 2 nu/c^2 = {limit:.3g}{rest}", not damped)
+    text = f"sound waves grow: time step {step.dt:.3g} > 2 nu/c^2 = {limit:.3g}{rest}"
+    yield Advice(text, not damped, "sound", step.dt)
 
 
 # --- equations of state
@@ -138,6 +145,8 @@ def tension(model: Model, state: State, limits: Limits) -> Iterable[Advice]:
             f"lowest pressure {lowest:.3g} rho0 c^2 is {_share_of(fraction)} the tension at which particles clump "
             f"({where}: {nearest.low:.3g} to {nearest.high:.3g})",
             fraction >= NEAR,
+            "tension",
+            fraction,
         )
 
 
@@ -157,7 +166,9 @@ def hyperbolicity(model: Model, state: State) -> Iterable[Advice]:
                 yield Advice(
                     f"type {t}: {word} density {rho:.6g} is near {end:.6g}, where the pressure of {law.style} stops "
                     f"growing ({100 * left:.0f} % of the way from there to rho0)",
-                    warns=True,
+                    True,
+                    f"{word} density of type {t}",
+                    1 - left,
                 )
 
 
@@ -186,16 +197,19 @@ def _matrices(evaluator: ArrayEvaluator, rho_n: FloatArray) -> Iterable[Advice]:
     m_nbb, definite_n, used_n = moment_matrices(evaluator, rho_n)
     if not used_n.any():
         zmin = evaluator.model.fix.zmin
-        yield Advice(f"all particles have fewer than zmin = {zmin} neighbours: no moment matrix is used")
+        text = f"all particles have fewer than zmin = {zmin} neighbours: no moment matrix is used"
+        yield Advice(text, subject="zmin")
         return
     failed = int((used_n & ~definite_n).sum())
     if failed:
-        yield Advice(f"{failed} of {len(rho_n)} moment matrices have no Cholesky factor", warns=True)
+        text = f"{failed} of {len(rho_n)} moment matrices have no Cholesky factor"
+        yield Advice(text, True, "matrices", failed / len(rho_n))
     if (used_n & definite_n).any():
         eigenvalue_nb = np.linalg.eigvalsh(m_nbb[used_n & definite_n])
         with np.errstate(all="ignore"):
             condition = float(np.max(eigenvalue_nb[:, -1] / np.maximum(eigenvalue_nb[:, 0], 0.0)))
-        yield Advice(f"condition number of moment matrices up to {condition:.2g}", condition > DIGITS)
+        text = f"condition number of moment matrices up to {condition:.2g}"
+        yield Advice(text, condition > DIGITS, "condition", condition)
 
 
 def _surfaces(measure_n: FloatArray, surface: SurfaceDetection) -> Iterable[Advice]:
@@ -205,4 +219,5 @@ def _surfaces(measure_n: FloatArray, surface: SurfaceDetection) -> Iterable[Advi
     near = int((distance_n <= MARGIN).sum())
     nearest = f"{100 * distance_n.min():.1f} % from the nearest value of a fluid particle"
     text = f"surface limit {surface.limit:g} ({surface.style}): {nearest}"
-    yield Advice(text + (f"; {near} of {measure_n.size} fluid particles lie within {100 * MARGIN:g} %" if near else ""))
+    text += f"; {near} of {measure_n.size} fluid particles lie within {100 * MARGIN:g} %" if near else ""
+    yield Advice(text, subject="surface", measure=near / measure_n.size - float(distance_n.min()))

@@ -28,7 +28,7 @@ class Numbers:
     r"""A time step in units of what limits it.
 
     ``c``, ``nu`` and ``h`` are the largest speed of sound plus flow, the largest diffusivity (kinematic viscosity,
-    conductivity/(rho cv)), cut/3. Source of the criteria: Morris, Fox & Zhu (1997), see
+    conductivity/(rho cv)), cut/3; ``conducts``: whether it is that of heat. Source of the criteria: Morris, Fox & Zhu (1997), see
     `lammps_cases.studies.flows.layout.time_step`.
     """
 
@@ -36,6 +36,7 @@ class Numbers:
     nu: float
     h: float
     dt: float
+    conducts: bool = False
 
     @property
     def acoustic(self) -> float:
@@ -64,15 +65,17 @@ def numbers(model: Model, state: State, dt: float) -> Numbers:
     rho_n = np.asarray(state.rho_n, float)
     e_n = None if state.energy_n is None else np.asarray(state.energy_n, float) / masses(model, state)
     sound_n = np.full(len(rho_n), np.nan)
-    nu_n = np.zeros(len(rho_n))
+    nu_n, heat_n = np.zeros(len(rho_n)), np.zeros(len(rho_n))
     for t, law in enumerate(model.eos):
         at = types == t
         sound_n[at] = law.sound_speed(rho_n[at], None if e_n is None else e_n[at])
         heat = model.thermal[t] if model.thermal is not None else None
-        diffusivity = max(model.viscosity[t].eta, heat.conductivity / heat.specific_heat if heat else 0.0)
-        nu_n[at] = diffusivity / np.where(rho_n[at] > 0, rho_n[at], np.nan)
+        rho = np.where(rho_n[at] > 0, rho_n[at], np.nan)
+        nu_n[at] = model.viscosity[t].eta / rho
+        heat_n[at] = heat.conductivity / heat.specific_heat / rho if heat else 0.0
     speed_n = np.sqrt(np.sum(np.square(np.asarray(state.v_nc, float)), axis=1))
-    return Numbers(_largest(sound_n + speed_n), _largest(nu_n), model.h, dt)
+    nu, diffusivity = _largest(nu_n), _largest(heat_n)
+    return Numbers(_largest(sound_n + speed_n), max(nu, diffusivity), model.h, dt, diffusivity > nu)
 
 
 def _largest(values_n: Any) -> float:

@@ -1,0 +1,54 @@
+"""Known bugs that act on a deck by its definitions, before its first step and whether or not a field shows them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from eos_ref.model.quantities import needed_to_step
+from eos_ref.model.units import UNITS
+from lammps_cases.audit.deck import Deck
+from lammps_cases.audit.evaluation import ParticleSample
+from lammps_cases.findings import LEDGER
+from lammps_cases.findings.entry import Setting
+from lammps_cases.records.audit_record import ActingRecord
+
+
+@dataclass
+class Acting:
+    """Takes the commands of a deck and the beginnings of its runs; ``found`` holds the bugs by id."""
+
+    engine: str
+    found: dict[str, ActingRecord] = field(default_factory=dict)
+    _shown: set[str] = field(default_factory=lambda: {"press"})  # by thermo_style one, the default
+    _kept: list[str] | None = None  # the fix rheo of the run before, or of the file that was read
+
+    def note(self, values: list[str]) -> None:
+        """Take a command that LAMMPS has executed."""
+        match values:
+            case ["compute", _, _, style, *_]:
+                self._shown.add(style)
+            case ["thermo_style", style, *columns]:
+                self._shown.discard("press")
+                self._shown |= {"press"} if style in ("one", "multi") else {*columns}
+            case ["read_restart", *_]:
+                self._kept = values
+
+    def begin(self, lmp: Any, deck: Deck, sample: ParticleSample, steps: int, set_up: bool) -> None:
+        """Take the particles at the beginning of a run of some steps; ``set_up``: whether its forces are computed."""
+        units: Any = str(lmp.extract_global("units"))
+        model = replace(sample.model, units=units) if units in UNITS else sample.model
+        fields = needed_to_step(model)
+        problem = replace(sample.problem(fields, (0, steps) if steps else (0,)), model=model)
+        rheo = deck.fix("rheo")
+        setting = Setting(
+            problem,
+            newton=(bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))),
+            again=set_up and self._kept is not None and (self._kept is rheo or self._kept[0] == "read_restart"),
+            reacts="react" in (deck.fix("rheo/thermal") or ()),
+            shown=frozenset(self._shown),
+        )
+        self._kept = rheo
+        for entry in LEDGER:
+            if entry.id not in self.found and entry.listed(self.engine) and (does := entry.acting(setting)):
+                self.found[entry.id] = ActingRecord(finding=entry.id, does=does)

@@ -9,6 +9,7 @@ from eos_ref.model.quantities import needed_to_step
 from eos_ref.model.units import UNITS
 from lammps_cases.audit.deck import Deck
 from lammps_cases.audit.evaluation import ParticleSample
+from lammps_cases.audit.outlook import model_with_forces
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import Setting
 from lammps_cases.records.audit_record import ActingRecord
@@ -37,7 +38,8 @@ class Acting:
     def begin(self, lmp: Any, deck: Deck, sample: ParticleSample, steps: int, set_up: bool) -> None:
         """Take the particles at the beginning of a run of some steps; ``set_up``: whether its forces are computed."""
         units: Any = str(lmp.extract_global("units"))
-        model = replace(sample.model, units=units) if units in UNITS else sample.model
+        model = model_with_forces(sample) or sample.model
+        model = replace(model, units=units) if units in UNITS else model
         fields = needed_to_step(model)
         problem = replace(sample.problem(fields, (0, steps) if steps else (0,)), model=model)
         rheo = deck.fix("rheo")

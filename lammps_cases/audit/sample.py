@@ -266,7 +266,7 @@ def _finite(values_n: Array) -> Array:
 
 
 def _ratios(lammps_n: Array, reference_n: Array, bound_n: Array, undefined: bool) -> Array:
-    """Return differences over bounds, flat: 0 where neither side is finite."""
+    """Return differences over bounds, 0 where neither side is finite; if ``undefined`` only those that have a bound."""
     ratio_n: Array = excess(lammps_n, reference_n, bound_n)[1]
     ratio_n[~(np.isfinite(lammps_n) | np.isfinite(reference_n))] = 0.0
     return ratio_n[np.isfinite(bound_n)] if undefined else ratio_n

@@ -124,7 +124,7 @@ class Findings:
         if touching:
             of_fields = worst([of_fields, "explained"])
         broke, lost = (self.ended.broke, self.ended.lost) if self.ended else (None, None)
-        if broke is not None:
+        if broke is not None and not failure:
             of_fields = worst([of_fields, "error"])
         if broke or failure or (lost and not lost.ignored):
             fields = [self._until(record) for record in fields]

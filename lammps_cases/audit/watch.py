@@ -354,7 +354,7 @@ class DeckWatch:
                 self._good = Good(now, float(self.lmp.extract_global("dt")), self.runs, step)
                 if self._first is None or self._first.run != self.runs:
                     self._first = self._good
-            self._open = unpredictable
+            self._open = unpredictable | _undefined(run.sampler.explained)
         self._judged += 1
         doubled = self._judged & (self._judged - 1) == 0
         harmful = tuple(effects(now, self.engine, self.runs, step)) if doubled else ()
@@ -401,12 +401,13 @@ class DeckWatch:
     def outlook(self) -> tuple[OutlookRecord | None, list[EffectRecord]]:
         """Return why the state broke or LAMMPS ended a run before its time; nothing if neither, or if nobody knows."""
         broke = self.health.broke
+        brief = self.questions.brief
+        if self._good is None and broke is not None and brief:
+            return OutlookRecord(cause="set-up", because=brief, run=broke.run, step=broke.step, taken=0, steps=0), []
         if self._good is None or (broke is None and self._broke_off is None):
             return None, []
         at = broke.step if broke is not None and broke.run == self._good.run else self._broke_off or self._good.step
-        record, more = outlook(
-            self._good, self.engine, at - self._good.step, self.questions.brief, self._open.get("f", ())
-        )
+        record, more = outlook(self._good, self.engine, at - self._good.step, brief, self._open.get("f", ()))
         grown = broke is not None and broke.column == "energy" and broke.kind == "runaway" and self._broke_off is None
         if grown and (record is None or record.cause == "not understood"):
             self.health.broke = None  # something heats the deck that is not followed
@@ -423,6 +424,15 @@ class DeckWatch:
             return {}, {}
         arrays, records = _result(self._last)
         return (arrays if self._differing is None else _result(self._differing)[0]), records
+
+
+def _undefined(explained: Explained) -> Explained:
+    """Return, of the findings that explain fields, those that leave some particles open."""
+    of = {
+        name: [e for e in entries if e.model_variant and e.model_variant.undefined]
+        for name, entries in explained.items()
+    }
+    return {name: entries for name, entries in of.items() if entries}
 
 
 def _steps(values: list[str], first: int) -> int:

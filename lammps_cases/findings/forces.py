@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model import quantities
+from eos_ref.model.parameters import IntArray
 from eos_ref.model.state import masses
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
@@ -188,4 +190,49 @@ MASS_OF_FIRST = Finding(
     acts=lambda setting: has_masses(setting.problem),
 )
 
-ENTRIES = (FORCE_PER_VOLUME, HARMONIC_MEAN_UNDEFINED, MASS_OF_FIRST)
+
+class ListedPairs(FollowingLists):
+    """Pairs that are not in LAMMPS' list are no neighbours."""
+
+    def pairs(self, x_nc: FloatArray, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the directed pairs closer than a cutoff that the list has."""
+        i, j, shift_pc = super().pairs(x_nc, cut)
+        if not self.lists:
+            return i, j, shift_pc
+        forward_p, backward_p = self.entries(x_nc, *self.directed(i, j, shift_pc))
+        listed = (forward_p >= 0) | (backward_p >= 0)
+        return i[listed], j[listed], shift_pc[listed]
+
+
+SPECIAL_BONDS_REMOVE_PAIRS = Finding(
+    id="special-bonds-remove-pairs",
+    number=70,
+    title="With LAMMPS' default special_bonds, bonded particles are no neighbours in the fluid",
+    severity="medium",
+    effect="Bonded particles do not count as neighbours of each other: forces, densities and gradients lack them",
+    documented="Howto rheo (4 Jul 2026): unlike typical pair styles, pair rheo ignores the special bond settings, and "
+    "determines by the status of particles whether to calculate forces.",
+    observed="A pair whose weights of special_bonds are 0 for both lj and coul, as by default, is not in the neighbour "
+    "list, and missing in coordination numbers, densities, gradients and forces. Weights above 0 change nothing, as "
+    "documented; so does a weight of 0 for one of the two.",
+    argument="Two bonded fluid particles and a third one, all within the cutoff: with 'special_bonds lj 0 1 1 coul 0 1 "
+    "1' the bonded ones have one neighbour each instead of two, with 'coul 1 1 1' they have two. All three are fluid, "
+    "so that by their status every pair interacts.",
+    workaround="Use 'special_bonds lj 0 1 1 coul 1 1 1', as the page of bond bpm/spring does, or any weight above 0.",
+    applies_to=("probes.pair-special-bonds",),
+    outcome="differs",
+    ended="answered",
+    differing="neighbours of a bonded particle",
+    scene="two bonded fluid particles and a third one, special_bonds lj 0 1 1 coul 0 1 1",
+    model_variant=Variant(
+        lambda problem: problem.unlists_bonded,
+        ListedPairs,
+        CountingSteps,
+        lists_of_neighbours,
+        lists=True,
+        changes=("pairs", "rho"),
+    ),
+    acts=lambda setting: setting.problem.unlists_bonded,
+)
+
+ENTRIES = (FORCE_PER_VOLUME, HARMONIC_MEAN_UNDEFINED, MASS_OF_FIRST, SPECIAL_BONDS_REMOVE_PAIRS)

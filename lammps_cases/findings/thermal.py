@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref import EOS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.parameters import IntArray
 from eos_ref.numbers.number import Array
@@ -51,15 +50,21 @@ def has_heat(problem: Problem) -> bool:
     return problem.model.thermal is not None
 
 
-def _heated(problem: Problem) -> list[tuple[float, float]]:
-    """Return mass and specific heat by type; nothing where particles have masses of their own."""
-    if problem.state.mass_n is not None:
-        return []
-    return [(m, of.specific_heat) for m, of in zip(problem.model.mass_t, problem.model.thermal or (), strict=False)]
+def heated_masses(problem: Problem) -> Sequence[float]:
+    """Return the masses by type, if particles of a type have one mass and a temperature."""
+    return problem.model.mass_t if has_heat(problem) and problem.state.mass_n is None else ()
 
 
-def _conducting(problem: Problem) -> Sequence[EOS]:
-    return problem.model.eos.laws if problem.model.thermal else ()
+def heat_factors(problem: Problem) -> list[float]:
+    """Return 1/(m cv) by type, 1 where no heat is conducted."""
+    types = zip(heated_masses(problem), problem.model.thermal or (), strict=False)
+    return [1 / (m * of.specific_heat) if of.conductivity else 1.0 for m, of in types]
+
+
+def density_factors(problem: Problem) -> list[float]:
+    """Return 1/rho0 by type, 1 where no heat is conducted."""
+    types = zip(problem.model.eos.laws, problem.model.thermal or (), strict=False)
+    return [1 / law.rho0 if of.conductivity else 1.0 for law, of in types]
 
 
 HEAT_IS_TEMPERATURE_RATE = Finding(
@@ -79,7 +84,7 @@ HEAT_IS_TEMPERATURE_RATE = Finding(
     workaround="Multiply the conductivity by m cv, with the same m/rho0 for every type; the factor rho/rho0 remains.",
     scene="two particles of different temperature and volume, cv different from 1",
     model_variant=Variant(has_heat, HeatAsTemperatureRate),
-    acts=lambda setting: multiplied("heat flows are", [1 / (m * cv) for m, cv in _heated(setting.problem)]),
+    acts=lambda setting: multiplied("heat flows are", heat_factors(setting.problem)),
     replaces=("heated_volume",),
 )
 
@@ -100,7 +105,7 @@ HEAT_OVER_DENSITY = Finding(
     "density of the pair remains.",
     scene="two particles of different temperature and a density different from 1",
     model_variant=Variant(has_heat, HeatOverDensity),
-    acts=lambda setting: multiplied("heat flows are", [1 / law.rho0 for law in _conducting(setting.problem)]),
+    acts=lambda setting: multiplied("heat flows are", density_factors(setting.problem)),
 )
 
 
@@ -120,7 +125,7 @@ TEMPERATURE_WITHOUT_MASS = Finding(
     workaround="Multiply the specific heat by the mass of a particle, or use 2025.7.22.2.0 or newer.",
     scene="one particle of a mass different from 1",
     model_variant=Variant(has_heat, TemperatureWithoutMass),
-    acts=lambda setting: multiplied("temperatures are", [m for m, _ in _heated(setting.problem)]),
+    acts=lambda setting: multiplied("temperatures are", heated_masses(setting.problem)),
 )
 
 

@@ -28,8 +28,8 @@ class Numbers:
     r"""A time step in units of what limits it.
 
     ``c``, ``nu`` and ``h`` are the largest speed of sound plus flow, the largest diffusivity (kinematic viscosity,
-    conductivity/(rho cv)), cut/3; ``conducts``: whether it is that of heat. Source of the criteria: Morris, Fox & Zhu (1997), see
-    `lammps_cases.studies.flows.layout.time_step`.
+    conductivity/(rho cv)), cut/3; ``conducts``: whether the diffusivity is that of heat. Source of the criteria:
+    Morris, Fox & Zhu (1997), see `lammps_cases.studies.flows.layout.time_step`.
     """
 
     c: float

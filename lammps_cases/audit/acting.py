@@ -45,7 +45,7 @@ class Acting:
         rheo = deck.fix("rheo")
         setting = Setting(
             problem,
-            newton=(bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))),
+            newton=sample.newton,
             again=set_up and self._kept is not None and (self._kept is rheo or self._kept[0] == "read_restart"),
             reacts="react" in (deck.fix("rheo/thermal") or ()),
             shown=frozenset(self._shown),

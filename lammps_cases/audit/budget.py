@@ -21,7 +21,7 @@ from eos_ref.numbers.columns import axes, dot, matrix, summed
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import error, value
-from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
+from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation, acted_on
 from lammps_cases.findings import Finding
 from lammps_cases.records.audit_record import BudgetPart, BudgetRecord
 
@@ -134,7 +134,7 @@ class Rates:
     @cached_property
     def acted_nc(self) -> Array:
         """Forces after those of other fixes, (n, d)."""
-        forces: Array = self._own.acted_on(self.force_nc, self.sample.actions)
+        forces: Array = acted_on(self.force_nc, self.sample.actions, self.sample.mass_n)
         return forces
 
     @property

@@ -17,24 +17,19 @@ from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.findings import Finding, applicable
 from lammps_cases.records.audit_record import EffectRecord
+from lammps_cases.verdict import runaway
 
 MULTIPLE = 0.01  # part of the largest value by which a field may differ from a multiple of the right one
 
 
 def touching(sample: ParticleSample, engine: str) -> list[Finding]:
     """Return the findings of an engine that can make a difference to a sample, by one evaluation of it."""
-    # One that is fitted to LAMMPS' own numbers says nothing before there are any.
-    known = _listed(sample, engine, needed_to_step(sample.model))
-    return [entry for entry in known if entry.model_variant and not entry.model_variant.fit]
+    return runaway.touching(sample.problem(needed_to_step(sample.model)), engine)
 
 
 def of_pressure(sample: ParticleSample, engine: str) -> list[str]:
     """Return the findings of an engine that can change what LAMMPS prints as the pressure of the system."""
-    return [entry.id for entry in _listed(sample, engine, ("press",), lists=True)]
-
-
-def _listed(sample: ParticleSample, engine: str, fields: tuple[str, ...], lists: bool = False) -> list[Finding]:
-    return [entry for entry in applicable(sample.problem(fields), lists) if entry.listed(engine)]
+    return [entry.id for entry in applicable(sample.problem(("press",)), lists=True) if entry.listed(engine)]
 
 
 def effects(sample: ParticleSample, engine: str, run: int, step: int) -> list[EffectRecord]:

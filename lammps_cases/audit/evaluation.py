@@ -43,6 +43,7 @@ class ParticleSample:
         and interface/reconstruct; see the ledger)
     z_n : (n,) heights of particles in 2D, which ought to be all the same
     unlists_bonded : whether LAMMPS may leave pairs of bonded particles out of its neighbour lists
+    newton : the flags of pairs and of bonds
     """
 
     model: Model
@@ -53,6 +54,7 @@ class ParticleSample:
     summed: bool = False
     z_n: Array | None = None
     unlists_bonded: bool = False
+    newton: tuple[bool, bool] = (True, True)
 
     def problem(self, fields: tuple[str, ...], steps: tuple[int, ...] = (0,)) -> Problem:
         """Return the sample as a problem whose findings can be looked for."""
@@ -87,6 +89,26 @@ class _GivenDensities(ArrayEvaluator):
         return self.same_phase(), rho_n
 
 
+def acted_on(force_nc: Any, actions: Sequence[tuple[Action, BoolArray]], mass_n: Array) -> Any:
+    """Return forces after the fixes that change them: by group, where those of a `Model` act by type."""
+    d = force_nc.shape[1]
+    for action, acts_n in actions:
+        rows = acts_n[:, None]
+        vector_c = np.array([v or 0.0 for v in action.vector[:d]])
+        if action.style == "gravity":
+            # A direction that LAMMPS has scaled to length 1, and size times direction: three roundings on either side.
+            acceleration_c = (
+                Rounded(vector_c, 6 * EPS * np.abs(vector_c)) if isinstance(force_nc, Rounded) else vector_c
+            )
+            force_nc = where(rows, force_nc + mass_n[:, None] * acceleration_c, force_nc)
+        elif action.style == "addforce":
+            force_nc = where(rows, force_nc + vector_c, force_nc)
+        else:
+            set_c = np.array([v is not None for v in action.vector[:d]])
+            force_nc = where(rows & set_c, vector_c + np.zeros(force_nc.shape), force_nc)
+    return force_nc
+
+
 class SampleEvaluation:
     """A force evaluation of a sample, with rounding bounds.
 
@@ -111,25 +133,7 @@ class SampleEvaluation:
         with np.errstate(all="ignore"):
             results = self.simulation.evaluate() if fields else {}
             if "f" in results:
-                results["f"] = self.acted_on(results["f"], sample.actions)
-
-    def acted_on(self, force_nc: Any, actions: Sequence[tuple[Action, BoolArray]]) -> Any:
-        """Return the forces after the fixes that change them: by group, where those of a `Model` act by type."""
-        d = self.sample.model.dimension
-        for action, acts_n in actions:
-            rows = acts_n[:, None]
-            vector_c = np.array([v or 0.0 for v in action.vector[:d]])
-            if action.style == "gravity":
-                # A direction that LAMMPS has scaled to length 1, and size times direction: three roundings on either
-                # side.
-                acceleration_c = Rounded(vector_c, 6 * EPS * np.abs(vector_c))
-                force_nc = where(rows, force_nc + self.sample.mass_n[:, None] * acceleration_c, force_nc)
-            elif action.style == "addforce":
-                force_nc = where(rows, force_nc + vector_c, force_nc)
-            else:
-                set_c = np.array([v is not None for v in action.vector[:d]])
-                force_nc = where(rows & set_c, vector_c + np.zeros(force_nc.shape), force_nc)
-        return force_nc
+                results["f"] = acted_on(results["f"], sample.actions, sample.mass_n)
 
     def output(self, field: str) -> Any:
         """Return a field of the evaluation; ``rho`` is the sum."""

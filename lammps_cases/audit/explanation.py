@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.findings import Finding, applicable
+from lammps_cases.findings.entry import Setting
 from lammps_cases.findings.variants import combined
 
 Explained = dict[str, list[Finding]]  # by field
@@ -76,7 +77,9 @@ def explain(
     if not left.outside <= before:
         needed, left = [], Left(before)
     explained = {name: _without(name, needed, after) for name in before - left.outside - left.unbounded}
-    open_ = [e for e in acting if e not in fitting or (e in needed and e.model_variant and e.model_variant.undefined)]
+    setting = Setting(problem, sample.newton)
+    open_ = [e for e in acting if e not in fitting and e.acting(setting)]
+    open_ += [e for e in needed if e.model_variant and e.model_variant.undefined]
     unpredictable = {
         name: [e for e in open_ if e.model_variant and e.model_variant.reaches(sample.model, name)]
         for name in before - explained.keys()

@@ -309,6 +309,8 @@ def _sample(frame: Frame, held: dict[str, Any], id_n: npt.NDArray[Any]) -> Frame
         [(action, setup.members[action.group][at_n] & (at_n >= 0)) for action in run.deck.plain_actions()],
         frame.set_up and both,
         snapshot.numbers("z") if d == 2 and "z" in snapshot.columns else None,
+        unlists_bonded=run.deck.unlists_bonded,
+        newton=setup.newton,
         of_forces=state,
         at_end={name: held[name] for name in ("rho", "energy") if name in held},
         gradient_ncc=held.get("grad/v"),

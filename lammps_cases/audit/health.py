@@ -13,20 +13,11 @@ import numpy.typing as npt
 from eos_ref.model.parameters import Model
 from eos_ref.model.state import State
 from lammps_cases.records.audit_record import BreakRecord, LostRecord
+from lammps_cases.verdict.runaway import RUNAWAY, fastest
 
 Array = npt.NDArray[Any]
-RUNAWAY = 10.0  # a speed, density or energy beyond this many times the largest there was is none of a fluid
 _LOST = re.compile(r"Lost atoms: original (\d+) current (\d+)")
 _AXES = "xyz"
-
-
-def fastest(model: Model, state: State) -> float:
-    """Return the largest speed there is: of sound, of heat as sound for a gas, or of a particle."""
-    speeds = [*(law.cs for law in model.eos.laws), float(np.abs(state.v_nc).max(initial=0.0))]
-    if model.eos.needs_energy and state.energy_n is not None:
-        mass_n = model.mass[state.type_n - 1] if state.mass_n is None else state.mass_n
-        speeds.append(float(np.sqrt(2 * np.abs(state.energy_n / mass_n).max(initial=0.0))))
-    return max(speeds)
 
 
 def mach(model: Model, state: State) -> float:

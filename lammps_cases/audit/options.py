@@ -148,6 +148,7 @@ class RunSetup:
     mass_t : masses of the types, from index 1; None where every particle has its own
     id_n, solid_n : of the particles
     members : by group, whether a particle is in it
+    newton : the flags of pairs and of bonds
     """
 
     __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
@@ -172,6 +173,7 @@ class RunSetup:
     id_n: npt.NDArray[Any]
     solid_n: npt.NDArray[Any]
     members: dict[str, npt.NDArray[Any]]
+    newton: tuple[bool, bool]
 
 
 @dataclass

@@ -18,12 +18,12 @@ from eos_ref.model.box import Box
 from eos_ref.model.parameters import Force, Model
 from eos_ref.model.quantities import needed_to_step
 from eos_ref.model.state import State
-from lammps_cases.audit.health import RUNAWAY, fastest
 from lammps_cases.audit.outlook import Good, boxed, model_with_forces
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import combined
 from lammps_cases.records.audit_record import SeriesRecord
+from lammps_cases.verdict.runaway import RUNAWAY, fastest
 
 AS_IT_IS, HALF_STEP, FINER, SILENT = "as it is", "half the time step", "half the spacing", "no artificial viscosity"
 SLOW = 200_000  # steps times particles of a run with a finding, which no compiled code takes; above, it is shortened

@@ -194,7 +194,8 @@ def judged(
         )
 
     read = lists(tag_n)
-    found = explain(sample, {**shown, **({"lists": read} if read else {})}, listed, before, outside, earlier)
+    snapshot = {**shown, **({"lists": read} if read else {})}
+    found = explain(sample, snapshot, listed, before, outside, earlier)
     for field, entries in found.explained.items():
         record = comparisons[field].record
         record.verdict, record.explained_by = "explained", [entry.id for entry in entries]
@@ -228,7 +229,10 @@ def taken(
     box = Box(*ends, tuple(bool(flag) for flag in periodic[:d]), tilt if any(tilt) else ())
     mass_n = atoms.extract_atom("rmass")[:n].copy() if mass_t is None else mass_t[state.type_n]
     z_n = x_nc[:n, 2].copy() if d == 2 else None
-    return ParticleSample(model, box, state, mass_n, [(a, members(lmp, a.group, n)) for a in actions], z_n=z_n)
+    newton = bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))
+    return ParticleSample(
+        model, box, state, mass_n, [(a, members(lmp, a.group, n)) for a in actions], z_n=z_n, newton=newton
+    )
 
 
 def follow_group(lmp: Any, group: str) -> None:

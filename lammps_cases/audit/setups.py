@@ -107,6 +107,7 @@ class SetupWatch(DeckWatch):
             id_n=lmp.numpy.extract_atom("id")[:n].copy(),
             solid_n=(lmp.numpy.extract_atom("rheo_status")[:n] & SOLID != 0) if status else np.zeros(n, bool),
             members={group: sample.members(lmp, group, n) for group in groups},
+            newton=(bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))),
             **{field.name: getattr(deck, field.name) for field in dataclasses.fields(Deck)},
         )
 

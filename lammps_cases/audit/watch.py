@@ -32,7 +32,7 @@ from lammps_cases.audit.effects import effects, of_pressure, touching
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.explanation import Explained
 from lammps_cases.audit.fields import leans_open
-from lammps_cases.audit.health import RUNAWAY, Health, mach
+from lammps_cases.audit.health import Health, mach
 from lammps_cases.audit.options import AuditOptions, PairShare, RunFacts, SampleRow, SampleRows
 from lammps_cases.audit.outlook import Good, model_with_forces, outlook
 from lammps_cases.audit.pressure import PressureSample
@@ -43,6 +43,7 @@ from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, Effect
 from lammps_cases.records.run_record import FieldRecord, LawRecord
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.model_fields import derived
+from lammps_cases.verdict.runaway import RUNAWAY
 
 Array = npt.NDArray[Any]
 Compared = tuple[PressureSample, dict[str, Comparison], bool]  # see `PressureSample.result`
@@ -402,7 +403,7 @@ class DeckWatch:
         """Return why the state broke or LAMMPS ended a run before its time; nothing if neither, or if nobody knows."""
         broke = self.health.broke
         brief = self.questions.brief
-        if self._good is None and broke is not None and brief:
+        if broke is not None and brief and (broke.both or self._good is None):
             return OutlookRecord(cause="set-up", because=brief, run=broke.run, step=broke.step, taken=0, steps=0), []
         if self._good is None or (broke is None and self._broke_off is None):
             return None, []

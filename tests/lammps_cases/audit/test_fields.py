@@ -145,7 +145,7 @@ def _wrong(plant: Callable[[Any], None], task: AuditTask, connection: Connection
 
 
 def _damage(field: str, sample: Any) -> None:
-    right = sample.Sampler._shown
+    right = sample.Sampler.shown
     calls: list[int] = []
 
     def wrong(self: Any, n: int) -> Any:
@@ -157,7 +157,7 @@ def _damage(field: str, sample: Any) -> None:
             values[row, -1] += 1 if field == "coordination" else 1e-9
         return shown
 
-    sample.Sampler._shown = wrong
+    sample.Sampler.shown = wrong
 
 
 def _thicker(sample: Any) -> None:
@@ -171,13 +171,14 @@ def _thicker(sample: Any) -> None:
 
 
 def _heavier(sample: Any) -> None:
-    right = sample.Sampler._sample
+    right = sample.Sampler.take
 
     def wrong(self: Any, *arguments: Any) -> Any:
-        right_one = right(self, *arguments)
-        return replace(right_one, mass_n=right_one.mass_n * (1 + 1e-12))
+        taken = right(self, *arguments)
+        self.last = replace(taken, mass_n=taken.mass_n * (1 + 1e-12))
+        return self.last
 
-    sample.Sampler._sample = wrong
+    sample.Sampler.take = wrong
 
 
 # --- forces to which other styles add
@@ -192,14 +193,14 @@ def _second_only(plant: Callable[[Any], None], task: AuditTask, connection: Conn
 
 
 def _one_force(sample: Any) -> None:
-    right = sample.Sampler._shown
+    right = sample.Sampler.shown
 
     def wrong(self: Any, n: int) -> Any:
         shown = right(self, n)
         shown["f"][self.lmp.numpy.extract_atom("id")[:n].tolist().index(17)] += 1e-9
         return shown
 
-    sample.Sampler._shown = wrong
+    sample.Sampler.shown = wrong
 
 
 def soft_forces(x_nc: Any, edge: float, amplitude: float, cut: float) -> Any:
@@ -438,11 +439,11 @@ def test_types_without_pairs_of_rheo_have_other_cutoffs() -> None:
 
 def test_images_that_have_other_velocities() -> None:
     model = Model(
-        *(2, parse_fix_rheo("fix 1 all rheo 3.0 quintic 0"), (1.0,), EOSTable((EOS("linear"),)), PairRheo(3.0)),
+        *(2, parse_fix_rheo("fix 1 all rheo 3.0 quintic 0 shift"), (1.0,), EOSTable((EOS("linear"),)), PairRheo(3.0)),
         (Viscosity("constant", 0.1),),
     )
     moved = fields.Setting(followed(MODEL + "fix 5 all deform 1 xy erate 0.1 remap v"), "lj")
-    for name in ("grad/v", "stress/v", "f"):
+    for name in ("grad/v", "stress/v", "f", "shift/v"):
         assert fields.why_not(name, model, moved).endswith("gives images other velocities (remap v)")
     assert not fields.why_not("coordination", model, moved)
     still = fields.Setting(followed(MODEL + "fix 5 all deform 1 xy erate 0.1 remap x"), "lj")
@@ -453,7 +454,7 @@ def test_what_takes_pairs_out() -> None:
     assert followed("neigh_modify exclude type 1 1").hides_pairs() and not followed(MODEL).hides_pairs()
     assert not followed("neigh_modify exclude type 1 1\nneigh_modify exclude none").hides_pairs()
     bonds = "bond_style bpm/spring\nspecial_bonds lj 0 1 1 "
-    assert followed(bonds).hides_pairs() and not followed(f"{bonds}coul 1 1 1").hides_pairs()
+    assert followed(bonds).unlists_bonded and not followed(f"{bonds}coul 1 1 1").unlists_bonded
 
 
 # --- decisions at the cutoff

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import time
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -31,6 +30,7 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
 from lammps_cases.shrink.failure import FailureMode, failure_mode
 from lammps_cases.shrink.shrink import WorkerJudge, shrink
+from lammps_cases.verdict.runaway import LOST
 
 if TYPE_CHECKING:
     from lammps_cases.verdict.outcome import Arrays
@@ -38,10 +38,6 @@ if TYPE_CHECKING:
 WRITTEN_EVERY = 5.0  # seconds
 JUDGING = 300.0  # seconds that judging a scene may take
 # How LAMMPS ends where numbers are none, or particles nowhere in the box.
-LOST = re.compile(
-    "Lost atoms|Non-numeric atom coords|Domain too large for neighbor bins|instead of '-?nan'"
-    "|Replicate did not assign all atoms|Too many atom sorting bins"
-)
 SHRINKING = 60.0  # seconds for making one scene small
 
 

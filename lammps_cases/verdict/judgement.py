@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 
 import numpy as np
 
-from eos_ref import EOSTable
+from eos_ref import EOSTable, InputError
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
@@ -18,7 +19,7 @@ from lammps_cases.records.run_record import (
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict.laws import judge_laws
-from lammps_cases.verdict.model_cases import judge_model
+from lammps_cases.verdict.model_cases import judge_model, problem_of
 from lammps_cases.verdict.outcome import (
     Arrays,
     blank_record,
@@ -27,6 +28,7 @@ from lammps_cases.verdict.outcome import (
     judge_failure,
     judge_lost_atoms,
 )
+from lammps_cases.verdict.runaway import Attempts, diverged
 
 
 def evaluate(
@@ -59,5 +61,10 @@ def evaluate(
         arrays = judge_model(record, case, atoms, outcome, engine.distribution, predictor)
     else:
         arrays = judge_laws(record, case, eos, atoms, outcome)
+    if case.scene.whole_model and diverged(record):
+        with contextlib.suppress(InputError):  # the reference does not take the particles as they are
+            start = problem_of(case.scene, atoms, case.where, (0,), predictor)
+            attempts = Attempts(start, case.scene.snapshots[-1])
+            record.outlook = attempts.cause(engine.distribution, 1, 0) if attempts.count else None
     finish(record, outcome.seconds if isinstance(outcome, Answer) else 0.0, begin, predictor)
     return record, arrays

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -18,11 +19,18 @@ from lammps_cases.comparison.trajectory import own_stages
 from lammps_cases.findings import Finding, applicable
 from lammps_cases.findings.variants import combined
 from lammps_cases.records.audit_record import OutlookRecord
+from lammps_cases.records.run_record import CaseRecord
 
 STEPS = (50, 500)  # that an attempt takes at least and at most, else twice as many as LAMMPS took
 WORK = 1_000_000  # steps times particles of an attempt, beyond which it would take longer than a user waits
 FINER = 10  # a time step is too large if this part of it is not
 RUNAWAY = 10.0  # a speed, density or energy beyond this many times the largest there was is none of a fluid
+
+# What LAMMPS says where particles have run away.
+LOST = re.compile(
+    "Lost atoms|Non-numeric atom coords|Domain too large for neighbor bins|instead of '-?nan'"
+    "|Replicate did not assign all atoms|Too many atom sorting bins"
+)
 
 Cause = Literal["findings", "time step", "set-up", "not understood"]
 External = Callable[[Simulation, Any], Any]  # forces with those of other fixes, given those of pairs
@@ -34,6 +42,14 @@ def fastest(model: Model, state: State) -> float:
     if model.eos.needs_energy and state.energy_n is not None:
         speeds.append(float(np.sqrt(2 * np.abs(state.energy_n / masses(model, state)).max(initial=0.0))))
     return max(speeds)
+
+
+def diverged(record: CaseRecord) -> bool:
+    """Return whether LAMMPS ended a case as it does where particles have run away, or gave no numbers."""
+    if record.verdict == "refused":
+        return not record.expects and LOST.search(record.engine_error) is not None
+    lammps = record.blame.lammps if record.blame else None
+    return record.verdict == "differs" and lammps is not None and not np.isfinite(lammps)
 
 
 def touching(problem: Problem, engine: str) -> list[Finding]:

@@ -75,7 +75,7 @@ FIXES = {
     **dict.fromkeys(("momentum", "print", "vector", "store/state", "store/force", "ave/time", "ave/atom"), STAYS),
 }
 _ORDER = {
-    **dict.fromkeys(("units", "dimension", "boundary", "newton", "processors", "comm_style", "suffix"), STAYS),
+    **dict.fromkeys(("units", "dimension", "boundary", "box", "newton", "processors", "comm_style", "suffix"), STAYS),
     "atom_modify": Form((), {"map": NUMBER, "first": NUMBER, "id": NUMBER, "sort": (None, "x")}),
 }
 BEFORE_BOX = (*_ORDER, "atom_style")

@@ -7,11 +7,9 @@ dimensions a unit of length of (m/rho0)^(1/d) makes that rho/rho0; no physics de
 from __future__ import annotations
 
 import dataclasses
-import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +25,9 @@ from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit.deck import Deck
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
-from lammps_cases.audit.options import AuditOptions, DeckSetups, RunSetup, ScriptCommand, StartState
+from lammps_cases.audit.options import AuditOptions, DeckSetups, RunSetup, StartState
 from lammps_cases.audit.sample import SOLID
-from lammps_cases.audit.scaling import BEFORE_BOX, RULE, Scaling
+from lammps_cases.audit.scaling import BEFORE_BOX, Scaling, kept_commands, needed_variables
 from lammps_cases.audit.setups import quoted
 from lammps_cases.audit.share import data
 from lammps_cases.audit.supervise import audit_deck, described
@@ -41,19 +39,9 @@ from lammps_cases.setup.twins import Scale
 
 SKINS = {"lj": "0.3", "si": "0.001", "cgs": "0.1"}  # of neighbour lists by default; no other system is rescaled
 SAME = 1e-12  # relative differences of m/rho0 between types that are rounding
+STIRRED = 0.1  # of the spacing, of the speed of sound, of energies
 AT_SURFACE = 1  # the class of surface particles that have a normal
 ROUNDINGS = 4  # of a number on its way into the other deck, at most
-# What has made the particles that the data file holds; of no use after the first run, where it would change them.
-MAKERS = frozenset(
-    {
-        *("lattice", "region", "create_box", "create_atoms", "read_data", "read_dump", "molecule"),
-        *("mass", "set", "group", "delete_atoms", "displace_atoms", "velocity", "change_box", "replicate"),
-        *("reset_atoms",),
-    }
-)
-FLOW = frozenset({"label", "jump", "include", "next", "quit"})  # whose consequences the followed deck has
-PRINTED = frozenset({"print", "echo", "info", "timer"})
-_NAMES = re.compile(r"v_(\w+)|\$\{(\w+)\}|\$(\w)")
 REPULSION = "in 2D the short-range repulsion by walls (interface/reconstruct, chi > 0.9) depends on the unit of length"
 COLUMNS = ("x", "v", "f", "rho", "drho", "pressure", "energy")
 
@@ -66,7 +54,7 @@ class RescaledDeck:
     ----------
     volume : m/rho0 of the deck that it is made of
     length : unit of length, in that of the deck
-    same : largest difference between the two decks' fields at the set-up by the reference, over the bound
+    same : largest difference between the two decks' fields by the reference, over the bound, the particles stirred
     notes : what is not the same in them
     """
 
@@ -81,8 +69,8 @@ class RescaledDeck:
 def rescale(deck: Path, options: AuditOptions, target: Path) -> list[str]:
     """Write a deck in the unit of length in which m/rho0 is 1, run it, and return lines about it.
 
-    The new deck is checked in two ways: the reference's forces and rates at the set-up of both decks differ by no more
-    than rounding; LAMMPS runs it, audited, to its end.
+    The new deck is checked in two ways: the reference's forces and rates of both decks' particles, stirred alike, differ
+    by no more than rounding; LAMMPS runs it, audited, to its end.
 
     Parameters
     ----------
@@ -124,7 +112,7 @@ def _report(made: RescaledDeck, case: CaseRecord, target: Path) -> list[str]:
     lines = [
         f"{target}: unit of length {made.length:.6g}, in which m/rho0 is 1 instead of {made.volume:.3g}; LAMMPS runs "
         f"it, {case.steps} steps, {case.natoms} atoms",
-        f"same physics: by the reference, the set-ups differ by {made.same:.2g} x bound; forces of pairs are "
+        f"same physics: forces and rates by the reference differ by {made.same:.2g} x bound; forces of pairs are "
         f"{1 / made.volume:.3g} times too large in LAMMPS before, now off by at most {max(left, default=0.0):.2%} "
         "(rho/rho0 - 1)",
     ]
@@ -160,7 +148,8 @@ def rescaled(setups: DeckSetups, name: str, target: str) -> RescaledDeck:
     other = replace(deck, fixes={key: scaling.words(words) for key, words in deck.fixes.items()})
     other.pair = scaling.words(["pair_style", *deck.pair])[1:]
     start_there = _scaled_start(start, scale)
-    same = _same(before, _sample(other, run, start_there), scale)
+    stirred = _stirred(start, length, max(law.cs for law in before.model.eos.laws))
+    same = _same(_sample(deck, run, stirred), _sample(other, run, _scaled_start(stirred, scale)), scale)
     flat = run.dimension == 2 and before.model.fix.interface_reconstruct
     notes = [f"{REPULSION}: beside other forces it is {1 / length:.6g} times what it was"] if flat else []
     head = [f"# {line}" for line in (*_header(volume, length, scale, name), *notes)]
@@ -214,6 +203,23 @@ class _Rounded(ParticleSample):
         return State(off(s.x_nc, self.model.cut), off(s.v_nc, cs), off(s.rho_n), s.type_n, s.solid_n, energy_n)
 
 
+def _stirred(start: StartState, spacing: float, cs: float) -> StartState:
+    """Return a start in motion: on a lattice at rest no force would show a number that is wrong."""
+    random = np.random.default_rng(0)
+
+    def noise(like: Any) -> Any:
+        return random.uniform(-STIRRED, STIRRED, like.shape)
+
+    x_nc = start.x_nc + spacing * noise(start.x_nc) * np.ptp(start.x_nc, axis=0).astype(bool)
+    return replace(
+        start,
+        x_nc=x_nc,
+        v_nc=start.v_nc + cs * noise(start.v_nc),
+        rho_n=start.rho_n * (1 + STIRRED * noise(start.rho_n)),
+        energy_n=start.energy_n * (1 + noise(start.energy_n)),
+    )
+
+
 def _repelling(by: float) -> type[ArrayEvaluator]:
     """Return the reference with another strength of the repulsion by walls."""
 
@@ -250,7 +256,7 @@ def _same(before: ParticleSample, after: ParticleSample, scale: Scale) -> float:
         bound = (np.asarray(error(a), float) + np.asarray(error(b), float) / factor)[rows_n]
         ratio = np.divide(difference, bound, out=np.zeros(difference.shape), where=difference > 0).max(initial=0.0)
         if not ratio <= 1:
-            rule = f"must be the same to the reference: {name} of the set-up differs by {ratio:.3g} x bound"
+            rule = f"must be the same to the reference: {name} differs by {ratio:.3g} x bound"
             raise InputError("rescaled deck", rule)
         worst = max(worst, float(ratio))
     return worst
@@ -290,7 +296,7 @@ def _header(volume: float, length: float, scale: Scale, name: str) -> list[str]:
 
 
 def _commands(setups: DeckSetups, start: StartState, scaling: Scaling, target: str) -> Iterator[str]:
-    kept = list(_kept(setups.script))
+    kept = list(kept_commands(setups.script))
     for command in kept:
         if command.values[0] in BEFORE_BOX:
             yield _line(scaling.command(command))
@@ -302,7 +308,7 @@ def _commands(setups: DeckSetups, start: StartState, scaling: Scaling, target: s
         yield f"reset_timestep {run.first}"
     if not any(command.values[0] == "neighbor" and not command.runs for command in kept):
         yield _line(scaling.words(["neighbor", SKINS[run.units], "bin"]))
-    needed = _variables(kept)
+    needed = needed_variables(kept)
     for command in kept:
         if command.values[0] == "variable":
             if command.values[1] in needed:
@@ -313,44 +319,6 @@ def _commands(setups: DeckSetups, start: StartState, scaling: Scaling, target: s
 
 def _line(words: Sequence[str]) -> str:
     return " ".join(map(quoted, words))
-
-
-def _kept(script: Sequence[ScriptCommand]) -> Iterator[ScriptCommand]:
-    """Yield the commands that the new deck needs.
-
-    Raises
-    ------
-    InputError
-        One after the first run that depends on what the run does, or that changes particles.
-    """
-    for command in script:
-        name = (command.values or command.written.split())[0]
-        making = name in MAKERS and "dynamic" not in command.values
-        if name in PRINTED or name in FLOW or (not command.runs and (making or not command.values)):
-            continue
-        refuse = partial(InputError, f"command {name}", found=command.written, where=command.where)
-        if command.runs and (making or name in BEFORE_BOX or not command.values):
-            raise refuse(rule=f"{RULE} after the first run")
-        if command.runs and "$" in command.written:
-            raise refuse(rule=f"{RULE}, as it depends on a variable after the first run")
-        yield command
-
-
-def _variables(kept: Sequence[ScriptCommand]) -> set[str]:
-    """Return the names of variables that commands refer to, or those variables."""
-    named = {command.values[1]: _names(command.values[2:]) for command in kept if command.values[0] == "variable"}
-    needed: set[str] = set()
-    waiting = [name for command in kept if command.values[0] != "variable" for name in _names(command.values)]
-    while waiting:
-        name = waiting.pop()
-        if name not in needed:
-            needed.add(name)
-            waiting += named.get(name, ())
-    return needed
-
-
-def _names(words: Sequence[str]) -> list[str]:
-    return [next(filter(None, found)) for found in _NAMES.findall(" ".join(words))]
 
 
 def _groups(start: StartState) -> Iterator[str]:

@@ -7,8 +7,9 @@ no form here, or a number that is no plain number, is refused: what is written m
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from eos_ref.errors import InputError
 from eos_ref.syntax.manual import Manual, weighs_distance
@@ -23,7 +24,7 @@ Dims = tuple[str | None, ...]  # None for a word that stays
 
 
 @dataclass(frozen=True)
-class Form:
+class WordForm:
     """The dimensions of a command's words: of the first ones, then by keyword; None for keywords: the rest stays."""
 
     head: Dims = ()
@@ -31,11 +32,11 @@ class Form:
     by_type: bool = False  # whether types may stand in the place of a keyword
 
 
-STAYS = Form((), None)
+STAYS = WordForm((), None)
 NUMBER: Dims = (None,)
 FORCES: Dims = ("f", "f", "f")
 FIXES = {
-    "rheo": Form(
+    "rheo": WordForm(
         ("x", None, None),
         {
             **dict.fromkeys(("thermal", "interface/reconstruct", "rho/sum", "self/mass", "shift"), ()),
@@ -47,8 +48,8 @@ FIXES = {
         },
     ),
     # K, a viscosity times a rate to some power, has the factor of a viscosity as long as the unit of time stays.
-    "rheo/viscosity": Form((), {"constant": ("viscosity",), "power": ("viscosity", None, "viscosity", None)}, True),
-    "rheo/pressure": Form(
+    "rheo/viscosity": WordForm((), {"constant": ("viscosity",), "power": ("viscosity", None, "viscosity", None)}, True),
+    "rheo/pressure": WordForm(
         (),
         {
             **dict.fromkeys(("linear", "tait/water"), ()),
@@ -58,7 +59,7 @@ FIXES = {
         },
         True,
     ),
-    "rheo/thermal": Form(
+    "rheo/thermal": WordForm(
         (),
         {
             "conductivity": (TYPES, None, "conductivity"),
@@ -67,16 +68,16 @@ FIXES = {
             "Tfreeze": (TYPES, None, None),
         },
     ),
-    "gravity": Form(("acceleration",), {"vector": (None, None, None)}),
-    "addforce": Form(FORCES),
-    "setforce": Form(FORCES),
-    "add/heat": Form((), {"constant": ("heatflow",), "linear": (None, "heatflow"), "overwrite": NUMBER}),
-    "enforce2d": Form(),
+    "gravity": WordForm(("acceleration",), {"vector": (None, None, None)}),
+    "addforce": WordForm(FORCES),
+    "setforce": WordForm(FORCES),
+    "add/heat": WordForm((), {"constant": ("heatflow",), "linear": (None, "heatflow"), "overwrite": NUMBER}),
+    "enforce2d": WordForm(),
     **dict.fromkeys(("momentum", "print", "vector", "store/state", "store/force", "ave/time", "ave/atom"), STAYS),
 }
 _ORDER = {
     **dict.fromkeys(("units", "dimension", "boundary", "box", "newton", "processors", "comm_style", "suffix"), STAYS),
-    "atom_modify": Form((), {"map": NUMBER, "first": NUMBER, "id": NUMBER, "sort": (None, "x")}),
+    "atom_modify": WordForm((), {"map": NUMBER, "first": NUMBER, "id": NUMBER, "sort": (None, "x")}),
 }
 BEFORE_BOX = (*_ORDER, "atom_style")
 COMMANDS = {
@@ -84,17 +85,33 @@ COMMANDS = {
     **dict.fromkeys(("unfix", "uncompute", "undump", "timestep", "reset_timestep", "pair_coeff"), STAYS),
     **dict.fromkeys(("thermo", "thermo_style", "thermo_modify", "log", "dump", "write_dump", "write_data"), STAYS),
     **dict.fromkeys(("restart", "write_restart"), STAYS),
-    "pair_style": Form((None, "x"), {"artificial/visc": NUMBER, "harmonic/means": (), "rho/damp": ("diffusivity",)}),
-    "neighbor": Form(("x", None)),
-    "neigh_modify": Form((), {**dict.fromkeys(("every", "delay", "check", "once", "page", "one", "cluster"), NUMBER)}),
-    "comm_modify": Form((), {"mode": NUMBER, "vel": NUMBER, "cutoff": ("x",)}),
-    "fix_modify": Form(NUMBER, dict.fromkeys(("energy", "virial", "press"), NUMBER)),
+    "pair_style": WordForm(
+        (None, "x"), {"artificial/visc": NUMBER, "harmonic/means": (), "rho/damp": ("diffusivity",)}
+    ),
+    "neighbor": WordForm(("x", None)),
+    "neigh_modify": WordForm(
+        (), {**dict.fromkeys(("every", "delay", "check", "once", "page", "one", "cluster"), NUMBER)}
+    ),
+    "comm_modify": WordForm((), {"mode": NUMBER, "vel": NUMBER, "cutoff": ("x",)}),
+    "fix_modify": WordForm(NUMBER, dict.fromkeys(("energy", "virial", "press"), NUMBER)),
 }
 # Computes without a length, or another number with a dimension, among their words.
 COMPUTES = (
     *("rheo/property/atom", "property/atom", "ke", "ke/atom", "pe", "pe/atom", "temp", "pressure", "stress/atom"),
     *("reduce", "com", "vcm", "count/type"),
 )
+
+# What has made the particles that the data file holds; of no use after the first run, where it would change them.
+MAKERS = frozenset(
+    {
+        *("lattice", "region", "create_box", "create_atoms", "read_data", "read_dump", "molecule"),
+        *("mass", "set", "group", "delete_atoms", "displace_atoms", "velocity", "change_box", "replicate"),
+        *("reset_atoms",),
+    }
+)
+FLOW = frozenset({"label", "jump", "include", "next", "quit"})  # whose consequences the followed deck has
+PRINTED = frozenset({"print", "echo", "info", "timer"})
+_NAMES = re.compile(r"v_(\w+)|\$\{(\w+)\}|\$(\w)")
 
 
 @dataclass(frozen=True)
@@ -153,7 +170,7 @@ class Scaling:
                 return self._walked(values, 1, COMMANDS[name])
         raise ValueError
 
-    def _walked(self, values: Sequence[str], at: int, form: Form) -> list[str]:
+    def _walked(self, values: Sequence[str], at: int, form: WordForm) -> list[str]:
         waiting, made = list(values[at:]), list(values[:at])
         made += self._taken(waiting, form.head)
         if form.keywords is None:
@@ -190,3 +207,41 @@ class Scaling:
         except ValueError:
             raise ValueError(word) from None
         return word if number == 0 else repr(number * self.factor(dimension))
+
+
+def kept_commands(script: Sequence[ScriptCommand]) -> Iterator[ScriptCommand]:
+    """Yield the commands that the new deck needs.
+
+    Raises
+    ------
+    InputError
+        One after the first run that depends on what the run does, or that changes particles.
+    """
+    for command in script:
+        name = (command.values or command.written.split())[0]
+        making = name in MAKERS and "dynamic" not in command.values
+        if name in PRINTED or name in FLOW or (not command.runs and (making or not command.values)):
+            continue
+        refuse = partial(InputError, f"command {name}", found=command.written, where=command.where)
+        if command.runs and (making or name in BEFORE_BOX or not command.values):
+            raise refuse(rule=f"{RULE} after the first run")
+        if command.runs and "$" in command.written:
+            raise refuse(rule=f"{RULE}, as it depends on a variable after the first run")
+        yield command
+
+
+def needed_variables(kept: Sequence[ScriptCommand]) -> set[str]:
+    """Return the names of variables that commands refer to, or those variables."""
+    named = {command.values[1]: _names(command.values[2:]) for command in kept if command.values[0] == "variable"}
+    needed: set[str] = set()
+    waiting = [name for command in kept if command.values[0] != "variable" for name in _names(command.values)]
+    while waiting:
+        name = waiting.pop()
+        if name not in needed:
+            needed.add(name)
+            waiting += named.get(name, ())
+    return needed
+
+
+def _names(words: Sequence[str]) -> list[str]:
+    return [next(filter(None, found)) for found in _NAMES.findall(" ".join(words))]

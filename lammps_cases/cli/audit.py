@@ -82,6 +82,7 @@ def audit_command(
     Examples: eos-ref audit in.deck --every 10 --steps 1000
               eos-ref audit in.deck --fields pressure,surface,grad/v
               eos-ref audit --dump out.dump --deck in.deck
+              eos-ref audit in.deck --rescale in.rescaled
     """
     from lammps_cases.audit import AuditOptions
     from lammps_cases.audit.command import audit_into
@@ -100,8 +101,8 @@ def audit_command(
         options = AuditOptions(
             every, steps, timeout, trust, chosen.site, bar, fields=names, suffix=suffix, budgets=budgets
         )
-        target = None if rescale is None else rescale if rescale.name else Path(f"{deck.name}.rescaled")
-        written = [] if target is None else rescale_deck(deck, options, target)
+        target = rescale if rescale and rescale.name else Path(f"{deck.name}.rescaled")
+        written = [] if rescale is None else rescale_deck(deck, options, target)
         run = audit_into(directory, deck, options, chosen, provenance.command_line(), fail_on or "new", dump, restart)
     if not as_json:
         for line in field_table(run.cases[0]):

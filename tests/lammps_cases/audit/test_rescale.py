@@ -10,11 +10,12 @@ from click.testing import CliRunner
 
 from eos_ref.errors import InputError
 from eos_ref.syntax.manual import FIRST
-from lammps_cases.audit import AuditOptions
+from lammps_cases.audit import AuditOptions, scaling
 from lammps_cases.audit import rescale as module
 from lammps_cases.audit.options import ScriptCommand, StartState
 from lammps_cases.audit.rescale import REPULSION, rescale
 from lammps_cases.audit.scaling import Scaling
+from lammps_cases.audit.supervise import described
 from lammps_cases.cli.audit import audit_command
 from lammps_cases.setup.twins import Scale
 
@@ -101,22 +102,22 @@ def test_what_the_first_run_begins_with_is_kept(written: str, runs: int, kept: b
     script = [command(written, runs)]
     if kept is None:
         with pytest.raises(InputError, match=r"after the first run.*\(in.deck:7\)"):
-            list(module._kept(script))
+            list(scaling.kept_commands(script))
     else:
-        assert bool(list(module._kept(script))) is kept
+        assert bool(list(scaling.kept_commands(script))) is kept
 
 
 def test_conditions_are_taken_before_the_first_run_only() -> None:
     branch = ScriptCommand("in.deck:9", 'if "$(ke) > 1" then "run 1"', 0)
-    assert not list(module._kept([branch]))
+    assert not list(scaling.kept_commands([branch]))
     branch.runs = 1
     with pytest.raises(InputError, match=r"command if: .*in.deck:9"):
-        list(module._kept([branch]))
+        list(scaling.kept_commands([branch]))
 
 
 def test_only_variables_that_are_referred_to_are_kept() -> None:
     script = ["variable a equal v_b+1", "variable b equal 2", "variable c equal 3", "thermo_style custom step v_a"]
-    assert module._variables([*map(command, script)]) == {"a", "b"}
+    assert scaling.needed_variables([*map(command, script)]) == {"a", "b"}
 
 
 # --- with LAMMPS
@@ -216,11 +217,17 @@ def test_a_deck_that_no_unit_of_length_mends_is_refused(text: str, message: str,
 
 @pytest.mark.lammps
 def test_a_number_with_the_wrong_factor_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the reference, in the particles of the set-up: with LAMMPS once, as a folder's set-ups are the same."""
+    (tmp_path / "in.deck").write_text(THREE)
+    _, setups = described(tmp_path / "in.deck", AuditOptions())
     right = Scaling.factor
-    monkeypatch.setattr(Scaling, "factor", lambda s, of: right(s, of) * (1.001 if of == "acceleration" else 1.0))
-    with pytest.raises(InputError, match="must be the same to the reference: f of the set-up differs by"):
-        written(DRY, tmp_path)
-    assert not (tmp_path / "new").exists()
+    assert module.rescaled(setups, "in.deck", "in.new").same <= 1
+    for wrong in ("acceleration", "x", "rho", "v", "viscosity", "conductivity", "cv", "diffusivity", "f"):
+        monkeypatch.setattr(
+            Scaling, "factor", lambda s, of, wrong=wrong: right(s, of) * (1.001 if of == wrong else 1.0)
+        )
+        with pytest.raises(InputError, match=r"must be the same to the reference: .* differs by"):
+            module.rescaled(setups, "in.deck", "in.new")
 
 
 def test_groups_are_types_or_ids() -> None:

@@ -69,8 +69,8 @@ class RescaledDeck:
 def rescale(deck: Path, options: AuditOptions, target: Path) -> list[str]:
     """Write a deck in the unit of length in which m/rho0 is 1, run it, and return lines about it.
 
-    The new deck is checked in two ways: the reference's forces and rates of both decks' particles, stirred alike, differ
-    by no more than rounding; LAMMPS runs it, audited, to its end.
+    The new deck is checked in two ways: the reference's forces and rates of both decks, stirred alike, differ by no
+    more than rounding; LAMMPS runs it, audited, to its end.
 
     Parameters
     ----------

@@ -89,9 +89,7 @@ COMMANDS = {
         (None, "x"), {"artificial/visc": NUMBER, "harmonic/means": (), "rho/damp": ("diffusivity",)}
     ),
     "neighbor": WordForm(("x", None)),
-    "neigh_modify": WordForm(
-        (), {**dict.fromkeys(("every", "delay", "check", "once", "page", "one", "cluster"), NUMBER)}
-    ),
+    "neigh_modify": WordForm((), dict.fromkeys(("every", "delay", "check", "once", "page", "one", "cluster"), NUMBER)),
     "comm_modify": WordForm((), {"mode": NUMBER, "vel": NUMBER, "cutoff": ("x",)}),
     "fix_modify": WordForm(NUMBER, dict.fromkeys(("energy", "virial", "press"), NUMBER)),
 }

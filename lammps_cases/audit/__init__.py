@@ -10,7 +10,8 @@ findings do to the deck), `outlook` (why a run broke off), `budget`, `rerun`, `c
 and what makes up the difference to a closed solution), `warn` (questionable set-ups), `child`, `launch`, `messages`
 and `supervise` (the process, and what it may do), `scratch` (the copy), `verdict` (the record), `command` (what writes
 the report). Finished output: `setups` (a deck followed without its runs), `printed` (what columns hold, and how many
-digits), `frames` (a snapshot as a sample), `finished` (dumps), `restart`.
+digits), `frames` (a snapshot as a sample), `finished` (dumps), `restart`. In another unit of length: `scaling` (the
+commands), `rescale` (the deck).
 
 Called, the package is `lammps_cases.audit.command.audit`.
 """

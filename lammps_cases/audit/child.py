@@ -90,7 +90,13 @@ def audit(task: AuditTask, connection: Connection) -> DeckEnd:
     lmp, who = start(task)
     connection.send(EngineIdentity(who))
     watch = (SetupWatch if task.setups else DeckWatch)(lmp, options, connection.send, who["distribution"])
-    follower = Follower(lmp, watch, lambda where, text: connection.send(CommandPlace(where, text)), options.trust)
+
+    def report(where: str, written: str) -> None:
+        if isinstance(watch, SetupWatch):
+            watch.meet(where, written)
+        connection.send(CommandPlace(where, written))
+
+    follower = Follower(lmp, watch, report, options.trust)
     refused = lacks = ""
     try:
         if options.suffix is not None:

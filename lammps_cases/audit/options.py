@@ -195,13 +195,59 @@ class DeckDump:
     step: int | None = None
 
 
+@dataclass
+class ScriptCommand:
+    """A command of a deck as written, and as LAMMPS got it: no words where only the deck's flow depends on it.
+
+    ``runs`` is the number of runs before it.
+    """
+
+    where: str
+    written: str
+    runs: int
+    values: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class StartState:
+    """The particles before the set-up of the first run, in LAMMPS' order, and the box.
+
+    Attributes
+    ----------
+    box_c : (2, 3) corners; tilt_c : (3,) xy, xz, yz
+    id_n, type_n, status_n, rho_n : (n,)
+    x_nc, v_nc : (n, 3)
+    energy_n : (n,), empty without atom_style rheo/thermal
+    members : by group, whether a particle is in it
+    """
+
+    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
+
+    box_c: npt.NDArray[Any]
+    tilt_c: npt.NDArray[Any]
+    periodic: list[bool]
+    id_n: npt.NDArray[Any]
+    type_n: npt.NDArray[Any]
+    status_n: npt.NDArray[Any]
+    x_nc: npt.NDArray[Any]
+    v_nc: npt.NDArray[Any]
+    rho_n: npt.NDArray[Any]
+    energy_n: npt.NDArray[Any]
+    members: dict[str, npt.NDArray[Any]]
+
+
 @dataclass(frozen=True)
 class DeckSetups:
-    """The runs of a deck, none of which has been carried out, its dumps, and its fixes and the like as commands."""
+    """The runs of a deck, none of which has been carried out, its dumps, and its fixes and the like as commands.
+
+    With all of its commands, and the particles at its first run.
+    """
 
     runs: list[RunSetup]
     dumps: list[DeckDump]
     commands: list[str]
+    script: list[ScriptCommand] = field(default_factory=list)
+    start: StartState | None = None
 
 
 @dataclass(frozen=True)

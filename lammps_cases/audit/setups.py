@@ -11,7 +11,7 @@ import numpy as np
 
 from lammps_cases.audit import sample
 from lammps_cases.audit.deck import Deck, between
-from lammps_cases.audit.options import DeckDump, DeckSetups, RunSetup
+from lammps_cases.audit.options import DeckDump, DeckSetups, RunSetup, ScriptCommand, StartState
 from lammps_cases.audit.sample import SOLID
 from lammps_cases.audit.watch import DeckWatch
 
@@ -36,14 +36,26 @@ class SetupWatch(DeckWatch):
         self.dumps: list[DeckDump] = []
         self.commands: list[list[str]] = []
         self.ahead = 0  # steps of runs since LAMMPS' own count was set
+        self.script: list[ScriptCommand] = []
+        self.start: StartState | None = None
 
     def setups(self) -> DeckSetups:
         """Return all that was kept."""
-        return DeckSetups(self.described, self.dumps, [" ".join(map(_quoted, words)) for words in self.commands])
+        commands = [" ".join(map(quoted, words)) for words in self.commands]
+        return DeckSetups(self.described, self.dumps, commands, self.script, self.start)
+
+    def meet(self, where: str, written: str) -> None:
+        """Take down a command that comes next, before LAMMPS substitutes it."""
+        self.script.append(ScriptCommand(where, written, self.runs))
+
+    def _keep(self, values: list[str]) -> None:
+        if self.script:
+            self.script[-1].values = values
 
     def note(self, values: list[str]) -> None:
         """Take down a command that LAMMPS has executed."""
         super().note(values)
+        self._keep(values)
         if values[0] in DEFINITIONS:
             self.commands.append(values)
         match values:
@@ -76,6 +88,9 @@ class SetupWatch(DeckWatch):
 
     def run(self, values: list[str], execute: Callable[..., None]) -> bool:
         """Describe a run, and count its steps; LAMMPS sets it up."""
+        self._keep(values)
+        if not self.runs and self.lmp.extract_atom("rheo_status"):
+            self.start = self._start()
         self.runs += 1
         execute("run 0")
         first, count = self._step(), int(float(values[1]))
@@ -83,6 +98,28 @@ class SetupWatch(DeckWatch):
         self.described.append(self._setup(values, first, last))
         self.ahead += last - first
         return False
+
+    def _start(self) -> StartState:
+        lmp, n = self.lmp, int(self.lmp.extract_setting("nlocal"))
+        low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
+        groups = [group for group in lmp.available_ids("group") if group]  # deleted ones have no name
+        for group in groups:
+            sample.follow_group(lmp, group)
+        energy_n = lmp.numpy.extract_atom("esph")
+        return StartState(
+            box_c=np.array([low, high]),
+            tilt_c=np.array([xy, xz, yz]),
+            periodic=[bool(flag) for flag in periodic],
+            energy_n=np.zeros(0) if energy_n is None else energy_n[:n].copy(),
+            members={group: sample.members(lmp, group, n) for group in groups},
+            **{
+                axes: lmp.numpy.extract_atom(name)[:n].copy()
+                for axes, name in {
+                    **{"id_n": "id", "type_n": "type", "status_n": "rheo_status"},
+                    **{"x_nc": "x", "v_nc": "v", "rho_n": "rho"},
+                }.items()
+            },
+        )
 
     def _setup(self, values: list[str], first: int, last: int) -> RunSetup:
         lmp = self.lmp
@@ -112,7 +149,7 @@ class SetupWatch(DeckWatch):
         )
 
 
-def _quoted(word: str) -> str:
+def quoted(word: str) -> str:
     """Return a word as a script has it."""
     if word and not any(c.isspace() or c in "\"'#&" for c in word):
         return word

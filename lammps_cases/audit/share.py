@@ -47,23 +47,31 @@ def share(
     room_c = np.where(periodic, 0.0, model.cut)
     low_c, high_c = box_c[0] - room_c, box_c[1] + room_c
     tilt = box_c[2] if len(box_c) > 2 else None
-    return PairShare(run, step, reason, commands, _data(sample, id_n, low_c, high_c, tilt, style))
-
-
-def _data(
-    sample: ParticleSample, id_n: Array, low_c: Array, high_c: Array, tilt_c: Array | None, style: str
-) -> list[str]:
     s, n = sample.state, len(id_n)
-    heat = [] if s.energy_n is None else [s.energy_n]
+    heat_n = [] if s.energy_n is None else [s.energy_n]
     x_nc = _in_space(s.x_nc, np.zeros(n) if sample.z_n is None else sample.z_n)
+    columns = (id_n, s.type_n, s.solid_n.astype(int), s.rho_n, *heat_n, *x_nc.T)
+    velocities = (id_n, *_in_space(s.v_nc, np.zeros(n)).T)
+    lines = data(columns, velocities, len(model.mass_t), style, low_c, high_c, tilt)
+    return PairShare(run, step, reason, commands, lines)
+
+
+def data(
+    atoms: Sequence[Array],
+    velocities: Sequence[Array],
+    ntypes: int,
+    style: str,
+    low_c: Array,
+    high_c: Array,
+    tilt_c: Array | None,
+) -> list[str]:
+    """Return the lines of a data file, by the columns of its two sections."""
     edges = [
         f"{low!r} {high!r} {a}lo {a}hi" for low, high, a in zip(low_c.tolist(), high_c.tolist(), "xyz", strict=True)
     ]
     edges += [] if tilt_c is None else [" ".join(map(repr, tilt_c.tolist())) + " xy xz yz"]
-    atoms = _rows(id_n, s.type_n, s.solid_n.astype(int), s.rho_n, *heat, *x_nc.T)
-    velocities = _rows(id_n, *_in_space(s.v_nc, np.zeros(n)).T)
-    head = ["particles of a sample", "", f"{n} atoms", f"{len(sample.model.mass_t)} atom types", "", *edges]
-    return [*head, "", f"Atoms # {style}", "", *atoms, "", "Velocities", "", *velocities, ""]
+    head = ["particles of a deck", "", f"{len(atoms[0])} atoms", f"{ntypes} atom types", "", *edges]
+    return [*head, "", f"Atoms # {style}", "", *_rows(*atoms), "", "Velocities", "", *_rows(*velocities), ""]
 
 
 def _in_space(values_nc: Array, third_n: Array) -> Array:

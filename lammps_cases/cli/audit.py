@@ -38,6 +38,14 @@ from lammps_cases.records.wording import listed, unchecked
     envvar="EOS_REF_TRUST",
     help="Let the deck run programs, and read and write files with your own file permissions.",
 )
+@click.option(
+    "--rescale",
+    type=shared.PATH,
+    is_flag=False,
+    flag_value="",
+    metavar="[FILE]",
+    help="Write DECK in the unit of length in which m/rho0 is 1.  [default: DECK.rescaled]",
+)
 @click.option("--out", type=shared.PATH, help="Report folder.  [default: reports/audit-DECK]")
 @shared.engine_option
 @shared.fail_on_option
@@ -54,6 +62,7 @@ def audit_command(
     suffix: str | None,
     budgets: bool,
     trust: bool,
+    rescale: Path | None,
     out: Path | None,
     engine: str,
     fail_on: FailOn | None,
@@ -73,9 +82,11 @@ def audit_command(
     Examples: eos-ref audit in.deck --every 10 --steps 1000
               eos-ref audit in.deck --fields pressure,surface,grad/v
               eos-ref audit --dump out.dump --deck in.deck
+              eos-ref audit in.deck --rescale in.rescaled
     """
     from lammps_cases.audit import AuditOptions
     from lammps_cases.audit.command import audit_into
+    from lammps_cases.audit.rescale import rescale as rescale_deck
     from lammps_cases.engine import installations
     from lammps_cases.run import provenance
 
@@ -90,12 +101,16 @@ def audit_command(
         options = AuditOptions(
             every, steps, timeout, trust, chosen.site, bar, fields=names, suffix=suffix, budgets=budgets
         )
+        target = rescale if rescale and rescale.name else Path(f"{deck.name}.rescaled")
+        written = [] if rescale is None else rescale_deck(deck, options, target)
         run = audit_into(directory, deck, options, chosen, provenance.command_line(), fail_on or "new", dump, restart)
     if not as_json:
         for line in field_table(run.cases[0]):
             click.echo(line)
         for line in report_lines(run.cases[0]):
             shared.show(line, "  ")
+        for line in written:
+            shared.show(f"rescaled: {line}", "  ")
     return shared.finish(run, directory, as_json)
 
 

@@ -15,8 +15,7 @@ from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records.checked import checked
 from lammps_cases.records.files import write_arrays
-from lammps_cases.records.levels import FailOn
-from lammps_cases.records.run_record import RunRecord
+from lammps_cases.records.run_record import Level, RunRecord
 from lammps_cases.run import provenance, report_files
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.run.results import Result, report_folder
@@ -36,7 +35,7 @@ def audit(
     suffix: str | None = None,
     budgets: bool = False,
     engine: str = "env",
-    fail_on: FailOn = "new",
+    fail_on: Level = "new",
     out: str | Path | None = None,
 ) -> Result:
     """Check every atom while LAMMPS runs an input deck, unchanged, in a copy of its folder, as ``eos-ref audit`` does.
@@ -52,7 +51,9 @@ def audit(
         See `lammps_cases.audit.options.AuditOptions`.
     fields : str or sequence of str
         What to check, by LAMMPS' names; all: whatever can be.
-    engine, fail_on, out :
+    fail_on : {"high", "medium", "low", "new"} or an effect
+        Known findings that fail: by their severity on the deck, or by their effect there, above "1%".
+    engine, out :
         See `lammps_cases.run.command.run`.
 
     Raises
@@ -81,7 +82,7 @@ def audit_into(
     options: AuditOptions,
     engine: Engine,
     command: str,
-    fail_on: FailOn,
+    fail_on: Level,
     dump: Path | None = None,
     restart: Path | None = None,
 ) -> RunRecord:

@@ -23,6 +23,7 @@ Array = npt.NDArray[Any]
 ALL = "all"
 DEFAULT = (ALL,)
 ABSENT = "fix rheo of this deck has no such feature"  # where all fields are asked for
+INTEGRATED = "integrated over time; it can be checked only with rho/sum"
 PRESSURE = ("pressure",)
 # Measured: with these pairs left out, by the statuses of the step before, the sum is LAMMPS' on every particle.
 MARKED = (
@@ -66,6 +67,14 @@ def chosen(names: Iterable[str]) -> tuple[str, ...]:
     if not names:
         raise InputError("fields", "must name at least one", where="option --fields")
     return (ALL,) if ALL in names else tuple(name for name in offered() if name in names)
+
+
+def out_of_scope(reasons: Iterable[tuple[str, str]]) -> list[str]:
+    """Return those of some fields, with the reasons why they are not checked, of which no audit of a deck would."""
+    ordinary = {ABSENT, INTEGRATED, *unaudited().values()}
+    pairs = list(reasons)
+    others = {name for name, reason in pairs if reason not in ordinary}
+    return [name for name in dict.fromkeys(name for name, _ in pairs) if name not in others]
 
 
 @dataclass(frozen=True)
@@ -149,7 +158,7 @@ def _of_pairs(name: str, model: Model, setting: Setting) -> str:
     if needs(name, "v", model) and (moving := setting.deck.moves_images()):
         return moving
     if name == "rho" and not model.fix.rho_sum:
-        return "integrated over time; it can be checked only with rho/sum"
+        return INTEGRATED
     if FIELDS[name].stage != "pair":
         return ""
     if corrected_by_hidden_densities(model):

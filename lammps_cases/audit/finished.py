@@ -106,6 +106,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
     case = findings.case(case_name(dump))
     case.about = "a dump of your input deck: its columns against each other, at the end of a step"
     leave_unchecked(case, audit.unchecked())
+    case.out_of_scope = fields.out_of_scope(audit.reasons)
     case.source, case.reproduce = str(dump), shlex.join(["eos-ref", "audit", "--dump", str(dump), "--deck", str(deck)])
     case.seconds = Seconds(reference=time.perf_counter() - begin, total=time.perf_counter() - begin)
     record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()
@@ -207,8 +208,9 @@ class _Audit:
             self.reasons.setdefault((name, reason), []).append(snapshot.step)
         setup = run.setup
         laws = run.model.eos.laws if isinstance(run.model, Model) else ()
+        melts = isinstance(run.model, Model) and any(of.T_freeze is not None for of in run.model.thermal or ())
         mass_t: list[Any] = setup.mass_t or [None] * (len(laws) + 1)
-        records = [LawRecord.of(t, law, mass_t[t]) for t, law in enumerate(laws, 1)]
+        records = [LawRecord.of(t, law, mass_t[t], melts) for t, law in enumerate(laws, 1)]
         stages: dict[str, str] = {name: FIELDS[name].stage for name in names}
         id_n = snapshot.numbers("id", int)
         facts = RunFacts(len(id_n), setup.dimension, setup.units, records, [], run.number, {}, stages, derived(0))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from lammps_cases.audit.effects import worst as largest
-from lammps_cases.audit.fields import offered
+from lammps_cases.audit.fields import offered, out_of_scope
 from lammps_cases.audit.options import (
     CommandPlace,
     DeckEnd,
@@ -160,6 +160,7 @@ class Findings:
             **({"seconds": self.ended.seconds} if self.ended else {}),
         )
         leave_unchecked(case, self.reasons())
+        case.out_of_scope = out_of_scope(self.unchecked)
         case.message = wording.message(case)
         return case
 

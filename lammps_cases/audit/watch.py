@@ -242,11 +242,12 @@ class DeckWatch:
     def _facts(self, run: WatchedRun) -> RunFacts:
         laws = () if run.table is None else run.table.laws
         mass_t = [None] * (len(laws) + 1) if run.mass_t is None else run.mass_t.tolist()
+        melts = "Tfreeze" in (self.deck.fix("rheo/thermal") or ())
         return RunFacts(
             int(self.lmp.get_natoms()),
             int(self.lmp.extract_setting("dimension")),
             str(self.lmp.extract_global("units")),
-            [LawRecord.of(t, law, mass_t[t]) for t, law in enumerate(laws, 1)],
+            [LawRecord.of(t, law, mass_t[t], melts) for t, law in enumerate(laws, 1)],
             [bounds.comparison_derivation(law) for law in laws],
             self.runs,
             run.choice.unchecked if laws else {},

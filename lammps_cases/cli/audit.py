@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 
 import click
@@ -11,8 +10,8 @@ from eos_ref.errors import InputError
 from lammps_cases.cli import shared
 from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import Bar
-from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.records.wording import listed, unchecked
+from lammps_cases.records.run_record import CaseRecord, CheckRecord
+from lammps_cases.records.wording import listed, size
 
 
 @click.command("audit")
@@ -114,35 +113,30 @@ def audit_command(
     return shared.finish(run, directory, as_json)
 
 
-def known_bugs(case: CaseRecord) -> list[str]:
-    """Return a line for every known finding that touches the deck: what it does there, and what to do meanwhile."""
-    from lammps_cases.findings import LEDGER
-    from lammps_cases.report.findings import touching
-
-    workaround = {entry.id: entry.workaround for entry in LEDGER}
-    return [f"{name}: {does}. {workaround[name]}" for name, does in touching(case).items()]
-
-
 def field_table(case: CaseRecord) -> list[str]:
     """Return the lines of a table of the fields; none if none was checked."""
-    looks = Counter((check.field, check.type) for check in case.checks)
-    atoms = {(check.field, check.type): check.natoms for check in case.checks}
-    head = "field        type samples  atoms   |LAMMPS-ref|     /bound worst step worst atom  verdict"
-    rows = [
-        f"{record.field:12s} {record.atom_type or 'all':>4} {looks[record.field, record.atom_type or 0]:6d} "
-        f"{atoms[record.field, record.atom_type or 0]:7d} "
-        f"{record.max_abs:14.3g} {record.max_over_bound:10.3g} {record.worst_step:9d} {record.worst_id:10d}  "
-        f"{record.verdict}" + (f" by {listed(record.explained_by)}" if record.explained_by else "")
-        for record in case.fields
-    ]
-    return [head, *rows] if rows else []
+    from lammps_cases.records import deck_wording
+
+    looks: dict[tuple[str, int], list[CheckRecord]] = {}
+    for check in case.checks:
+        looks.setdefault((check.field, check.type), []).append(check)
+    lines = ["field        type samples  atoms   |LAMMPS-ref|     /bound worst step worst atom  verdict"]
+    for record in case.fields:
+        of_field = looks.get((record.field, record.atom_type or 0), [])
+        worst = max(of_field, key=lambda check: size(check.max_over_bound), default=None)
+        lines.append(
+            f"{record.field:12s} {record.atom_type or 'all':>4} {len(of_field):6d} {worst.natoms if worst else 0:7d} "
+            f"{record.max_abs:14.3g} {record.max_over_bound:10.3g} {record.worst_step:9d} {record.worst_id:10d}  "
+            f"{deck_wording.verdict(record)}" + (f" by {listed(record.explained_by)}" if record.explained_by else "")
+        )
+    return lines if case.fields else []
 
 
 def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
-    """Return the looks outside the bound, what was not checked, what to mind, and how the run ended.
+    """Return the looks outside the bound, all that the report says of the deck, and how the run ended."""
+    from lammps_cases.audit import balance
+    from lammps_cases.report.statements import NEVER, SUBJECTS, statements
 
-    What no audit checks stands in one line: the report gives the reasons.
-    """
     bad = [check for check in case.checks if check.verdict == "differs"]
     outside = [
         f"outside: {check.field} of type {check.type or 'all'}, run {check.run}, step {check.step}: "
@@ -151,15 +145,10 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     ]
     if len(bad) > most:
         outside.append(f"... {len(bad) - most} more samples outside, all in run.json ...")
-    from lammps_cases.audit import balance
-    from lammps_cases.audit.fields import unaudited
-
-    not_checked = [f"not checked: {line}" for line in unchecked(case, unaudited())]
-    warnings = [f"warning: {line}" for line in case.warnings]
-    warnings += [f"stability: {line}" for line in case.stability]
-    bugs = [f"known bug {line}" for line in known_bugs(case)]
-    bugs += [f"budget: {line}" for line in balance.lines(case)] if case.budgets else []
+    budget = [f"budget: {line}" for line in balance.lines(case)] if case.budgets else []
     end = f"{case.case}: {case.verdict}, {case.steps} steps, {case.natoms} atoms"
-    if case.message and case.as_expected:  # else the message follows, with the cases not as expected
+    if case.message and case.as_expected:  # else it follows, with why the run stopped
         end += f": {case.message}"
-    return [*outside, *not_checked, *warnings, *bugs, end]
+    # What matters most stands last, where it is read first.
+    said = sorted(statements(case, NEVER), key=lambda line: -SUBJECTS.index(line.subject))
+    return [*outside, *(str(line) for line in said if line.subject != "stopped"), *budget, end]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import json
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -18,11 +20,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from lammps_cases.cli import completion
-from lammps_cases.records.levels import FAIL_ON
+from lammps_cases.records.levels import EFFECT, FAIL_ON
 
 if TYPE_CHECKING:
     from lammps_cases.records.headline import Headline
     from lammps_cases.records.run_record import RunRecord
+    from lammps_cases.report.findings import Outcome
 
 Command = TypeVar("Command", bound=Callable[..., object])
 PATH = click.Path(path_type=Path)
@@ -92,6 +95,15 @@ def cluster_option_with(what: str) -> Callable[[Command], Command]:
 cluster_option = cluster_option_with("take the place of --jobs")
 
 
+class _Level(click.Choice[str]):
+    """A level of --fail-on: a severity, or, of an audit, an effect on the deck."""
+
+    def convert(self, value: Any, param: click.Parameter | None, context: click.Context | None) -> Any:
+        """Return the level."""
+        of_deck = context is not None and context.command.name == "audit"
+        return value if of_deck and re.fullmatch(EFFECT, value) else super().convert(value, param, context)
+
+
 def fail_on_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say which known findings make the exit code 1; --strict is the same as the least level."""
     strict = click.option(
@@ -102,8 +114,11 @@ def fail_on_option(command: Callable[..., Any]) -> Callable[..., Any]:
         callback=lambda context, _, given: context.meta.update({_STRICT: given}),
         help="The same as --fail-on low.",
     )
-    help_ = "Exit 1 also for known findings of at least this severity; new: for none.  [default: new]"
-    return click.option("--fail-on", type=click.Choice(FAIL_ON), callback=_least, help=help_)(strict(command))
+    help_ = (
+        "Exit 1 also for known findings of at least this severity, of an audit also for an effect on the deck above "
+        "this (1%); new: for none.  [default: new]"
+    )
+    return click.option("--fail-on", type=_Level(FAIL_ON), callback=_least, help=help_)(strict(command))
 
 
 _STRICT = "eos-ref.strict"
@@ -229,7 +244,7 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
     for line in changes:
         click.echo(line, err=as_json)
     if as_json:
-        click.echo(run.to_json(), nl=False)
+        click.echo(json.dumps(_document(of_run), indent=1))
         return of_run.exit_code
     _details(run)
     part = " (selected cases only: reports/latest is unchanged)" if is_part(directory) else ""
@@ -239,6 +254,25 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
     for line in of_run.closing():
         show(line, "        ")
     return of_run.exit_code
+
+
+def _document(of_run: Outcome) -> dict[str, Any]:
+    """Return what --json prints of a run: the answer, and then run.json."""
+    from lammps_cases.report.statements import statements
+
+    findings = [
+        {"id": finding.entry.id, "severity": of_run.known[finding.entry.id], "cases": finding.cases}
+        for finding in of_run.shown
+    ]
+    answer: dict[str, Any] = {
+        "state": of_run.headline.state,
+        "sentence": of_run.headline.sentence,
+        "findings": findings,
+    }
+    if of_run.of_decks:
+        answer["statements"] = {case.case: list(map(str, statements(case))) for case in of_run.run.cases}
+    record: dict[str, Any] = json.loads(of_run.run.to_json())
+    return answer | record
 
 
 def say(headline: Headline) -> None:
@@ -277,7 +311,11 @@ def width() -> int | None:
 
 
 def show(text: str, indent: str = "", **style: Any) -> None:
-    """Print a paragraph, its further lines indented, broken between words where it does not fit the terminal."""
+    """Print a paragraph, its further lines indented, broken between words where it does not fit the terminal.
+
+    Control characters, which a deck may hold, do nothing to the terminal.
+    """
+    text = "".join(c if c.isprintable() or c.isspace() else " " for c in text)
     if (columns := width()) is not None:
         breaks: Any = {"break_long_words": False, "break_on_hyphens": False}
         text = textwrap.fill(text, max(columns, LEAST), subsequent_indent=indent, drop_whitespace=True, **breaks)

@@ -12,10 +12,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lammps_cases.records.levels import SEVERITIES, FailOn, Severity, fails
+from lammps_cases.records import deck_wording as deck
+from lammps_cases.records import wording
+from lammps_cases.records.levels import SEVERITIES, Severity, State, allowed, fails
+from lammps_cases.records.run_record import CaseRecord, Level
 from lammps_cases.records.wording import counted
 
-State = Literal["PASS", "KNOWN BUGS", "FAIL", "EMPTY"]
+__all__ = ["HERE", "LOOKS", "Headline", "Look", "State", "bugs", "headline", "how_severe", "of_decks", "strictest"]
+NAMED = 2  # findings of a deck, or decks of a folder, in a headline; the others are counted
 HERE = "seen in this LAMMPS"
 
 
@@ -64,7 +68,7 @@ def headline(
     *,
     differences: str = "",
     same: str = "no difference",
-    fail_on: FailOn = "new",
+    fail_on: Level = "new",
     compared: bool = True,
     whose: str = HERE,
 ) -> Headline:
@@ -100,6 +104,65 @@ def headline(
     return Headline("PASS", same) if compared else Headline("EMPTY", "nothing was compared")
 
 
+def of_decks(
+    cases: Sequence[CaseRecord],
+    new: Sequence[str] = (),
+    *,
+    fail_on: Level = "new",
+) -> Headline:
+    """Return the headline of audited decks: what happens to one of them, or to which of several.
+
+    Parameters
+    ----------
+    cases : sequence of CaseRecord
+        Audits, at least one.
+    new : sequence of str
+        What is new or missing beside them, in words.
+    fail_on : {"high", "medium", "low", "new"} or an effect
+        What of a known finding fails.
+    """
+    failed = {case.case: why for case in cases if (why := _failure(case, fail_on))}
+    known = {name for case in cases if case.case not in failed for name in case.findings}
+    inside = {(case.case, field.field) for case in cases for field in case.fields if field.verdict in wording.INSIDE}
+    state: State = "FAIL" if new or failed else "KNOWN BUGS" if known else "PASS" if inside else "EMPTY"
+    if len(cases) == 1:
+        (case,) = cases
+        same = f"no difference in {counted(len(inside), 'field')}" if inside else deck.nothing(case)
+        ended = failed.get(case.case) or _known(case, case.findings) or same
+        return Headline(state, "; ".join([*new, ended, *deck.remarks(case)]))
+    parts = list(new)
+    if failed:
+        parts.append(f"{len(failed)} of {len(cases)} decks: {_first([': '.join(each) for each in failed.items()])}")
+    if known:
+        under = sum(bool(case.findings) for case in cases if case.case not in failed)
+        where = counted(under, "other") if failed else f"{under} of {len(cases)} decks"
+        parts.append(f"{counted(len(known), 'known bug')} in {where}")
+    same = f"no difference in {len(cases)} decks" if inside else "nothing was compared"
+    return Headline(state, "; ".join(parts) or same)
+
+
+def _failure(case: CaseRecord, fail_on: Level) -> str:
+    """Say why a deck fails: how it ended, or the known findings that do too much to it; empty if it does not."""
+    if why := deck.failure(case):
+        caused = case.outlook.findings if case.outlook else []
+        others = _known(case, [name for name in case.findings if name not in caused], "other " if caused else "")
+        return "; ".join(filter(None, [why, others]))
+    rejected = deck.above(case, allowed(fail_on))
+    return f"{_known(case, rejected)}; rejected by --fail-on {fail_on}" if rejected else ""
+
+
+def _known(case: CaseRecord, names: Sequence[str], other: str = "") -> str:
+    """Name findings with what they do to a deck: 1 known bug: forces are 100 times too large (force-per-volume)."""
+    said = [deck.what(case, name) for name in deck.bugs(case) if name in names]
+    return f"{counted(len(said), f'{other}known bug')}: {_first(said)}" if said else ""
+
+
+def _first(said: Sequence[str]) -> str:
+    """Join the first of some clauses and count the others."""
+    rest = len(said) - NAMED
+    return "; ".join([*said[:NAMED], *([f"{rest} more"] if rest > 0 else [])])
+
+
 def bugs(known: Mapping[str, Severity], whose: str = HERE) -> str:
     """Count known findings: 17 known bugs seen in this LAMMPS, 5 severe."""
     severe = sum(severity == "high" for severity in known.values())
@@ -114,6 +177,6 @@ def how_severe(known: Mapping[str, Severity]) -> str:
     return ", ".join(f"{counts[severity]} {severity}" for severity in SEVERITIES if counts[severity])
 
 
-def strictest(levels: Sequence[FailOn]) -> FailOn:
+def strictest(levels: Sequence[Level]) -> Level:
     """Return the level at which most fails; new of none."""
-    return max(levels, key=("new", *SEVERITIES).index, default="new")
+    return min(levels, key=allowed, default="new")

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,7 @@ from lammps_cases.records.audit_record import (
     SeriesRecord,
 )
 from lammps_cases.records.documents import SCHEMAS, Document, Record
-from lammps_cases.records.levels import FailOn
+from lammps_cases.records.levels import EFFECT, FailOn, State
 
 Verdict = Literal["exact", "pass", "explained", "differs", "refused", "crashed", "timeout", "error", "skipped"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
@@ -38,6 +38,7 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 # other atoms or steps than asked for.
 Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
 Failed = Literal["refused", "crashed", "timeout", "error", "skipped"]  # a verdict and an end in one: without an answer
+Level = FailOn | Annotated[str, Field(pattern=f"^{EFFECT}$")]  # of --fail-on; 1%: an effect on a deck
 HASH = 8  # digits shown of a library's hash
 # From best to worst. A refusal that the scene expects counts as good as a pass; see `CaseRecord.as_expected`.
 BY_SEVERITY = ("skipped", "exact", "pass", "explained", "refused", "differs", "timeout", "crashed", "error")
@@ -93,12 +94,13 @@ class LawRecord(Record):
     parameter: float | None = None
     background: float = 0.0
     mass: float | None = None
+    freezes: bool = Field(False, description="whether particles freeze and melt: then solids are no walls (audit)")
 
     @classmethod
-    def of(cls, atom_type: int, law: EOS, mass: float | None) -> LawRecord:
+    def of(cls, atom_type: int, law: EOS, mass: float | None, freezes: bool = False) -> LawRecord:
         """Return the record of a law and of the mass that its particles have (None: they differ)."""
         parameters = {name: getattr(law, name) for name in ("style", "rho0", "cs", "parameter", "background")}
-        return cls(type=atom_type, mass=mass, **parameters)
+        return cls(type=atom_type, mass=mass, freezes=freezes, **parameters)
 
 
 class CheckRecord(Record):
@@ -255,21 +257,24 @@ class CaseRecord(Record):
     checks: list[CheckRecord] = Field([], description="every look of an audit")
     not_checked: list[str] = Field([], description="fields that an audit was asked for and could not check, and why")
     unchecked: dict[str, str] = Field({}, description="the same as data: reasons by field")
+    out_of_scope: list[str] = Field([], description="those of them that the deck does not have, or no audit checks")
 
     @property
     def as_expected(self) -> bool:
         """Whether this case leaves a run green (`explained` included)."""
-        return as_expected(self.verdict, self.expects)
+        return as_expected(self.verdict, self.expects) and self.broke is None
 
     @property
     def findings(self) -> list[str]:
-        """The findings that explain this case, each once."""
+        """The findings that explain this case, or act on an audited deck, each once."""
         named = [self.explained_by, *(field.explained_by for field in self.fields)]
+        named += [[of.finding for of in self.effects], [of.finding for of in self.acting]]
+        named += [self.outlook.findings] if self.outlook else []
         return list(dict.fromkeys(entry for entries in named for entry in entries))
 
     def accepted(self, rejected: Collection[str] = ()) -> bool:
         """Return whether this case leaves a run green that rejects some findings."""
-        return self.as_expected and not (self.verdict == "explained" and set(self.findings) & set(rejected))
+        return self.as_expected and not set(self.findings) & set(rejected)
 
     @property
     def headline(self) -> Blame | None:
@@ -374,6 +379,14 @@ class Triage(Record):
     groups: list[TriageGroup] = Field([])
 
 
+class HeadlineRecord(Record):
+    """What a run came to when its record was written."""
+
+    state: State
+    sentence: str
+
+
+PRINTED = ("state", "sentence", "findings", "statements")  # what --json prints before the record, made from it
 SHARD = "[1-9][0-9]{0,5}/[1-9][0-9]{0,5}"
 
 
@@ -386,7 +399,10 @@ class RunRecord(Record):
     machine: dict[str, str] = Field({})
     date: str = ""
     command: str = ""
-    fail_on: FailOn = Field("new", description="known findings of at least this severity fail; new: none does")
+    headline: HeadlineRecord | None = Field(None, description="for readers of the record alone; reports make their own")
+    fail_on: Level = Field(
+        "new", description="known findings of at least this severity, or of a larger effect on a deck, fail; new: none"
+    )
     changed: int = Field(0, description="changes against an accepted baseline that count")
     shard: str = Field("", description="i/n, if this is a part of a run", pattern=f"^({SHARD})?$")
     divided: str = Field("", description="hash of the names of all cases of the run that this is a part of")
@@ -402,11 +418,11 @@ class RunRecord(Record):
     @model_validator(mode="before")
     @classmethod
     def _once_strict(cls, document: Any) -> Any:
-        """Read a document in which a run was strict or not."""
-        if isinstance(document, dict) and "strict" in document:
-            rest = {key: value for key, value in document.items() if key != "strict"}
-            return {"fail_on": "low" if document["strict"] else "new"} | rest
-        return document
+        """Read a document in which a run was strict or not, and what ``--json`` prints."""
+        if not isinstance(document, dict):
+            return document
+        once = {"fail_on": "low" if document["strict"] else "new"} if "strict" in document else {}
+        return once | {key: value for key, value in document.items() if key not in ("strict", *PRINTED)}
 
     def counted(self) -> RunRecord:
         """Return self with the summary and the number of predictions made from the cases."""

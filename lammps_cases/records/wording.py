@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
-from lammps_cases.records.audit_record import EffectRecord
 from lammps_cases.records.run_record import (
     BY_SEVERITY,
     HASH,
@@ -40,6 +39,7 @@ MEANINGS: dict[Verdict, str] = {
 }
 INSIDE = ("exact", "pass")  # the verdicts of what lies within its bound
 EXPECTED_REFUSAL = "refused as expected"
+FACTOR = 10  # a difference of this many times a value, or more, is said as a factor
 MOST_NAMES = 8  # of cases, beyond which they are counted
 
 
@@ -85,6 +85,13 @@ def brief(value: float | None) -> str:
     text = number(value, 2)
     mantissa, e, exponent = text.partition("e")
     return f"{mantissa}e{int(exponent)}" if e else text
+
+
+def times(value: float) -> str:
+    """Format a factor for reading, from 1000 on with two digits: 1.25, 101, 40 000, 1.2e13."""
+    if not 1000 <= abs(value) < 1e6:
+        return number(value) if abs(value) < 1000 else brief(value)
+    return f"{float(f'{value:.2g}'):,.0f}".replace(",", " ")
 
 
 def carried(of: CarriedOver) -> str:
@@ -303,39 +310,10 @@ def outlook(case: CaseRecord) -> str:
     if of.cause == "not understood":
         return f"not understood: {stable}"
     away = f"the reference also diverges after {after} {from_there}"
+    because = f"{of.because}; " if of.because else ""
     if of.cause == "time step":
-        return f"unstable because of the time step: {away}, but not with a tenth of the time step"
-    return f"unstable as set up: {away}, and also with a tenth of the time step"
-
-
-def effects(case: CaseRecord) -> dict[str, str]:
-    """Say, by finding, what known findings do to an audited deck."""
-    lines: dict[str, list[str]] = {}
-    for of in case.effects:
-        lines.setdefault(of.finding, []).append(effect(of))
-    return {finding: "; ".join(of_fields) for finding, of_fields in lines.items()}
-
-
-def unchecked(case: CaseRecord, never: Mapping[str, str] | None = None) -> list[str]:
-    """Say which fields an audit could not check, those with one reason in one line.
-
-    Fields that ``never`` are, with the reason of each, stand in one line without it.
-    """
-    reasons: dict[str, list[str]] = {}
-    for name, reason in case.unchecked.items():
-        known = (never or {}).get(name) == reason
-        reasons.setdefault("not in any audit (the report says why)" if known else reason, []).append(name)
-    return [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()] or case.not_checked
-
-
-def effect(of: EffectRecord) -> str:
-    """Say what a finding does to a field of an audited deck."""
-    where = f"{of.particles} of {counted(of.of, 'particle')}, step {of.step}"
-    if of.factor is not None and number(of.factor) != "1":
-        return f"{of.field} is {number(of.factor)} times what it should be ({where})"
-    if of.relative is None:
-        return f"{of.field} is wrong where it should be 0 ({where})"
-    return f"{of.field} is wrong by up to {number(100 * of.relative, 2)} % of its largest value ({where})"
+        return f"unstable because of the time step: {because}{away}, but not with a tenth of the time step"
+    return f"unstable as set up: {because}{away}, and also with a tenth of the time step"
 
 
 def unexercised(case: CaseRecord) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -82,11 +83,33 @@ def place(case: CaseRecord, root: Path) -> tuple[str, int] | None:
     source = source_of(case)
     if source is None:
         return None
+    line = case_lines(source).get(case.case, 1)
+    if "audit" in case.tags:
+        source, line = deck_place(case, source)
     try:
         inside = source.resolve().relative_to(root.resolve())
     except ValueError:
         return None
-    return inside.as_posix(), case_lines(source).get(case.case, 1)
+    return inside.as_posix(), line
+
+
+_AT = re.compile(r"\(([^():\s]+):([0-9]{1,9})\)\s*$")  # of LAMMPS' error: file, from the deck's folder, and line
+_FIX = re.compile(r"\bfix (\S+) \(([\w/]+)\)")  # as warnings and findings name one
+
+
+def deck_place(case: CaseRecord, deck: Path) -> tuple[Path, int]:
+    """Return file and line of a deck at which LAMMPS stopped, or of the fix that a warning is about, or the first."""
+    if (at := _AT.search(case.engine_error)) and (file := deck.parent / at[1]).is_file():
+        return file, int(at[2])
+    try:
+        commands = [line.split() for line in untrusted.read_text(deck, "deck", LARGEST).splitlines()]
+    except ValueError:
+        return deck, 1
+    for warned in _FIX.finditer("\n".join(case.warnings)):
+        for number, words in enumerate(commands, 1):
+            if words[:2] == ["fix", warned[1]] and words[3:4] == [warned[2]]:
+                return deck, number
+    return deck, 1
 
 
 # --- GitHub
@@ -104,7 +127,7 @@ def workflow_commands(of_run: Outcome, root: Path) -> list[str]:
     for case in cases[: room if len(cases) <= room else room - 1]:
         at = place(case, root)
         where = {"file": at[0], "line": str(at[1])} if at else {}
-        lines.append(command("error", _message(case), {**where, "title": f"{wording.kind(case)}: {case.case}"}))
+        lines.append(command("error", _message(of_run, case), {**where, "title": f"{wording.kind(case)}: {case.case}"}))
     if len(cases) > room:
         rest = f"{len(cases) - room + 1} more cases are not as expected: see the job summary"
         lines.append(command("error", rest, {"title": "eos-ref"}))
@@ -122,9 +145,9 @@ def _escaped(text: str, of_property: bool = False) -> str:
     return "".join(characters.get(c, c) for c in text)
 
 
-def _message(case: CaseRecord) -> str:
+def _message(of_run: Outcome, case: CaseRecord) -> str:
     """Say why a case is not as expected, and how to reproduce it."""
-    return "\n".join(filter(None, (case.message or wording.kind(case), case.reproduce)))
+    return "\n".join(filter(None, (of_run.sentence(case), case.reproduce)))
 
 
 def fitted(summary: str, taken: int, limit: int = SUMMARY_LIMIT) -> str:
@@ -147,14 +170,14 @@ def fitted(summary: str, taken: int, limit: int = SUMMARY_LIMIT) -> str:
 
 def code_quality(of_run: Outcome, root: Path) -> str:
     """Return GitLab's code quality report: an entry for each case not accepted, worst first."""
-    return json.dumps([_entry(case, root) for case in of_run.unaccepted], indent=1) + "\n"
+    return json.dumps([_entry(of_run, case, root) for case in of_run.unaccepted], indent=1) + "\n"
 
 
-def _entry(case: CaseRecord, root: Path) -> dict[str, object]:
+def _entry(of_run: Outcome, case: CaseRecord, root: Path) -> dict[str, object]:
     path, line = place(case, root) or (case.source or case.case, 1)
     identity = "\n".join((path, case.case, case.verdict))  # GitLab tells old from new by it: no numbers in it
     return {
-        "description": f"{case.case}: {case.message or wording.kind(case)}",
+        "description": f"{case.case}: {of_run.sentence(case)}",
         "check_name": f"eos-ref/{case.verdict}",
         "fingerprint": hashlib.sha256(identity.encode()).hexdigest(),
         "severity": SEVERITY.get(case.verdict, "critical"),

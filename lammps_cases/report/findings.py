@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
 from lammps_cases.findings import KNOWN, LEDGER, Finding, severities
 from lammps_cases.findings.engines import nearest
-from lammps_cases.records import wording
-from lammps_cases.records.headline import Headline, headline, how_severe
-from lammps_cases.records.levels import SEVERITIES, Severity, fails
+from lammps_cases.records import deck_wording, wording
+from lammps_cases.records.headline import Headline, headline, how_severe, of_decks
+from lammps_cases.records.levels import SEVERITIES, Severity, allowed, fails, severity_of
 from lammps_cases.records.run_record import CarriedOver, CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
 
@@ -56,20 +57,47 @@ class Outcome:
     findings: list[RunFinding]
 
     @cached_property
+    def of_decks(self) -> bool:
+        """Whether the run is the audit of a deck, or of several."""
+        return bool(self.run.cases) and all("audit" in case.tags for case in self.run.cases)
+
+    def change(self, finding: str) -> float:
+        """Return the largest effect of a finding on a deck, over the largest right value of a field."""
+        changes = (deck_wording.change(case, finding) for case in self.run.cases if finding in case.findings)
+        return max(changes, default=math.inf)
+
+    @cached_property
     def shown(self) -> list[RunFinding]:
         """The findings that the run shows, the most severe first; of equal severity those of most cases."""
         shown = [finding for finding in self.findings if finding.status == "seen"]
-        return sorted(shown, key=lambda f: (SEVERITIES.index(f.entry.severity), -len(f.cases), f.entry.number))
+        return sorted(shown, key=lambda f: (SEVERITIES.index(self.known[f.entry.id]), -len(f.cases), f.entry.number))
+
+    @property
+    def milder(self) -> list[RunFinding]:
+        """Those of them that are not severe."""
+        return [finding for finding in self.shown if self.known[finding.entry.id] != "high"]
+
+    def effect(self, finding: RunFinding) -> str:
+        """Say what a finding does: to the deck on which it does most, or in general."""
+        name, general = finding.entry.id, finding.entry.effect
+        decks = [case for case in self.run.cases if self.of_decks and name in case.findings]
+        most = max(decks, key=lambda case: deck_wording.change(case, name), default=None)
+        return general if most is None else deck_wording.effects(most).get(name, general)
 
     @cached_property
     def known(self) -> dict[str, Severity]:
-        """The findings that the run shows with their severities."""
-        named = (finding for case in self.run.cases for finding in case.findings)
-        return severities([*(finding.entry.id for finding in self.shown), *named], [f.entry for f in self.findings])
+        """The findings that the run shows with their severities; on decks by what they change there."""
+        named = [finding.entry.id for finding in self.findings if finding.status == "seen"]
+        named += [finding for case in self.run.cases for finding in case.findings]
+        if self.of_decks:
+            return {name: severity_of(self.change(name)) for name in sorted(named, key=self.change, reverse=True)}
+        return severities(named, [f.entry for f in self.findings])
 
     @cached_property
     def rejected(self) -> frozenset[str]:
         """The findings that fail the run, by what it was told."""
+        if self.of_decks:
+            return frozenset(name for case in self.run.cases for name in self._rejected_of(case))
         return frozenset(name for name, severity in self.known.items() if fails(severity, self.run.fail_on))
 
     @property
@@ -80,23 +108,34 @@ class Outcome:
     @cached_property
     def headline(self) -> Headline:
         """The headline of the run."""
-        wrong = Counter(wording.kind(case) for case in self.run.cases if not case.as_expected)
-        each = ", ".join(f"{count} {name}" for name, count in wording.by_severity(wrong).items())
-        new = [f"{counted(wrong.total(), 'case')} not as expected: {each}"] if wrong else []
-        new += [f"{counted(self.run.changed, 'change')} against the baseline"] if self.run.changed else []
+        new = [f"{counted(self.run.changed, 'change')} against the baseline"] if self.run.changed else []
         if self.run.missing:
             total = self.run.missing + len(self.run.cases)
             new.insert(0, f"interrupted: {self.run.missing} of {counted(total, 'case')} not judged")
+        if self.of_decks:
+            return of_decks(self.run.cases, new, fail_on=self.run.fail_on)
+        wrong = Counter(wording.kind(case) for case in self.run.cases if not case.as_expected)
+        each = ", ".join(f"{count} {name}" for name, count in wording.by_severity(wrong).items())
+        ended = [f"{counted(wrong.total(), 'case')} not as expected: {each}"] if wrong else []
         compared = any(case.verdict != "skipped" for case in self.run.cases)
-        return headline(self.known, new, fail_on=self.run.fail_on, compared=compared)
+        return headline(self.known, [*ended, *new], fail_on=self.run.fail_on, compared=compared)
 
     def accepted(self, case: CaseRecord) -> bool:
         """Return whether a case leaves the run green."""
-        return case.accepted(self.rejected)
+        return case.accepted(self._rejected_of(case))
+
+    def _rejected_of(self, case: CaseRecord) -> Collection[str]:
+        return deck_wording.above(case, allowed(self.run.fail_on)) if self.of_decks else self.rejected
 
     def rank(self, case: CaseRecord) -> int:
         """Return the place of a case in a list by severity; all that is not accepted comes after all that is."""
         return wording.rank(case, self.accepted(case))
+
+    def sentence(self, case: CaseRecord) -> str:
+        """Say in one sentence why a case is not accepted, or what it is: of a deck as its headline does."""
+        if "audit" in case.tags:
+            return of_decks([case], fail_on=self.run.fail_on).sentence
+        return case.message or wording.kind(case)
 
     @property
     def unaccepted(self) -> list[CaseRecord]:
@@ -106,8 +145,12 @@ class Outcome:
     def closing(self) -> list[str]:
         """Return what follows the headline on a terminal: the severe findings, the others counted, the next command.
 
-        Without severe ones the first few are named.
+        Without severe ones the first few are named. Of decks the headline, or what is said of each, names them.
         """
+        command = self.next_command
+        then = [f"next: {command}"] if command else []
+        if self.of_decks:
+            return then
         named = [finding for finding in self.shown if finding.entry.severity == "high"] or self.shown[:NAMED]
         lines = [
             f"  {finding.entry.severity:4s}  {finding.entry.title} ({finding.entry.id}): "
@@ -116,8 +159,7 @@ class Outcome:
         ]
         ids = {finding.entry.id for finding in named}
         others = how_severe({name: severity for name, severity in self.known.items() if name not in ids})
-        command = self.next_command
-        return [*lines, *([f"  and {others}"] if others else []), *([f"next: {command}"] if command else [])]
+        return [*lines, *([f"  and {others}"] if others else []), *then]
 
     @property
     def next_command(self) -> str:
@@ -141,13 +183,6 @@ class Outcome:
     def _command(self, *words: str) -> str:
         engine = self.run.engine.name
         return shlex.join(["eos-ref", *words, *([] if engine == "env" else ["--engine", engine])])
-
-
-def touching(case: CaseRecord, ledger: Sequence[Finding] = LEDGER) -> dict[str, str]:
-    """Say, by finding, what known findings do to an audited deck: to its particles, or else in general."""
-    said = wording.effects(case)
-    named = {entry.id: entry.effect for entry in ledger if entry.id in case.explained_by and "audit" in case.tags}
-    return said | {name: does for name, does in named.items() if name not in said and name not in str(case.warnings)}
 
 
 def outcome(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> Outcome:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
-from lammps_cases.records import wording
+from lammps_cases.records import deck_wording, wording
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.report.findings import Outcome
+from lammps_cases.report.statements import statements
 
 # XML 1.0 has no way to write most control characters, and LAMMPS echoes whatever a deck contains.
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -29,7 +30,7 @@ def document(of_run: Outcome) -> bytes:
     for name, value in _properties(of_run).items():
         ET.SubElement(properties, "property", {"name": _legal(name), "value": _legal(value)})
     for case, outcome in zip(run.cases, outcomes, strict=True):
-        _add(suite, case, outcome)
+        _add(suite, case, outcome, _legal(of_run.sentence(case)))
     ET.indent(root)
     return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
 
@@ -42,16 +43,16 @@ def _outcome(case: CaseRecord, of_run: Outcome) -> str:
     return "failure" if case.verdict in ("differs", "explained") else "error"
 
 
-def _add(suite: ET.Element, case: CaseRecord, outcome: str) -> None:
+def _add(suite: ET.Element, case: CaseRecord, outcome: str, sentence: str) -> None:
     name = _legal(case.case)
     attributes = {"classname": f"eos-ref.{name.split('.')[0]}", "name": name, "time": f"{case.seconds.total:.6f}"}
     testcase = ET.SubElement(suite, "testcase", attributes)
     said = text(case)
     if outcome == "passed":
-        if said and case.verdict in ("explained", "refused"):
+        if said and (case.verdict in ("explained", "refused") or "audit" in case.tags):
             ET.SubElement(testcase, "system-out").text = said
         return
-    result = ET.SubElement(testcase, outcome, {"message": _legal(case.message) or case.verdict})
+    result = ET.SubElement(testcase, outcome, {"message": sentence})
     if outcome != "skipped":
         result.set("type", case.verdict)
         result.text = said
@@ -66,9 +67,10 @@ def text(case: CaseRecord) -> str:
         lines.append(f"explained by {wording.listed(case.explained_by)}")
     for field in case.fields:
         ratio = wording.number(field.max_over_bound)
-        line = f"{field.field} (stage {field.stage}): {field.verdict}, difference/bound {ratio}"
+        line = f"{field.field} (stage {field.stage}): {deck_wording.verdict(field)}, difference/bound {ratio}"
         line += "" if field.worst_id is None else f", atom {field.worst_id}"
         lines.append(line + (f", explained by {wording.listed(field.explained_by)}" if field.explained_by else ""))
+    lines += map(str, statements(case))
     if case.reproduce:
         lines.append(f"reproduce: {case.reproduce}")
     return _legal("\n".join(lines))

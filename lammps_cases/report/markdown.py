@@ -10,6 +10,7 @@ from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
 from lammps_cases.report import agreement
 from lammps_cases.report.findings import Outcome, RunFinding
+from lammps_cases.report.statements import statements
 
 LISTED = 100  # rows of the table of failures: GitHub refuses summaries above 1 MiB
 LONGEST = 300  # characters of a message
@@ -23,10 +24,11 @@ def summary(of_run: Outcome) -> str:
         *_head(of_run),
         _known(of_run),
         _failures(of_run.unaccepted),
+        *map(_statements, run.cases),
         _triage(run),
         _carried(run),
         "\n".join(f"> **Note:** {text(note)}" for note in run.notes),
-        _unseen(of_run.findings),
+        "" if of_run.of_decks else _unseen(of_run.findings),
         *(_twins(matrix) if matrix.twins else _agreement(matrix) for matrix in agreement.matrices(run)),
         _slowest(run),
         _worst_conditioned(run),
@@ -84,8 +86,8 @@ def _known(of_run: Outcome) -> str:
     """Return one line per finding that the run shows."""
     rows = [
         (
-            f.entry.severity,
-            f"**{text(f.entry.title)}** {text(f.entry.effect)}.",
+            of_run.known[f.entry.id],
+            f"**{text(f.entry.title)}** {text(of_run.effect(f))}.",
             text(f.entry.since),
             len(f.cases),
             code(of_run.report_bug(f.entry)),
@@ -94,6 +96,12 @@ def _known(of_run: Outcome) -> str:
     ]
     head = ("severity", "what is wrong, and its effect", "since", "cases", "deck and issue for LAMMPS")
     return f"### Known bugs\n\n{table(head, rows)}" if rows else ""
+
+
+def _statements(case: CaseRecord) -> str:
+    """List what is said of an audited deck."""
+    lines = [f"* {text(str(line))}" for line in statements(case)]
+    return f"### {text(case.case)}\n\n" + "\n".join(lines) if lines else ""
 
 
 def _unseen(of_run: Sequence[RunFinding]) -> str:

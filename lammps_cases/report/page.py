@@ -18,11 +18,13 @@ from lammps_cases.history.draw import RunMark
 from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
 from lammps_cases.pages.packed import packed, packed_once
-from lammps_cases.records import wording
+from lammps_cases.records import deck_wording, wording
+from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
 from lammps_cases.report import agreement, plots
 from lammps_cases.report.drawn import Drawn, drawn_from
-from lammps_cases.report.findings import Outcome, touching
+from lammps_cases.report.findings import Outcome
+from lammps_cases.report.statements import SUBJECTS, statements
 from lammps_cases.rules import RULES
 
 ASSETS = Path(__file__).parent / "assets"
@@ -109,7 +111,9 @@ def articles(families: Sequence[Family]) -> list[Markup]:
                 known=family.known,
                 whole=family.whole,
                 wording=wording,
-                touching_of=touching,
+                deck_wording=deck_wording,
+                statements_of=statements,
+                subjects=SUBJECTS,
                 rules=RULES,
             )
         )
@@ -257,7 +261,8 @@ def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
     yield "wall time", f"{run.seconds:.2f} s"
     if run.predictions.stored:
         yield "predictions", f"{run.predictions}, bit-identical to computed ones (--fresh recomputes them)"
-    yield "known findings that fail", "none" if run.fail_on == "new" else f"those that are {run.fail_on} or worse"
+    of_severity = f"those that are {run.fail_on} or worse" if run.fail_on in SEVERITIES else f"above {run.fail_on}"
+    yield "known findings that fail", "none" if run.fail_on == "new" else of_severity
     for part in ("engine", "reference", "machine"):
         values = getattr(run, part)
         for name, value in (values if isinstance(values, dict) else values.model_dump()).items():

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.run_record import RunRecord
+from lammps_cases.records.run_record import HeadlineRecord, RunRecord
 
 if TYPE_CHECKING:
     from lammps_cases.history.reported import Past
     from lammps_cases.report.drawn import Drawn
+    from lammps_cases.report.findings import Outcome
     from lammps_cases.report.page import Making
 
 
@@ -26,8 +27,10 @@ def write_run(
 ) -> None:
     """Write run.json and the reports made from it; what is given is as in `lammps_cases.report.write_report`."""
     from lammps_cases.report import write_report
+    from lammps_cases.report.findings import outcome
 
     with _uncollected():
+        _with_headline(run, outcome(run))
         write_atomically(folder / "run.json", run.to_json())
         write_report(run, folder, drawn=drawn, history=past, making=making)
 
@@ -50,6 +53,11 @@ def write_partial(run: RunRecord, folder: Path) -> None:
     from lammps_cases.report.findings import outcome
 
     of_run = outcome(run)
+    _with_headline(run, of_run)
     write_atomically(folder / "run.json", run.to_json())
     write_atomically(folder / "summary.md", markdown.summary(of_run))
     write_atomically(folder / "junit.xml", junit.document(of_run))
+
+
+def _with_headline(run: RunRecord, of_run: Outcome) -> None:
+    run.headline = HeadlineRecord(state=of_run.headline.state, sentence=of_run.headline.sentence)

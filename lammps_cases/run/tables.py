@@ -82,10 +82,11 @@ def findings(run: str | Path | RunRecord) -> pd.DataFrame:
     """Tabulate the findings that a run shows, the most severe first: id, severity, title, effect, workaround, cases."""
     from lammps_cases.report.findings import outcome
 
+    of_run = outcome(_record(run))
     rows = [
         {name: getattr(one.entry, name) for name in ("id", "severity", "title", "effect", "workaround")}
-        | {"cases": ", ".join(one.cases)}
-        for one in outcome(_record(run)).shown
+        | {"severity": of_run.known[one.entry.id], "effect": of_run.effect(one), "cases": ", ".join(one.cases)}
+        for one in of_run.shown
     ]
     return _frame(rows, {}, ("id", "severity", "title", "effect", "workaround", "cases"))
 

@@ -231,6 +231,7 @@ def audit() -> CaseRecord:
     worst = {"max_over_bound": 0.84, "atom_type": 2, "worst_step": 60, "worst_id": 6}
     return CaseRecord(
         case="audit.in.dam",
+        tags=["audit"],
         verdict="pass",
         warnings=["cs is below 10 times the largest velocity"],
         checks=checks,

@@ -10,7 +10,7 @@ import pytest
 from lammps_cases.audit import AuditOptions, audit_deck
 from lammps_cases.audit.effects import compare, worst
 from lammps_cases.cli.audit import field_table
-from lammps_cases.records import wording
+from lammps_cases.records import deck_wording
 from lammps_cases.records.audit_record import EffectRecord
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
@@ -57,10 +57,10 @@ def test_the_largest_effect_is_kept() -> None:
     small, large, other = effect("f", 0.1), effect("f", 0.2), effect("drho", None)
     assert worst([small], [large, other]) == [large, other]
     assert worst([large], [small]) == [large]
-    assert wording.effect(large) == "f is wrong by up to 20 % of its largest value (1 of 2 particles, step 0)"
-    assert wording.effect(other) == "drho is wrong where it should be 0 (1 of 2 particles, step 0)"
+    assert deck_wording.effect(large) == "f is wrong by up to 20 % of its largest value (1 of 2 particles, step 0)"
+    assert deck_wording.effect(other) == "drho is wrong where it should be 0 (1 of 2 particles, step 0)"
     multiple = large.model_copy(update={"factor": 100.0})
-    assert wording.effect(multiple) == "f is 100 times what it should be (1 of 2 particles, step 0)"
+    assert deck_wording.effect(multiple) == "f is 100 times what it should be (1 of 2 particles, step 0)"
 
 
 @pytest.mark.lammps
@@ -75,7 +75,7 @@ def test_a_finding_is_seen_where_the_deck_adds_forces_that_hide_it(tmp_path: Pat
     case = case_of(moved, tmp_path)
     assert any(line.startswith("f with all that adds to it: fix 7 (spring/self)") for line in case.not_checked)
     (f,) = [of for of in case.effects if (of.finding, of.field) == ("force-per-volume", "f")]
-    assert wording.effect(f).startswith("f is 101 times what it should be") and f.particles > 100
+    assert deck_wording.effect(f).startswith("f is 101 times what it should be") and f.particles > 100
 
 
 # --- why a run broke off
@@ -93,7 +93,7 @@ def test_a_right_deck_that_a_finding_blows_up(tmp_path: Path) -> None:
     assert unexplained.next_command == "" and not any(line.startswith("next") for line in unexplained.closing())
     assert field_table(case)[0].startswith("field") and field_table(case.model_copy(update={"fields": []})) == []
     (f,) = [of for of in case.effects if of.field == "f"]
-    assert wording.effect(f).startswith("f is 100 times what it should be")
+    assert deck_wording.effect(f).startswith("f is 100 times what it should be")
     assert case.message.startswith("unstable because of the known bug force-per-volume: continued from step")
     assert "run 1: from step 10 on particles are much faster than sound: fields were not checked there" in case.warnings
 

@@ -8,10 +8,10 @@ import pytest
 
 from lammps_cases.audit import AuditOptions, audit_deck, effects
 from lammps_cases.audit.verdict import Findings
-from lammps_cases.cli.audit import known_bugs
 from lammps_cases.records.audit_record import EffectRecord
-from lammps_cases.records.run_record import CaseRecord, CheckRecord, Verdict
+from lammps_cases.records.run_record import CheckRecord, Verdict
 from lammps_cases.report import findings
+from lammps_cases.report.statements import known_bugs
 from tests.support.audited_decks import case_of
 
 DECK = """units           {units}
@@ -45,11 +45,6 @@ def deck(folder: Path, units: str = "lj", sums: str = "", masses: str = "", befo
     return file
 
 
-def told(case: CaseRecord) -> dict[str, str]:
-    lines = (line.partition(": ") for line in known_bugs(case))
-    return {name: does for name, _, does in lines}
-
-
 @pytest.mark.lammps
 @pytest.mark.parametrize(
     ("units", "sums", "bugs"),
@@ -62,7 +57,7 @@ def told(case: CaseRecord) -> dict[str, str]:
 def test_units_that_lammps_does_not_convert(units: str, sums: str, bugs: set[str], tmp_path: Path) -> None:
     result = audit_deck(deck(tmp_path, units, sums), AuditOptions())
     case = case_of(result)
-    assert {*case.explained_by} - {"force-per-volume"} == bugs == told(case).keys() - {"force-per-volume"}
+    assert {*case.explained_by} - {"force-per-volume"} == bugs == known_bugs(case).keys() - {"force-per-volume"}
     assert case.verdict == "explained" and findings.outcome(result.record).headline.state == "KNOWN BUGS"
     strict = result.record.model_copy(update={"fail_on": "high"})
     assert (findings.outcome(result.record).exit_code, findings.outcome(strict).exit_code) == (0, 1)
@@ -77,7 +72,7 @@ def test_unequal_masses_of_particles_leave_forces_to_neighbour_lists(unequal: bo
     before = "fix m all property/atom rmass ghost yes\n"
     case = case_of(audit_deck(deck(tmp_path, masses=masses, before=before), AuditOptions()))
     assert ("mass-of-first" in case.explained_by) == unequal == ("mass-of-first" in case.unchecked.get("f", ""))
-    assert ("mass-of-first" in told(case)) == unequal and case.verdict == "explained"
+    assert ("mass-of-first" in known_bugs(case)) == unequal and case.verdict == "explained"
     assert all(field.verdict != "differs" for field in case.fields)
 
 

@@ -135,6 +135,8 @@ def test_case_that_does_not_exist(eos_ref_command: Run) -> None:
         (("explain",), "CASE"),
         (("explain", "explained", "--atom", "3"), "option --atom: is that of a particle of a case"),
         (("run", "near-rho0.linear.2d", "--strict", "--fail-on", "new"), "--strict: is --fail-on low"),
+        (("run", "near-rho0.linear.2d", "--fail-on", "1%"), "'1%' is not one of 'high', 'medium', 'low', 'new'"),
+        (("audit", "in.deck", "--fail-on", "-1%"), "'-1%' is not one of 'high', 'medium', 'low', 'new'"),
         (("kit", "github", "--shards", "3"), "option --shards: is not one of this kit"),
         (("kit", "slurm", "--repository", "a/b"), "option --repository: is not one of this kit"),
         (("chart", "--out", str(Path(__file__) / "under")), "output folder: cannot be written"),

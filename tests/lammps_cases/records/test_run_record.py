@@ -126,6 +126,7 @@ def test_the_record_of_a_law_holds_its_parameters() -> None:
         "parameter": 2.3,
         "background": 0.5,
         "mass": None,
+        "freezes": False,
     }
 
 

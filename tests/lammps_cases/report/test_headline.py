@@ -146,13 +146,14 @@ def test_an_audit(eos_ref_command: Command, tmp_path: Path) -> None:
     fixes = "fix 1 all rheo 3.0 quintic 0\nfix 2 all rheo/viscosity * constant 0.1\nfix 3 all rheo/pressure * linear\n"
     (tmp_path / "in.one").write_text(f"variable style string rheo\ninclude fluid.inc\n{fixes}run 2\n")
     audit = ("audit", tmp_path / "in.one", "--every", "1", "--out", tmp_path / "report")
-    done = eos_ref_command(*audit, "--fields", "f", "--fail-on", "medium")
-    assert (
-        done.code,
-        f"\nFAIL: {KNOWN} (severe); 1 rejected by --fail-on medium; nothing new\n" in done.out,
-    ) == (1, True)
-    assert "\nKNOWN BUGS: " in eos_ref_command(*audit, "--fields", "f").out
-    assert "\nPASS: no difference\n" in eos_ref_command(*audit, "--fields", "pressure", "--fail-on", "low").out
+    done = eos_ref_command(*audit, "--fields", "f", "--fail-on", "1%")
+    sentence = r"\nFAIL: 1 known bug: forces are .* \(force-per-volume\); .*rejected by --fail-on 1%"
+    assert done.code == 1 and re.search(sentence, done.out)
+    assert "\nKNOWN BUGS: " in eos_ref_command(*audit, "--fields", "f", "--fail-on", "999999%").out
+    assert "\nPASS: no difference in 1 field" in eos_ref_command(*audit, "--fields", "pressure", "--strict").out
+    document = json.loads(eos_ref_command(*audit, "--fields", "pressure", "--json").out)
+    assert list(document)[:3] == ["state", "sentence", "findings"] and document["state"] == "PASS"
+    assert document["headline"] == {"state": "PASS", "sentence": document["sentence"]}
 
 
 def test_findings_that_no_ledger_has_are_severe_and_never_a_pass() -> None:

@@ -1,0 +1,222 @@
+"""What is said of an audited deck: effects of findings, how its state broke, why it failed, what was not checked."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+
+from lammps_cases.records import wording
+from lammps_cases.records.audit_record import BreakRecord, EffectRecord, LostRecord
+from lammps_cases.records.run_record import CaseRecord, FieldRecord
+from lammps_cases.records.wording import counted, listed, number, times
+
+_MORE = re.compile(r" For more information see \S+")
+IN_BRIEF = 60  # characters of a reason that a headline has room for
+PLURALS = {
+    **dict.fromkeys(("f", "fx", "fy", "fz"), "forces"),
+    **dict.fromkeys(("x", "y", "z"), "positions"),
+    **dict.fromkeys(("v", "vx", "vy", "vz"), "velocities"),
+    **dict.fromkeys(("energy", "esph", "e"), "energies"),
+    "rho": "densities",
+    "drho": "rates of density",
+    "heatflow": "heat flows",
+    "pressure": "pressures",
+    "temperature": "temperatures",
+    "grad/v": "velocity gradients",
+    "shift/v": "shifts",
+}
+
+
+def plural(field: str) -> str:
+    """Name the values of a field or column."""
+    return PLURALS.get(field, f"values of {field}")
+
+
+def percent(part: float) -> str:
+    """Format a part in percent, with two digits at least: 0.004, 12, 250."""
+    return f"{100 * part:.0f}" if part >= 1 else number(100 * part, 2)
+
+
+# --- effects of findings
+
+
+def effects(case: CaseRecord) -> dict[str, str]:
+    """Say, by finding, what known findings do to an audited deck."""
+    lines: dict[str, list[str]] = {of.finding: [of.does] for of in case.acting}
+    for of in case.effects:
+        lines.setdefault(of.finding, []).append(effect(of))
+    return {finding: "; ".join(said) for finding, said in lines.items()}
+
+
+def effect(of: EffectRecord) -> str:
+    """Say what a finding does to a field of an audited deck."""
+    where = f"{of.particles} of {counted(of.of, 'particle')}, step {of.step}"
+    if of.factor is not None and number(of.factor) != "1":
+        how = f"1/{times(1 / of.factor)} of" if 0 < of.factor <= 1 / wording.FACTOR else f"{times(of.factor)} times"
+        return f"{of.field} is {how} what it should be ({where})"
+    if of.relative is None:
+        return f"{of.field} is wrong where it should be 0 ({where})"
+    if of.relative >= wording.FACTOR:
+        return f"{of.field} is off by up to {times(of.relative)} times its largest right value ({where})"
+    return f"{of.field} is wrong by up to {percent(of.relative)} % of its largest value ({where})"
+
+
+def in_brief(of: EffectRecord) -> str:
+    """Say the same in a few words: forces are 100 times too large."""
+    if of.factor is not None and of.factor >= 2:
+        how = f"{times(of.factor)} times too large"
+    elif of.factor is not None and 0 < of.factor <= 0.5:
+        how = f"{times(1 / of.factor)} times too small"
+    elif of.relative is None:
+        how = "wrong where they should be 0"
+    elif of.relative >= wording.FACTOR:
+        how = f"off by up to {times(of.relative)} times their largest right value"
+    else:
+        how = f"off by at most {percent(of.relative)} %"
+    return f"{plural(of.field)} are {how}"
+
+
+def change(case: CaseRecord, finding: str) -> float:
+    """Return the largest effect of a finding on a deck, over the largest right value; infinite if nobody knows."""
+    of_finding = [of.relative for of in case.effects if of.finding == finding]
+    known = of_finding and all(of is not None and math.isfinite(of) for of in of_finding)
+    return max(of_finding) if known else math.inf  # type: ignore[type-var, return-value]
+
+
+def above(case: CaseRecord, limit: float) -> list[str]:
+    """Return the findings whose effect on a deck is larger than that."""
+    return [finding for finding in case.findings if change(case, finding) > limit]
+
+
+def what(case: CaseRecord, finding: str) -> str:
+    """Say in a few words, with its name, what a finding does to a deck."""
+    records = [of for of in case.effects if of.finding == finding]
+    acts = [of.does for of in case.acting if of.finding == finding]
+    fields = [field.field for field in case.fields if finding in field.explained_by]
+    if records:
+        said = in_brief(max(records, key=lambda of: -1.0 if of.relative is None else of.relative))
+    else:
+        said = acts[0] if acts else f"{plural(fields[0])} are wrong" if fields else ""
+    return f"{said} ({finding})" if said else finding
+
+
+def bugs(case: CaseRecord) -> list[str]:
+    """Return the findings that a deck is under, those with the largest effect first."""
+    return sorted(case.findings, key=lambda finding: -change(case, finding))
+
+
+# --- what happened
+
+
+def broke(of: BreakRecord) -> str:
+    """Say where the state of a deck stops being one of a fluid."""
+    if of.kind == "runaway":
+        return f"{plural(of.column)} run away from {_step(of)} on"
+    return f"{of.column} of atom {of.atom} is {of.value} at {_step(of)}"
+
+
+def broke_at_length(of: BreakRecord) -> str:
+    """Say the same with the numbers, and whether both codes have it."""
+    where = f"{of.particles} of {counted(of.of, 'particle')}, first atom {of.atom}: {number(of.value)}"
+    codes = "the reference has the same, from the same state" if of.both else "the reference has finite numbers there"
+    return f"{broke(of)} ({where}); {codes}"
+
+
+def _step(of: BreakRecord | LostRecord) -> str:
+    return f"step {of.step}" + (f" of run {of.run}" if of.run > 1 else "")
+
+
+def lost(of: LostRecord) -> str:
+    """Say how many particles a deck has lost without an error."""
+    return f"{of.lost} of {counted(of.of, 'atom')} lost by {_step(of)}; the deck tells LAMMPS to ignore that"
+
+
+def event(case: CaseRecord) -> str:
+    """Say how a deck failed; empty if it did not."""
+    if case.broke and case.broke.kind == "not a number":
+        return broke(case.broke)
+    if case.lost and not case.lost.ignored and not case.as_expected:
+        return f"LAMMPS loses {case.lost.lost} of {counted(case.lost.of, 'atom')} by {_step(case.lost)}"
+    if case.broke:
+        return broke(case.broke)
+    if case.as_expected or case.verdict == "differs":
+        return ""
+    words = _MORE.sub("", wording.own_words(case) or case.verdict)
+    return f"LAMMPS stops at step {case.steps}: {words}" if case.verdict == "refused" and case.checks else words
+
+
+def failure(case: CaseRecord) -> str:
+    """Say why an audit of a deck fails, with its cause and what is new; empty if it does not."""
+    why = [_with_cause(event(case), case), _new(case)]
+    return "; ".join(filter(None, why)) or ("" if case.as_expected else case.verdict)
+
+
+def _with_cause(what_happened: str, case: CaseRecord) -> str:
+    of = case.outlook
+    if of is None or not what_happened:
+        return what_happened
+    if of.cause == "findings":
+        known = "a known bug" if len(of.findings) == 1 else "known bugs"
+        return f"{what_happened}, because of {known}: {'; '.join(what(case, name) for name in of.findings)}"
+    if of.cause == "not understood":
+        return f"{what_happened}, which is not understood"
+    cause = "unstable because of the time step" if of.cause == "time step" else "unstable as set up"
+    return f"{cause}: {of.because} ({what_happened})" if of.because else f"{cause}: {what_happened}"
+
+
+def _new(case: CaseRecord) -> str:
+    differing = list(dict.fromkeys(field.field for field in case.fields if field.verdict == "differs"))
+    first = case.blame
+    if first is None or not differing:
+        return f"{listed(differing)} differ (new)" if differing else ""
+    step = f"step {first.step}" + (f" of run {first.run}" if (first.run or 1) > 1 else "")
+    limit = f"a known limit of {listed(case.limits)}" if case.limits else "new"
+    others = [name for name in differing if name != first.field]
+    more = f"; {listed(others)} too" if others else ""
+    return f"{first.field} differs at {first.outside} of {counted(first.of, 'atom')} from {step} on ({limit}){more}"
+
+
+# --- what else there is
+
+
+def nothing(case: CaseRecord) -> str:
+    """Say that nothing was compared, and why if it is known."""
+    return "nothing was compared" + (f": {case.message}" if case.message else "")
+
+
+def unchecked(case: CaseRecord, never: Mapping[str, str] | None = None) -> list[str]:
+    """Say which fields an audit could not check, those with one reason in one line.
+
+    Fields that ``never`` are, with the reason of each, stand in one line without it.
+    """
+    reasons: dict[str, list[str]] = {}
+    for name, reason in case.unchecked.items():
+        known = (never or {}).get(name) == reason
+        reasons.setdefault("not in any audit (the report says why)" if known else reason, []).append(name)
+    return [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()] or case.not_checked
+
+
+def remarks(case: CaseRecord) -> list[str]:
+    """Say in a few words each what a reader of a headline must know beside the state: gaps, losses, warnings."""
+    missed = {name: reason for name, reason in case.unchecked.items() if name not in case.out_of_scope}
+    names, reasons, said = list(missed), set(missed.values()), []
+    if missed:
+        reason = reasons.pop() if len(reasons) == 1 else ""
+        said.append(f"{_all(names)} not checked" + (f" ({reason})" if 0 < len(reason) <= IN_BRIEF else ""))
+    until = [field for field in case.fields if field.until is not None]
+    if until:
+        said.append(f"checked to step {min(field.until or 0 for field in until)} only")
+    if case.lost and case.lost.ignored:
+        said.append(f"{case.lost.lost} of {counted(case.lost.of, 'atom')} lost")
+    return [*said, *([counted(len(case.warnings), "warning")] if case.warnings else [])]
+
+
+def _all(names: Sequence[str]) -> str:
+    return wording.some(names, 3) if len(names) > 3 else " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+
+
+def verdict(field: FieldRecord) -> str:
+    """Return the verdict on a field with what qualifies it: how long it was judged, and equal rounding."""
+    until = "" if field.until is None else f" to step {field.until}"
+    return f"{field.verdict}{until}" + (" (same rounding)" if field.verdict == "exact" and field.max_abs else "")

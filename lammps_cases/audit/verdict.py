@@ -18,7 +18,7 @@ from lammps_cases.audit.options import (
 )
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records import wording
-from lammps_cases.records.audit_record import BudgetRecord, EffectRecord
+from lammps_cases.records.audit_record import BreakRecord, BudgetRecord, EffectRecord
 from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, FieldRecord, worst
 
 
@@ -37,6 +37,7 @@ class Findings:
     effects: list[EffectRecord] = field(default_factory=list)
     budgets: list[BudgetRecord] = field(default_factory=list)
     blame: Blame | None = None
+    broke: BreakRecord | None = None
     ended: DeckEnd | None = None
     setups: DeckSetups | None = None
 
@@ -121,6 +122,7 @@ class Findings:
             engine_error=failure.message if failure else "",
             died=failure.died if failure else "",
             blame=self.blame,
+            broke=self.broke,
             natoms=sum(self._natoms().values()) or facts.natoms,
             steps=self.done,
             dimension=facts.dimension or None,

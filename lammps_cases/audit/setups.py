@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lammps_cases.audit import sample
+from lammps_cases.audit import sample, text
 from lammps_cases.audit.deck import Deck, between
 from lammps_cases.audit.options import DeckDump, DeckSetups, RunSetup
 from lammps_cases.audit.sample import SOLID
@@ -39,7 +39,7 @@ class SetupWatch(DeckWatch):
 
     def setups(self) -> DeckSetups:
         """Return all that was kept."""
-        return DeckSetups(self.described, self.dumps, [" ".join(map(_quoted, words)) for words in self.commands])
+        return DeckSetups(self.described, self.dumps, [" ".join(map(text.quoted, words)) for words in self.commands])
 
     def note(self, values: list[str]) -> None:
         """Take down a command that LAMMPS has executed."""
@@ -109,10 +109,3 @@ class SetupWatch(DeckWatch):
             members={group: sample.members(lmp, group, n) for group in groups},
             **{field.name: getattr(deck, field.name) for field in dataclasses.fields(Deck)},
         )
-
-
-def _quoted(word: str) -> str:
-    """Return a word as a script has it."""
-    if word and not any(c.isspace() or c in "\"'#&" for c in word):
-        return word
-    return f'"""{word}"""'

@@ -30,7 +30,7 @@ BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 NAMED = re.compile(r"Save this as `([\w.]+)`[^`]*\Z")
 GIVEN = {
     "in.deck": "in.plain",
-    **{name: name for name in ("fluid.inc", "final.inc", "in.column", "in.box", "in.vortices")},
+    **{name: name for name in ("fluid.inc", "final.inc", "in.column", "in.box", "in.started", "in.vortices")},
 }
 NOT_RUN = {"make validate": "every case: minutes", "make test": "every test: minutes, and this one again"}
 

@@ -33,7 +33,7 @@ def main(task: AuditTask, connection: Connection) -> None:
     """Run a deck and send the messages of `lammps_cases.audit.options`; at last `DeckEnd`, or the error."""
     containment.end_with_parent()
     containment.limit(memory_share(1), task.options.timeout, LARGEST_FILE)
-    os.chdir(task.folder)
+    os.chdir(task.working)
     try:
         connection.send(audit(task, connection))
     except (InputError, EngineMissing) as error:
@@ -96,11 +96,12 @@ def audit(task: AuditTask, connection: Connection) -> DeckEnd:
             watch.meet(where, written)
         connection.send(CommandPlace(where, written))
 
-    follower = Follower(lmp, watch, report, options.trust)
+    within = None if options.trust else task.place
+    follower = Follower(lmp, watch, report, within)
     refused = lacks = ""
     try:
-        if options.suffix is not None:
-            follower.start(f"suffix {options.suffix}")
+        for command in options.commands():
+            follower.start(command)
         follower.deck(Path(task.deck))
     except EngineRefused as error:
         refused = str(error)
@@ -111,7 +112,7 @@ def audit(task: AuditTask, connection: Connection) -> DeckEnd:
     arrays, last = watch.final()
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
     questions, (cause, ahead) = watch.questions, watch.outlook()
-    warnings, margins = [*questions.lines(), *watch.unbudgeted()], questions.stability
+    warnings, margins = [*questions.lines(), *watch.unbudgeted(), *follower.made], questions.stability
     touching = (HYPHEN,) if questions.mistaken else ()
     series, solution = watch.series()
     return DeckEnd(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from eos_ref.errors import InputError
 from lammps_cases.audit.finished import audit_dump
-from lammps_cases.audit.options import TIMEOUT, AuditOptions, trusted
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.restart import audit_restart
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import installations
@@ -27,18 +27,12 @@ def audit(
     *,
     dump: str | Path | None = None,
     restart: str | Path | None = None,
-    every: int = 10,
-    steps: int | None = None,
-    fields: str | Sequence[str] = "all",
-    timeout: float = TIMEOUT,
-    trust: bool = False,
-    suffix: str | None = None,
-    budgets: bool = False,
     engine: str = "env",
     fail_on: Level = "new",
     out: str | Path | None = None,
+    **options: Any,
 ) -> Result:
-    """Check every atom while LAMMPS runs an input deck, unchanged, in a copy of its folder, as ``eos-ref audit`` does.
+    """Check every atom while LAMMPS runs an input deck, unchanged, in a copy, as ``eos-ref audit`` does.
 
     Parameters
     ----------
@@ -47,14 +41,13 @@ def audit(
     dump, restart : path, optional
         What the deck has written: checked without running the deck; see `lammps_cases.audit.finished` and
         `lammps_cases.audit.restart`.
-    every, steps, timeout, trust, suffix, budgets :
-        See `lammps_cases.audit.options.AuditOptions`.
-    fields : str or sequence of str
-        What to check, by LAMMPS' names; all: whatever can be.
     fail_on : {"high", "medium", "low", "new"} or an effect
         Known findings that fail: by their severity on the deck, or by their effect there, above "1%".
     engine, out :
         See `lammps_cases.run.command.run`.
+    options :
+        every, steps, fields, timeout, trust, suffix, package, var, root, budgets: see
+        `lammps_cases.audit.options.AuditOptions`.
 
     Raises
     ------
@@ -64,15 +57,12 @@ def audit(
         There is no LAMMPS with RHEO.
     """
     chosen, deck = installations.resolve(engine), Path(deck)
-    names = (fields,) if isinstance(fields, str) else tuple(fields)
-    options = AuditOptions(
-        every, steps, timeout, trust or trusted(), chosen.site, fields=names, suffix=suffix, budgets=budgets
-    )
+    how = AuditOptions.of(engine=chosen.site, **options)
     files = {name: Path(file) for name, file in (("dump", dump), ("restart", restart)) if file is not None}
     words = [word for name, file in files.items() for word in (f"--{name}", str(file))]
-    command = shlex.join(["eos-ref", "audit", str(deck), *words, *options.words()])
+    command = shlex.join(["eos-ref", "audit", str(deck), *words, *how.words()])
     with report_folder(out) as (folder, temporary):
-        run = audit_into(folder, deck, options, chosen, command, fail_on, **files)
+        run = audit_into(folder, deck, how, chosen, command, fail_on, **files)
         return Result(run, folder, temporary)
 
 

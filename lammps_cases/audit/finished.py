@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import shlex
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,10 +37,11 @@ from lammps_cases.audit.sample import judged, known
 from lammps_cases.audit.supervise import case_name, described
 from lammps_cases.audit.verdict import Findings, by_field, leave_unchecked
 from lammps_cases.comparison.compare import Comparison
+from lammps_cases.records import wording
+from lammps_cases.records.audit_record import BreakRecord
 from lammps_cases.records.run_record import EngineRecord, LawRecord, RunRecord, Seconds
-from lammps_cases.records.wording import counted
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.scene.lammps_files import SOLID, FileSnapshot, snapshots
+from lammps_cases.scene.lammps_files import SOLID, CutOff, FileSnapshot, snapshots
 from lammps_cases.verdict.model_fields import derived
 
 NO_COLUMN = "no column of it in the dump (compute rheo/property/atom NAME, of vectors and tensors NAME/*)"
@@ -72,7 +74,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
     Parameters
     ----------
     dump : Path
-        A dump custom as text, with one snapshot or several.
+        A dump custom, text or binary, with one snapshot or several; of a file that is cut off, the whole ones count.
     deck : Path
         The deck that has written it.
     options : AuditOptions
@@ -89,7 +91,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
     EngineMissing
     """
     begin = time.perf_counter()
-    shots = list(_read(dump))
+    shots, rest = _read(dump)
     findings, setups = described(deck, options)
     runs = [_run(k, setup) for k, setup in enumerate(setups.runs, 1)]
     columns = printed.columns_of(dump, list(shots[0].columns), setups.dumps, runs[0].setup)
@@ -102,20 +104,28 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
         writing = writing[writing.index(frame.run) :]  # steps may be counted anew
         _check(frame, dump.name)
         audit.take(frame)
-    audit.end(str(dump))
+    audit.end(str(dump), rest)
     case = findings.case(case_name(dump))
     case.about = "a dump of your input deck: its columns against each other, at the end of a step"
     leave_unchecked(case, audit.unchecked())
     case.out_of_scope = fields.out_of_scope(audit.reasons)
-    case.source, case.reproduce = str(dump), shlex.join(["eos-ref", "audit", "--dump", str(dump), "--deck", str(deck)])
+    words = ["--dump", str(dump), "--deck", str(deck), *options.words()]
+    case.source, case.reproduce = str(dump), shlex.join(["eos-ref", "audit", *words])
     case.seconds = Seconds(reference=time.perf_counter() - begin, total=time.perf_counter() - begin)
     record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()
     return AuditResult(record, findings.who, audit.arrays)
 
 
-def _read(dump: Path) -> Sequence[FileSnapshot]:
+def _read(dump: Path) -> tuple[list[FileSnapshot], list[str]]:
+    """Return the whole snapshots, and a line on what the file ends with."""
+    every: list[FileSnapshot] = []
+    rest: list[str] = []
     try:
-        every = list(snapshots(dump))
+        every.extend(snapshots(dump))
+    except CutOff as error:
+        if not every:
+            raise error.at(str(dump)) from None
+        rest = [f"the dump is cut off after step {every[-1].step}: not judged is the rest, {error.found}"]
     except InputError as error:
         raise error.at(str(dump)) from None
     if not every:
@@ -123,7 +133,7 @@ def _read(dump: Path) -> Sequence[FileSnapshot]:
     for name in ("id", "type"):
         if name not in every[0].columns:
             raise InputError("columns", f"must hold {name}", " ".join(every[0].columns), str(dump))
-    return every
+    return every, rest
 
 
 def _run(number: int, setup: RunSetup) -> Run:
@@ -203,6 +213,7 @@ class _Audit:
         run, snapshot = frame.run, frame.snapshot
         self.steps.append(snapshot.step)
         held = self.columns.read(snapshot, run.setup.dimension)
+        self.findings.broke = self.findings.broke or _broke(snapshot, run.number)
         names, unchecked = self._choice(frame, held)
         for name, reason in unchecked.items():
             self.reasons.setdefault((name, reason), []).append(snapshot.step)
@@ -229,7 +240,8 @@ class _Audit:
         for name in names:
             left = len(id_n) - len(compared[name].bound_n) if name in compared else len(id_n)
             if left and name not in open_:
-                reason = NO_PARTICLE if left == len(id_n) else f"{left} of {counted(len(id_n), 'particle')} {OPEN}"
+                some = f"{left} of {wording.counted(len(id_n), 'particle')} {OPEN}"
+                reason = NO_PARTICLE if left == len(id_n) else some
                 self.reasons.setdefault((name, reason), []).append(snapshot.step)
         if self.findings.blame is None:  # of the first snapshot in which a field differs, or the last one
             self.arrays = _arrays(sample, snapshot, id_n, compared)
@@ -280,15 +292,37 @@ class _Audit:
             lines.append((name, reason + some * (len(steps) < len(self.steps))))
         return by_field(lines)
 
-    def end(self, file: str) -> None:
-        """Tell the record that all snapshots of a file have been taken."""
-        if not self.findings.checks:
+    def end(self, file: str, rest: Sequence[str] = ()) -> None:
+        """Note in the record that all snapshots of a file have been taken."""
+        if not self.findings.checks and self.findings.broke is None:
             missing = [name for name, reason in self.reasons if reason in (NO_COLUMN, NO_FORCES, NO_RATE)]
             others = [f"{name}: {reason}" for name, reason in self.reasons if name not in missing]
             why = f"it lacks {', '.join(missing)}: see compute rheo/property/atom" if missing else "; ".join(others[:3])
             raise InputError("dump", f"must hold columns that can be checked against each other; {why}", where=file)
         runs = len({check.run for check in self.findings.checks})
-        self.findings.take(DeckEnd(max(self.steps), runs, Seconds(), [], [], {}, {}))
+        self.findings.take(DeckEnd(max(self.steps), runs, Seconds(), list(rest), [], {}, {}))
+
+
+def _broke(snapshot: FileSnapshot, run: int) -> BreakRecord | None:
+    """Return where a snapshot holds what is not a finite number: the particle of least id, its first such column."""
+    id_n = snapshot.numbers("id", int)
+    bad = {name: ~np.isfinite(values_n) for name, values_n in _numbers(snapshot)}
+    found = [(int(id_n[bad_n].min()), k, name) for k, (name, bad_n) in enumerate(bad.items()) if bad_n.any()]
+    if not found:
+        return None
+    atom, _, column = min(found)
+    return BreakRecord(
+        kind="not a number", run=run, step=snapshot.step, column=column, atom=atom,
+        value=float(snapshot.numbers(column)[id_n == atom][0]), particles=int(bad[column].sum()), of=len(id_n),
+        both=False,
+    )  # fmt: skip
+
+
+def _numbers(snapshot: FileSnapshot) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+    """Yield the columns that hold numbers: of others, such as element, nothing can be said."""
+    for name in snapshot.columns:
+        with contextlib.suppress(InputError):
+            yield name, snapshot.numbers(name)
 
 
 def _sample(frame: Frame, held: dict[str, Any], id_n: npt.NDArray[Any]) -> FrameSample:

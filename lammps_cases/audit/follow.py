@@ -8,17 +8,22 @@ number, and a line is substituted once, by LAMMPS (a random variable must not ad
 
 from __future__ import annotations
 
+import contextlib
+import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from eos_ref.errors import InputError
 from lammps_cases.audit import guard, text
+from lammps_cases.audit.place import DeckPlace, written
 from lammps_cases.audit.watch import DeckWatch
 from lammps_cases.engine.session import EngineRefused, translated
 
 BRANCH = "eosref_branch"  # names of variables that decks will not use
 LINE = "eosref_line"
+_UNSET = re.compile(r"Substitution for illegal variable (\w+)")
 _FLOW = frozenset({"jump", "include", "label", "next", "clear", "run", "partition"})
 
 
@@ -40,17 +45,20 @@ class Follower:
     Parameters
     ----------
     lmp : lammps
-        An open instance; the current folder is the deck's.
+        An open instance; the current folder is that in which the deck runs.
     watch : DeckWatch
         Notes every command, and executes the runs.
     report : callable
         Called with place and text of every command before LAMMPS gets it.
-    trust : bool
-        Whether commands are left unchecked by `guard`.
+    within : DeckPlace, optional
+        What has been copied; without it commands are left unchecked by `guard`.
     """
 
-    def __init__(self, lmp: Any, watch: DeckWatch, report: Callable[[str, str], None], trust: bool = False) -> None:
-        self.lmp, self.watch, self.report, self.trust = lmp, watch, report, trust
+    def __init__(
+        self, lmp: Any, watch: DeckWatch, report: Callable[[str, str], None], within: DeckPlace | None = None
+    ) -> None:
+        self.lmp, self.watch, self.report, self.within = lmp, watch, report, within
+        self.made: list[str] = []  # lines on folders that the deck needs
         self.scripts: list[_Script] = []
         self.seeking: str | None = None
         self.skip_jump = False
@@ -110,8 +118,8 @@ class Follower:
         if "$" in command:
             command = self._call(lambda: self.lmp.expand(command))
             words = text.words(command)
-        if not self.trust:
-            guard.check(words, self.where)
+        if self.within is not None:
+            guard.check(words, self.where, self.within)
         if words:
             self._dispatch(command, words)
 
@@ -138,6 +146,7 @@ class Follower:
             case _:
                 self._hidden(words)
                 self.watch.heed(values)
+                self._make_folders(values)
                 self.execute(command)
                 self.watch.note(values)
 
@@ -165,9 +174,19 @@ class Follower:
         for inner in commands[taken - 1] if taken else ():
             self._line(inner)
 
+    def _make_folders(self, values: list[str]) -> None:
+        """Make the folders for what a command writes: they may be there where the deck is meant to run."""
+        for folder in {Path(os.path.normpath(file)).parent for file in written(values)}:
+            with contextlib.suppress(OSError, ValueError):  # LAMMPS' own message follows
+                if not (folder.is_absolute() or ".." in folder.parts or folder.exists()):
+                    folder.mkdir(parents=True)
+                    self.made.append(
+                        f"folder {folder} does not exist: made in the copy, LAMMPS alone stops ({self.where})"
+                    )
+
     def _hidden(self, words: list[text.Word]) -> None:
         """Refuse commands within another that change flow or laws, or that cannot be checked beforehand."""
-        for inner in guard.nested(words):
+        for inner in text.nested(words):
             held = text.words(text.without_comment(inner))
             values = [word.value for word in held]
             if values[:1] == ["if"]:
@@ -188,4 +207,6 @@ class Follower:
             with translated():
                 return call()
         except EngineRefused as error:
-            raise EngineRefused(f"{' '.join(str(error).split())} ({self.where})") from None
+            unset = _UNSET.search(str(error))
+            hint = f" (-var {unset[1]} VALUE defines it, as for lmp)" if unset else ""
+            raise EngineRefused(f"{' '.join(str(error).split())}{hint} ({self.where})") from None

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from dataclasses import fields as fields_of
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy.typing as npt
-from pydantic import ConfigDict
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from eos_ref.errors import InputError
+from lammps_cases.audit import text
 from lammps_cases.audit.fields import DEFAULT, chosen
+from lammps_cases.audit.place import DeckPlace
 from lammps_cases.engine.containment import Means
 from lammps_cases.records.audit_record import (
     ActingRecord,
@@ -54,12 +59,18 @@ class AuditOptions:
         Folder (for ``sys.path``) of another lammps package.
     progress : Progress, optional
         Receives the number of steps done, and of how many.
-    fields : sequence of str
-        Fields to check, by LAMMPS' names, or ``all`` that can be.
     keep : Path, optional
         Run in this folder and leave it, with what the deck wrote; by default a temporary one.
+    fields : sequence of str
+        Fields to check, by LAMMPS' names, or ``all`` that can be.
     suffix : str, optional
         Style suffix that LAMMPS is started with, as by its own switch -sf.
+    package : sequence of str
+        Arguments of ``package`` commands executed before the deck, as by LAMMPS' own switch -pk.
+    var : mapping
+        Index variables defined before the deck, by name: a value, or several; as by LAMMPS' own switch -var.
+    root : Path, optional
+        Folder that is copied, and may be read; by default that in which the deck runs.
     budgets : bool
         Also record conserved quantities, and run the reference from the last run's first sample, with one thing changed
         at a time.
@@ -67,8 +78,10 @@ class AuditOptions:
     Raises
     ------
     InputError
-        A number that is not positive, an unknown field.
+        A number that is not positive, an unknown field, a variable without name or value.
     """
+
+    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True, extra="forbid")
 
     every: int = 10
     steps: int | None = None
@@ -76,9 +89,12 @@ class AuditOptions:
     trust: bool = field(default_factory=trusted)
     engine: str | None = None
     progress: Progress = field(default=SILENT, compare=False)
-    keep: Path | None = None
+    keep: Path | None = field(default=None, compare=False)
     fields: tuple[str, ...] = DEFAULT
     suffix: str | None = None
+    package: tuple[str, ...] = ()
+    var: Mapping[str, Any] = field(default_factory=dict)
+    root: Path | None = None
     budgets: bool = False
 
     def __post_init__(self) -> None:
@@ -89,16 +105,62 @@ class AuditOptions:
         if not self.timeout > 0:
             raise InputError("timeout", "must be a positive number of seconds", self.timeout, "option --timeout")
         object.__setattr__(self, "fields", chosen(self.fields))
+        object.__setattr__(self, "var", {name: _values(name, given) for name, given in self.var.items()})
+
+    @classmethod
+    def of(cls, **given: Any) -> AuditOptions:
+        """Return options given by a user: fields may be one string, with commas; wrong types are bad input.
+
+        Raises
+        ------
+        InputError
+            An unknown option, a wrong type, or a wrong value.
+        """
+        if isinstance(names := given.get("fields"), str):
+            given["fields"] = [name.strip() for name in names.split(",") if name.strip()]
+        try:
+            return TypeAdapter(cls).validate_python(given)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            cause = first.get("ctx", {}).get("error")
+            if isinstance(cause, InputError):
+                raise cause from None
+            raise InputError(f"argument {first['loc'][0]}", first["msg"], first["input"], "audit()") from None
+
+    def commands(self) -> list[str]:
+        """Return the commands that LAMMPS executes before the deck."""
+        variables = [" ".join(["variable", name, "index", *map(text.quoted, of)]) for name, of in self.var.items()]
+        suffix = [] if self.suffix is None else [f"suffix {self.suffix}"]
+        return [*suffix, *(f"package {given}" for given in self.package), *variables]
 
     def words(self) -> list[str]:
-        """Return the options as words of the command line."""
-        words = ["--every", str(self.every)]
-        words += [] if self.steps is None else ["--steps", str(self.steps)]
-        words += [] if self.fields == DEFAULT else ["--fields", ",".join(self.fields)]
-        words += [] if self.suffix is None else ["-sf", self.suffix]
-        words += ["--budgets"] if self.budgets else []
-        words += ["--trust"] if self.trust else []
-        return words + ([] if self.engine is None else ["--engine", f"path:{self.engine}"])
+        """Return the options that are not the defaults as words of the command line."""
+        plain = AuditOptions(trust=False)
+        given = {each.name: getattr(self, each.name) for each in fields_of(self) if each.compare}
+        return [w for name, value in given.items() if value != getattr(plain, name) for w in _words(name, value)]
+
+
+def _values(name: str, given: Any) -> tuple[str, ...]:
+    values = tuple(map(str, [given] if isinstance(given, str) or not isinstance(given, Sequence) else given))
+    if not (re.fullmatch(r"\w+", name) and values):
+        raise InputError("var", "must be a name of letters, digits and _, and at least one value", name, "option -var")
+    return values
+
+
+def _words(name: str, value: Any) -> list[str]:
+    match name:
+        case "var":
+            return [word for name, values in value.items() for word in ("-var", name, *values)]
+        case "package":
+            return [word for given in value for word in ("-pk", *given.split())]
+        case "suffix":
+            return ["-sf", value]
+        case "engine":
+            return ["--engine", f"path:{value}"]
+        case "fields":
+            return ["--fields", ",".join(value)]
+        case _:
+            return [f"--{name}", *([] if value is True else [str(value)])]
 
 
 @dataclass(frozen=True)
@@ -122,11 +184,17 @@ class AuditTask:
     """The task of the child process."""
 
     deck: str
-    folder: str
+    folder: str  # the copy
     options: AuditOptions
     means: Means
     outside: str  # folder beside the copy, for the files of the audit itself
     setups: bool = False  # whether runs are not carried out, but described
+    place: DeckPlace = field(default_factory=DeckPlace)
+
+    @property
+    def working(self) -> str:
+        """Return the folder in which LAMMPS runs."""
+        return f"{self.folder}/{self.place.within}"
 
     @property
     def temporary(self) -> str:

@@ -56,7 +56,8 @@ class DumpColumns:
         components: dict[str, dict[int, Rounded]] = {}
         for name, part, form in zip(self.names, self.parts, self.formats, strict=True):
             if part is not None:
-                components.setdefault(part.quantity, {})[part.component] = number(snapshot.numbers(name), form)
+                printed = "%.17g" if snapshot.exact else form
+                components.setdefault(part.quantity, {})[part.component] = number(snapshot.numbers(name), printed)
         whole: dict[str, Rounded] = {}
         for quantity, parts in components.items():
             rank = (

@@ -28,9 +28,9 @@ from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.options import AuditOptions, DeckSetups, RunSetup, StartState
 from lammps_cases.audit.sample import SOLID
 from lammps_cases.audit.scaling import BEFORE_BOX, Scaling, kept_commands, needed_variables
-from lammps_cases.audit.setups import quoted
 from lammps_cases.audit.share import data
 from lammps_cases.audit.supervise import audit_deck, described
+from lammps_cases.audit.text import quoted
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.progress import SILENT

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from eos_ref.errors import InputError
 from lammps_cases.audit.options import AuditOptions, AuditResult, DeckSetups, RunSetup
-from lammps_cases.audit.scratch import copy_folder
+from lammps_cases.audit.place import DeckPlace, find
+from lammps_cases.audit.scratch import beside, copy_folder
 from lammps_cases.audit.supervise import audit_deck, case_name, described
 from lammps_cases.records.progress import SILENT
 
@@ -48,7 +49,8 @@ def audit_restart(restart: Path, deck: Path, options: AuditOptions) -> AuditResu
     case = result.record.cases[0]
     case.case, case.source = case_name(restart), str(restart)
     case.about = "a restart file of your input deck: what LAMMPS makes of it before a step"
-    case.reproduce = shlex.join(["eos-ref", "audit", "--restart", str(restart), "--deck", str(deck)])
+    words = ["--restart", str(restart), "--deck", str(deck), *options.words()]
+    case.reproduce = shlex.join(["eos-ref", "audit", *words])
     return result
 
 
@@ -61,16 +63,18 @@ def _run_of(step: int, runs: Sequence[RunSetup], restart: Path) -> RunSetup:
 
 
 def _read(restart: Path, deck: Path, setups: DeckSetups, run: RunSetup, options: AuditOptions) -> AuditResult:
+    place = find(deck, options.root, options.var)
     with tempfile.TemporaryDirectory(prefix="eos-ref-restart-") as made:
-        folder = Path(made)
-        copy_folder(deck.resolve().parent, folder, links_out=options.trust)
+        root = beside(place.root, Path(made).resolve()) if options.trust else Path(made).resolve()
+        copy_folder(place.root, root, links_out=options.trust)
+        folder = root / place.within
         shutil.copyfile(restart, folder / NAME)
         commands = setups.commands[: run.said]
         early = [command for command in commands if command.startswith("newton")]
         rest = [command for command in commands if command not in early]
         script = folder / f"in.{NAME}"
         script.write_text("\n".join([*early, f"read_restart {NAME}", *rest, "run 0", ""]), encoding="utf-8")
-        result = audit_deck(script, replace(options, steps=None, progress=SILENT))
+        result = audit_deck(script, replace(options, steps=None, progress=SILENT), DeckPlace(root, folder))
     case = result.record.cases[0]
     if case.engine_error:
         message = case.engine_error.replace(f"in.{NAME}", "the restart")

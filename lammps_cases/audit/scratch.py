@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 from pathlib import Path
@@ -47,6 +48,22 @@ def copy_folder(source: Path, target: Path, largest: int = LARGEST, links_out: b
                 shutil.copyfile(here / file, to / file)
             except OSError as error:
                 raise InputError(file, f"cannot be copied: {error.strerror}", where=str(here)) from None
+
+
+def beside(source: Path, target: Path) -> Path:
+    """Make and return the folder ``target/a/b`` for the copy of a source ``/a/b``.
+
+    Whatever else the folders above the source hold is there as links, so that relative paths lead where they should.
+    """
+    here = target
+    for folder, name in zip(reversed(source.parents), source.parts[1:], strict=True):
+        with contextlib.suppress(OSError):  # a folder that may be entered, but not listed
+            for other in folder.iterdir():
+                if other.name != name:
+                    (here / other.name).symlink_to(other)
+        here = here / name
+        here.mkdir()
+    return here
 
 
 def _is_within(folder: Path, path: Path) -> bool:

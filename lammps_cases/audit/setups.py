@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lammps_cases.audit import sample
+from lammps_cases.audit import sample, text
 from lammps_cases.audit.deck import Deck, between
 from lammps_cases.audit.options import DeckDump, DeckSetups, RunSetup, ScriptCommand, StartState
 from lammps_cases.audit.sample import SOLID
@@ -41,7 +41,7 @@ class SetupWatch(DeckWatch):
 
     def setups(self) -> DeckSetups:
         """Return all that was kept."""
-        commands = [" ".join(map(quoted, words)) for words in self.commands]
+        commands = [" ".join(map(text.quoted, words)) for words in self.commands]
         return DeckSetups(self.described, self.dumps, commands, self.script, self.start)
 
     def meet(self, where: str, written: str) -> None:
@@ -147,10 +147,3 @@ class SetupWatch(DeckWatch):
             newton=(bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))),
             **{field.name: getattr(deck, field.name) for field in dataclasses.fields(Deck)},
         )
-
-
-def quoted(word: str) -> str:
-    """Return a word as a script has it."""
-    if word and not any(c.isspace() or c in "\"'#&" for c in word):
-        return word
-    return f'"""{word}"""'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import shlex
 import shutil
@@ -18,7 +19,8 @@ from eos_ref.errors import InputError
 from lammps_cases.audit import launch, messages, share
 from lammps_cases.audit.guard import check_script
 from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask, DeckSetups, PairShare, SampleRows
-from lammps_cases.audit.scratch import copy_folder
+from lammps_cases.audit.place import DeckPlace, find
+from lammps_cases.audit.scratch import beside, copy_folder
 from lammps_cases.audit.verdict import Findings, leave_unchecked
 from lammps_cases.engine import containment
 from lammps_cases.engine.session import death, how_it_died
@@ -38,8 +40,8 @@ class DiskFull(RuntimeError):
 ENTRY: launch.Entry = launch.run_child
 
 
-def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
-    """Run a deck, unchanged, in a copy of its folder, and check the requested fields at every atom.
+def audit_deck(deck: Path, options: AuditOptions | None = None, place: DeckPlace | None = None) -> AuditResult:
+    """Run a deck, unchanged, in a copy of the folder where it runs, and check the requested fields at every atom.
 
     Every so many steps (`AuditOptions`), and at the start of every run, it checks what a force evaluation has just
     used: the pressure, P = EOS(rho, e) with the laws that fix rheo and fix rheo/pressure hold at that moment, and
@@ -50,6 +52,8 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     deck : Path
         The input script.
     options : AuditOptions, optional
+    place : DeckPlace, optional
+        Where the deck runs; found by `lammps_cases.audit.place.find` by default.
 
     Returns
     -------
@@ -67,9 +71,9 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     """
     options = options or AuditOptions()
     deck = Path(deck)
-    _check(deck, options)
+    place = _check(deck, options, place)
     begin = time.perf_counter()
-    findings, failure = _run(deck, options)
+    findings, failure = _run(deck, options, place)
     case = findings.case(case_name(deck), failure)
     case.source = str(deck)
     case.reproduce = shlex.join(["eos-ref", "audit", str(deck), *options.words()])
@@ -90,10 +94,11 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
 def _take_share(case: CaseRecord, pairs: PairShare, options: AuditOptions) -> None:
     """Have a second LAMMPS evaluate pair_style rheo alone at the particles of a sample, and judge its forces."""
     where = f"of pair_style rheo alone, by a second LAMMPS at the particles of step {pairs.step}"
-    own = replace(options, fields=("f",), steps=None, keep=None, suffix=None, progress=SILENT)
+    own = AuditOptions(options.every, None, options.timeout, options.trust, options.engine, fields=("f",))
     try:
         with tempfile.TemporaryDirectory(prefix="eos-ref-share-") as folder:
-            second = audit_deck(share.write(pairs, Path(folder)), own).record.cases[0]
+            script = share.write(pairs, Path(folder))
+            second = audit_deck(script, own, DeckPlace(script.parent, script.parent)).record.cases[0]
         failure = second.engine_error
     except InputError as error:
         failure = str(error)
@@ -128,8 +133,8 @@ def described(deck: Path, options: AuditOptions) -> tuple[Findings, DeckSetups]:
         The deck cannot be read or followed, LAMMPS refuses it or dies, or it has no run.
     EngineMissing
     """
-    _check(deck, options)
-    findings, failure = _run(deck, options, setups=True)
+    place = _check(deck, options)
+    findings, failure = _run(deck, options, place, setups=True)
     if failure is not None:
         raise InputError("deck", f"must be set up by LAMMPS, without its runs ({failure.message})", where=str(deck))
     if findings.setups is None or not findings.setups.runs:
@@ -137,25 +142,39 @@ def described(deck: Path, options: AuditOptions) -> tuple[Findings, DeckSetups]:
     return findings, findings.setups
 
 
-def _check(deck: Path, options: AuditOptions) -> None:
+def _check(deck: Path, options: AuditOptions, place: DeckPlace | None = None) -> DeckPlace:
     if not deck.is_file():
         rule = "must be a readable file" if deck.exists() else "no such file"
         raise InputError("deck", rule, where=str(deck))
+    place = place or find(deck, options.root, options.var)
     if not options.trust:
-        check_script(deck)
+        check_script(deck, place, options.var)
+    return place
 
 
-def _run(deck: Path, options: AuditOptions, setups: bool = False) -> tuple[Findings, Failure | None]:
+def _run(deck: Path, options: AuditOptions, place: DeckPlace, setups: bool = False) -> tuple[Findings, Failure | None]:
     findings = Findings()
     with contextlib.ExitStack() as stack:
         folder = options.keep or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
         outside = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
-        copy_folder(deck.resolve().parent, folder.resolve(), links_out=options.trust)
+        folder = folder.resolve()
+        if options.trust and options.keep is None:
+            folder = beside(place.root, folder)
+        copy_folder(place.root, folder, links_out=options.trust)
         silent = replace(options, progress=SILENT)
-        task = AuditTask(deck.name, str(folder.resolve()), silent, confined(options), str(outside), setups)
+        script = _brought(deck.resolve(), place, folder)
+        task = AuditTask(script, str(folder), silent, confined(options), str(outside), setups, place)
         output = outside / "output"
         with launch.running(ENTRY, task, output) as (process, receiver):
             return findings, _listen(receiver, findings, options, process, output)
+
+
+def _brought(deck: Path, place: DeckPlace, folder: Path) -> str:
+    """Return the name of the deck in the copy, seen from where it runs; a deck from elsewhere is put there."""
+    if deck.is_relative_to(place.root):
+        return os.path.relpath(deck, place.working)
+    shutil.copyfile(deck, folder / place.within / deck.name)
+    return deck.name
 
 
 def confined(options: AuditOptions) -> containment.Means:

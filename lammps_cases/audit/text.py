@@ -106,3 +106,27 @@ def branches(command: list[Word]) -> tuple[list[str], list[list[str]]]:
         else:
             commands[-1].append(word.value)
     return conditions, commands
+
+
+def nested(command: list[Word]) -> list[str]:
+    """Return the commands held by the words of another one: ``if``, ``run ... every``, ``partition``."""
+    values = [word.value for word in command]
+    match values[0]:
+        case "if":
+            try:
+                return [inner for branch in branches(command)[1] for inner in branch]
+            except ValueError:
+                return []
+        case "run" if "every" in values[2:]:
+            return [inner for inner in values[values.index("every") + 2 :] if inner != "NULL"]
+        case "partition":
+            return [" ".join(word.raw for word in command[3:])]
+        case _:
+            return []
+
+
+def quoted(word: str) -> str:
+    """Return a word as a script has it."""
+    if word and not any(c.isspace() or c in "\"'#&$" for c in word):
+        return word
+    return f'"""{word}"""'

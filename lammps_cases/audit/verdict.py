@@ -19,7 +19,7 @@ from lammps_cases.audit.options import (
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import effect_of
 from lammps_cases.records import wording
-from lammps_cases.records.audit_record import ActingRecord, BudgetRecord, EffectRecord
+from lammps_cases.records.audit_record import ActingRecord, BreakRecord, BudgetRecord, EffectRecord
 from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, FieldRecord, worst
 
 
@@ -42,6 +42,7 @@ class Findings:
     )  # steps by field, findings
     sampled: tuple[int, int] = (0, 0)  # run and step of the last sample
     blame: Blame | None = None
+    broke: BreakRecord | None = None
     ended: DeckEnd | None = None
     setups: DeckSetups | None = None
 
@@ -65,6 +66,7 @@ class Findings:
                 self.ended = message
                 self.effects = largest(self.effects, message.effects)
                 self.done = message.done
+                self.broke = message.broke or self.broke
 
     def _sample(self, sample: SampleRows) -> None:
         self.done, self.sampled = sample.done, (sample.run, sample.step)
@@ -123,7 +125,7 @@ class Findings:
         touching = [*of_commands, *(of.finding for of in acting), *(of.finding for of in effects if of.field in missed)]
         if touching:
             of_fields = worst([of_fields, "explained"])
-        broke, lost = (self.ended.broke, self.ended.lost) if self.ended else (None, None)
+        broke, lost = self.broke, self.ended.lost if self.ended else None
         if broke is not None and not failure:
             of_fields = worst([of_fields, "error"])
         if broke or failure or (lost and not lost.ignored):

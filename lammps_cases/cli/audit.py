@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from eos_ref.errors import InputError
-from lammps_cases.cli import shared
+from lammps_cases.cli import shared, switches
 from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord, CheckRecord
 from lammps_cases.records.wording import listed, size
 
 
-@click.command("audit")
+@click.command("audit", cls=switches.AsLammps)
 @click.argument("deck", type=shared.PATH, required=False)
-@click.option("--deck", "of_deck", type=shared.PATH, metavar="DECK", help="The same as DECK.")
+@click.option("--deck", "-in", "-i", "of_deck", type=shared.PATH, metavar="DECK", help="The same as DECK.")
 @click.option("--dump", type=shared.PATH, metavar="FILE", help="Check a dump written by DECK, without running it.")
 @click.option("--restart", type=shared.PATH, metavar="FILE", help="Check a restart file written by DECK.")
 @click.option("--every", default=10, show_default=True, metavar="M", help="Check all atoms every M time steps.")
@@ -29,7 +30,9 @@ from lammps_cases.records.wording import listed, size
     help="What to check, by LAMMPS' names (pressure, coordination, grad/v, f, ...); all: whatever can be checked.",
 )
 @click.option("--timeout", type=float, default=3600.0, metavar="S", help="Stop after S seconds.  [default: an hour]")
-@click.option("-sf", "--suffix", metavar="STYLE", help="Style suffix, as LAMMPS' own switch -sf.")
+@switches.described
+@click.option("-sf", "--suffix", "-suffix", metavar="STYLE", help="Style suffix, as LAMMPS' own switch.")
+@click.option("--root", type=shared.PATH, metavar="DIR", help="Copy DIR, for decks that read files in folders beside.")
 @click.option("--budgets", is_flag=True, help="Also follow momentum and energy, and where they are lost.")
 @click.option(
     "--trust",
@@ -54,20 +57,16 @@ def audit_command(
     of_deck: Path | None,
     dump: Path | None,
     restart: Path | None,
-    every: int,
-    steps: int | None,
-    fields: str,
-    timeout: float,
-    suffix: str | None,
-    budgets: bool,
-    trust: bool,
     rescale: Path | None,
     out: Path | None,
     engine: str,
     fail_on: FailOn | None,
     as_json: bool,
+    **options: Any,
 ) -> int:
     """Check every atom while LAMMPS runs DECK, unchanged, in a copy of its folder, and say which known bugs affect it.
+
+    It takes the switches of lmp, and runs in a copy of the current folder if the files that DECK reads lie there.
 
     It checks whatever a force evaluation computes from positions, velocities, densities, energies and phases, as used
     by the forces: the pressure by the laws that the deck defines at that moment, gradients, surfaces, forces. Loops,
@@ -90,19 +89,17 @@ def audit_command(
     from lammps_cases.run import provenance
 
     if (deck is None) == (of_deck is None):
-        raise InputError("deck", "must be given once: eos-ref audit DECK, or --deck DECK")
+        before = " before -var" if options["var"] else ""
+        raise InputError("deck", f"must be given once{before}: eos-ref audit DECK, or --deck DECK")
     deck = deck or of_deck
     assert deck is not None
     chosen = installations.resolve(engine)
     directory = out or Path("reports") / f"audit-{(dump or restart or deck).name}"
     with Bar(quiet=as_json) as bar:
-        names = tuple(name.strip() for name in fields.split(",") if name.strip())
-        options = AuditOptions(
-            every, steps, timeout, trust, chosen.site, bar, fields=names, suffix=suffix, budgets=budgets
-        )
+        how = AuditOptions.of(engine=chosen.site, progress=bar, **options)
         target = rescale if rescale and rescale.name else Path(f"{deck.name}.rescaled")
-        written = [] if rescale is None else rescale_deck(deck, options, target)
-        run = audit_into(directory, deck, options, chosen, provenance.command_line(), fail_on or "new", dump, restart)
+        written = [] if rescale is None else rescale_deck(deck, how, target)
+        run = audit_into(directory, deck, how, chosen, provenance.command_line(), fail_on or "new", dump, restart)
     if not as_json:
         for line in field_table(run.cases[0]):
             click.echo(line)

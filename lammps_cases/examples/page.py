@@ -15,9 +15,10 @@ from lammps_cases.examples import collect, draw
 from lammps_cases.examples.collect import Example, Examples
 from lammps_cases.examples.decks import ShippedLog
 from lammps_cases.pages import frame
+from lammps_cases.records.deck_wording import effects
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.run_record import RunRecord
-from lammps_cases.records.wording import counted, effects, number
+from lammps_cases.records.wording import counted, number
 from lammps_cases.report.findings import Outcome, outcome
 
 ASSETS = Path(__file__).parent / "assets"

@@ -1,9 +1,10 @@
-"""LAMMPS' own files: data files, as ``write_data`` writes them, and dumps as text."""
+"""LAMMPS' own files: data files, as ``write_data`` writes them, and dumps."""
 
 from __future__ import annotations
 
 import gzip
 import io
+import itertools
 import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,7 +18,7 @@ import numpy.typing as npt
 
 from eos_ref.errors import InputError, nearest
 from lammps_cases.records import untrusted
-from lammps_cases.scene import Scene
+from lammps_cases.scene import Scene, binary_dumps
 
 Array = npt.NDArray[Any]
 LARGEST = 2048 * untrusted.MIB
@@ -27,9 +28,15 @@ STYLES = {
     "rheo": ("id", "type", "status", "rho", "x", "y", "z"),
     "rheo/thermal": ("id", "type", "status", "rho", "energy", "x", "y", "z"),
 }
+OTHERS = {b"CDF": "dump netcdf", b"\x89HDF": "dump h5md or netcdf"}
+WHOLE = "must end with a whole snapshot"
 _EDGES = {f"{axis}lo {axis}hi": c for c, axis in enumerate("xyz")}
 _TILT, _COUNT = "xy xz yz", "atoms"
 _SECTION = re.compile(r"([A-Z][A-Za-z ]*?)\s*(?:#\s*(\S+))?\s*$")
+
+
+class CutOff(InputError):
+    """A file ends within a snapshot; ``found`` says what there is of it."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +49,8 @@ class FileSnapshot:
     low_c, high_c : (3,) corners of the box
     periodic : one flag per axis; all true where the file does not say
     tilt : xy, xz and yz, or nothing
-    columns : values by the names of the file, (n,), as text
+    columns : values by the names of the file, (n,), as text, or numbers of a binary file
+    exact : whether these are LAMMPS' own numbers, in place of their printed digits
     """
 
     step: int
@@ -51,6 +59,7 @@ class FileSnapshot:
     periodic: tuple[bool, ...]
     tilt: tuple[float, ...]
     columns: Mapping[str, Array]
+    exact: bool = False
 
     def numbers(self, name: str, kind: type = float) -> Array:
         """Return a column as numbers.
@@ -62,8 +71,11 @@ class FileSnapshot:
         """
         if name not in self.columns:
             raise InputError("column", f"must be one of {', '.join(self.columns)}{nearest(name, self.columns)}", name)
+        values_n = self.columns[name]
+        if kind is int and self.exact and not (np.isfinite(values_n) & (values_n == np.rint(values_n))).all():
+            raise InputError(f"column {name}", "must hold whole numbers")
         try:
-            return self.columns[name].astype(kind)
+            return values_n.astype(kind)
         except (ValueError, OverflowError) as error:
             raise InputError(f"column {name}", f"must hold numbers ({error})") from None
 
@@ -179,14 +191,26 @@ def data_file(path: Path) -> FileSnapshot:
 
 
 def snapshots(path: Path) -> Iterator[FileSnapshot]:
-    """Read the snapshots of a dump (``dump custom``, as text), in the order of the file.
+    """Read the snapshots of a dump (``dump custom``, text or binary, or packed by gzip), in the order of the file.
 
     Raises
     ------
     InputError
-        Not readable, not such a file, or cut off.
+        Not readable, or not such a file.
+    CutOff
+        The file ends within a snapshot; raised after those before it.
     """
-    lines = iter(_dump_text(path).splitlines())
+    content = _unpacked(path)
+    if binary_dumps.is_binary(content):
+        try:
+            for shot in binary_dumps.snapshots(content):
+                yield _made(*shot, exact=True)
+        except binary_dumps.Short as short:
+            raise CutOff("dump", WHOLE, str(short)) from None
+        return
+    text = _plain(content)
+    *whole, rest = text.split("\n")  # LAMMPS ends every line: of one without an end, a part may be missing
+    lines = iter(line.removesuffix("\r") for line in whole)
     for line in lines:
         if line.split() != ["ITEM:", "TIMESTEP"]:
             if line.startswith(("ITEM: UNITS", "ITEM: TIME")):
@@ -196,11 +220,13 @@ def snapshots(path: Path) -> Iterator[FileSnapshot]:
         try:
             yield _snapshot(lines)
         except StopIteration:
-            raise InputError("dump", "must end with a whole snapshot") from None
+            raise CutOff("dump", WHOLE, "a part of a header") from None
         except InputError:
             raise
         except (ValueError, IndexError, OverflowError) as error:
             raise InputError("dump", f"cannot be read ({error})") from None
+    if rest:
+        raise CutOff("dump", WHOLE, f"a line without an end: {rest[:40]}")
 
 
 def _snapshot(lines: Iterator[str]) -> FileSnapshot:
@@ -213,22 +239,30 @@ def _snapshot(lines: Iterator[str]) -> FileSnapshot:
         raise ValueError(f"{item[:40]} where BOX BOUNDS should be")
     words = item.split()[3:]
     bounds_c = np.array([[float(word) for word in next(lines).split()] for _ in range(3)])
-    tilt: tuple[float, ...] = ()
-    if words[:3] == ["xy", "xz", "yz"]:  # then the bounds are those of the upright box around the tilted one
-        xy, xz, yz = tilt = tuple(bounds_c[:, 2].tolist())
-        bounds_c[0, :2] -= min(0.0, xy, xz, xy + xz), max(0.0, xy, xz, xy + xz)
-        bounds_c[1, :2] -= min(0.0, yz), max(0.0, yz)
+    tilt = tuple(bounds_c[:, 2].tolist()) if words[:3] == ["xy", "xz", "yz"] else ()
     periodic = tuple(flags == "pp" for flags in words[-3:]) if len(words) >= 3 else (True,) * 3
     names = next(lines).split()[2:]
-    table = _table([next(lines) for _ in range(count)], "ATOMS", len(names), len(names))
-    return FileSnapshot(
-        step,
-        bounds_c[:, 0],
-        bounds_c[:, 1],
-        periodic,
-        tilt,
-        {name: table[:, k] for k, name in enumerate(names)},
-    )
+    rows = list(itertools.islice(lines, count))
+    if len(rows) < count:
+        raise CutOff("dump", WHOLE, f"{len(rows)} of {count} atoms of step {step}")
+    return _made(step, bounds_c, tilt, periodic, names, _table(rows, "ATOMS", len(names), len(names)))
+
+
+def _made(
+    step: int,
+    bounds_c: Array,
+    tilt: tuple[float, ...],
+    periodic: tuple[bool, ...],
+    names: Sequence[str],
+    table: Array,
+    exact: bool = False,
+) -> FileSnapshot:
+    low_c, high_c = bounds_c[:, 0].copy(), bounds_c[:, 1].copy()
+    if tilt:  # then the bounds are those of the upright box around the tilted one
+        xy, xz, yz = tilt
+        low_c[:2] -= min(0.0, xy, xz, xy + xz), min(0.0, yz)
+        high_c[:2] -= max(0.0, xy, xz, xy + xz), max(0.0, yz)
+    return FileSnapshot(step, low_c, high_c, periodic, tilt, {name: table[:, k] for k, name in enumerate(names)}, exact)
 
 
 def arrays(snapshot: FileSnapshot, named: Mapping[str, str]) -> dict[str, Array]:
@@ -255,8 +289,8 @@ def arrays(snapshot: FileSnapshot, named: Mapping[str, str]) -> dict[str, Array]
     return {name: values_n[order_n] for name, values_n in values.items()}
 
 
-def _dump_text(path: Path) -> str:
-    """Return the text of a dump, of one compressed by gzip as well; a binary one is refused."""
+def _unpacked(path: Path) -> bytes:
+    """Return the content of a dump, of one compressed by gzip as well."""
     content = _bytes(path)
     if content.startswith(GZIP):
         try:
@@ -266,8 +300,16 @@ def _dump_text(path: Path) -> str:
             raise InputError("dump", f"cannot be unpacked by gzip ({error})") from None
         if len(content) > LARGEST:
             raise InputError("dump", f"must have at most {LARGEST} bytes when it is unpacked")
+    return content
+
+
+def _plain(content: bytes) -> str:
+    """Return the text of a dump; other formats are refused."""
+    if other := next((name for start, name in OTHERS.items() if content.startswith(start)), ""):
+        rule = f"must be of dump custom, not of {other}: OVITO converts it, or let the deck write dump custom as well"
+        raise InputError("dump", rule)
     if b"\0" in content[:HEAD]:
-        raise InputError("dump", "must be text: LAMMPS' binary2txt makes text of a binary dump")
+        raise InputError("dump", "must be text, or a binary file of dump custom")
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError:

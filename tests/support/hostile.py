@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import sqlite3
+import struct
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
@@ -89,6 +90,10 @@ ITEM: ATOMS id type x y z rho
 2 1 1.0 1.0 0.0 1.5
 1 2 2.0 2.0 0.0 1.25
 """
+BINARY_DUMP = struct.pack(
+    "<q10s2i2qi6i6d2i?i14s2i10d", -10, b"DUMPCUSTOM", 1, 2, 5, 2, 0, *[0] * 6, 0, 4, 0, 4, -0.5, 0.5, 5, 0, False,
+    14, b"id type x y z ", 1, 10, *(2, 1, 1.0, 1.0, 0.0, 1, 2, 2.0, 2.0, 0.0),
+)  # fmt: skip
 XYZ = b"""2
 Lattice="2 0 0 0 2 0 0 0 2" Properties=species:S:1:pos:R:3:type:I:1:rho:R:1 pbc="T T T"
 X 0.1 0.2 0.3 1 1.0
@@ -205,7 +210,7 @@ def readers() -> dict[str, Reader]:
         "baseline": Reader(baseline._cases, "verdicts.tsv", (LINES,)),
         "history": Reader(_history, "h.sqlite", (_database(),)),
         "data file": Reader(lambda path: arrays(data_file(path), {}), "a.data", (DATA,)),
-        "dump": Reader(_dump, "a.dump", (DUMP,)),
+        "dump": Reader(_dump, "a.dump", (DUMP, BINARY_DUMP)),
         "extxyz": Reader(_xyz, "a.extxyz", (XYZ,)),
         "csv": Reader(_csv, "a.csv", (b"a,b\n1,2\n3,4\n",)),
         "message": Reader(_message, "message", (b"\x80\x04]\x94.",)),

@@ -20,7 +20,7 @@ from lammps_cases.audit import AuditOptions, fields, finished, restart, supervis
 from lammps_cases.audit.options import DeckSetups
 from lammps_cases.audit.printed import number
 from lammps_cases.audit.verdict import Findings
-from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.run_record import CaseRecord, worst
 from tests.support.audited_decks import DECKS, run_plain
 
 pytestmark = pytest.mark.lammps
@@ -60,7 +60,7 @@ def with_dumps(name: str) -> str:
     for label, places in {"scaled": "xs ys zs", "unwrapped": "xu yu zu"}.items():
         dumps += [f"dump {label} all custom 5 {label}.dump id type {places} {rest} c_rates c_of_audit[*]"]
         dumps += [f"dump_modify {label} {FORMATS['fifteen']} sort {'-1' if label == 'scaled' else 'id'}"]
-    dumps += ["dump binary all custom 5 all.bin id type x y z"]
+    dumps += [f"dump binary all custom 5 all.bin {PLACES} c_rates c_of_audit[*]"]
     return "\n".join([*lines[:at], *dumps, "restart 5 kept.*", *lines[at:], ""])
 
 
@@ -159,6 +159,36 @@ def test_a_dump_of_gzip_is_unpacked(written: Callable[[str], Path]) -> None:
     packed = dump.with_name("fifteen.dump.gz")
     packed.write_bytes(gzip.compress(dump.read_bytes()))
     assert verdicts(audited(packed)) == verdicts(audited(dump))
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_binary_dump_is_as_one_with_all_digits(written: Callable[[str], Path]) -> None:
+    binary, text = (audited(written("box") / name) for name in ("all.bin", "all.dump"))
+    assert [field.model_dump() for field in binary.fields] == [field.model_dump() for field in text.fields]
+    assert len(binary.fields) >= 9
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("name", ["all.bin", "six.dump"])
+def test_whole_snapshots_of_a_dump_that_is_cut_off_are_judged(name: str, written: Callable[[str], Path]) -> None:
+    content = (written("box") / name).read_bytes()
+    cut = written("box") / f"cut.{name}"
+    steps = set()
+    for share in (0.3, 0.5, 0.66, 0.67, 0.9, 0.999):
+        cut.write_bytes(content[: int(share * len(content))])
+        if share < 1 / 3:
+            with pytest.raises(InputError, match="must end with a whole snapshot, found "):
+                audited(cut)
+            continue
+        case = audited(cut)
+        judged = sorted({check.step for check in case.checks})
+        assert judged == [0, 5][: int(3 * share)]
+        (warning,) = case.warnings
+        last = int(judged[-1])
+        assert warning.startswith(f"the dump is cut off after step {last}: not judged is the rest, ")
+        assert f"of 125 atoms of step {last + 5}" in warning or "a part of a header" in warning
+        steps.add(last)
+    assert steps == {0, 5}
 
 
 @pytest.mark.usefixtures("quick")
@@ -413,6 +443,13 @@ def test_what_is_no_number_leaves_particles_out(
     case = audited(folder / "changed.dump")
     assert any(reason in line for line in case.not_checked), case.not_checked
     assert {check.field for check in case.checks if check.step == 0} >= {"viscosity", "pressure"}
+    if value == "1e300":
+        assert case.broke is None
+        return
+    name = lines[at - 1].split()[2:][headers("box").index(column)]
+    assert case.verdict == worst(["error", *(field.verdict for field in case.fields)]) and case.broke is not None
+    assert (case.broke.step, case.broke.column, case.broke.atom) == (0, name, int(words[0]))
+    assert (case.broke.particles, case.broke.of) == (1, 125) and str(case.broke.value) == value
 
 
 # --- restart files
@@ -450,7 +487,7 @@ def test_restart_with_fixes_of_its_own_run(written: Callable[[str], Path], tmp_p
         (("in.deck", "--dump", "in.deck"), "must be one of text"),
         (("in.deck", "--dump", "cut.dump"), "must end with a whole snapshot"),
         (("in.deck", "--dump", "empty.dump"), "must hold a snapshot"),
-        (("in.deck", "--dump", "all.bin"), "dump: must be text: LAMMPS' binary2txt makes text of a binary dump"),
+        (("in.deck", "--dump", "all.nc"), "dump: must be of dump custom, not of dump netcdf: OVITO converts it"),
         (("in.deck", "--dump", "cut.dump.gz"), "dump: cannot be unpacked by gzip"),
         (("in.deck", "--dump", "late.dump"), "must be one of the runs of the deck that write it (steps 0 to 10)"),
         (("in.deck", "--dump", "other.dump"), "must be those that a dump of the deck writes: id type x"),
@@ -471,7 +508,8 @@ def test_bad_input_is_one_line(
 ) -> None:  # fmt: skip
     folder = written("box")
     whole = (folder / "all.dump").read_text()
-    (folder / "cut.dump").write_text(whole.rsplit("\n", 3)[0])
+    (folder / "cut.dump").write_text(whole[:2000])
+    (folder / "all.nc").write_bytes(b"CDF\x02\0\0\0\0")
     (folder / "empty.dump").write_text("")
     (folder / "cut.dump.gz").write_bytes(gzip.compress(whole.encode())[:99])
     (folder / "late.dump").write_text(whole.replace("TIMESTEP\n10\n", "TIMESTEP\n99\n"))

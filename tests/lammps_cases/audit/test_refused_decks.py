@@ -11,6 +11,7 @@ import pytest
 from eos_ref import InputError
 from lammps_cases.audit import AuditOptions, audit_deck, guard, supervise, text
 from lammps_cases.audit.fields import PRESSURE
+from lammps_cases.audit.place import DeckPlace
 from tests.support.audited_decks import DECKS, FIXES, MELT, case_of, write_deck
 
 pytestmark = pytest.mark.lammps
@@ -52,6 +53,13 @@ def test_shell_is_run_if_allowed(tmp_path: Path) -> None:
         "log /elsewhere/log.lammps",
         "dump 1 all atom 10 ../out.dump",
         "write_data sub/../../x.data",
+        "read_data ../common/fluid.data",
+        "include ../settings.inc",
+        "jump /elsewhere/in.deck",
+        "molecule m sub/../../m.mol",
+        "pair_coeff * * ../table.txt",
+        "variable f file ../names",
+        "if '1 > 0' then 'include ../settings.inc'",
         "print 'x' file /elsewhere/x",
         "write_dump all atom 'a;touch b;.gz'",
         "dump 1 all custom 10 out.*.gz id x",
@@ -61,7 +69,7 @@ def test_shell_is_run_if_allowed(tmp_path: Path) -> None:
 )
 def test_commands_that_reach_outside(command: str) -> None:
     with pytest.raises(InputError):
-        guard.check(text.words(text.without_comment(command)), "here")
+        guard.check(text.words(text.without_comment(command)), "here", DeckPlace())
 
 
 @pytest.mark.parametrize(
@@ -71,8 +79,8 @@ def test_commands_that_reach_outside(command: str) -> None:
         "print 'shell ls'",
         "print '/elsewhere'",
         "variable a equal 1 / 2",
-        "read_data ../common/fluid.data",
-        "include ../settings.inc",
+        "jump SELF ../label",
+        "variable a string /elsewhere",
         "dump 1 all atom/gz 10 out.*.gz",
         "dump 1 all custom 10 sub/../out.dump id x",
         "label shell",
@@ -83,7 +91,7 @@ def test_commands_that_reach_outside(command: str) -> None:
     ],
 )
 def test_commands_that_do_not(command: str) -> None:
-    guard.check(text.words(text.without_comment(command)), "here")
+    guard.check(text.words(text.without_comment(command)), "here", DeckPlace())
 
 
 def test_includes_are_judged(tmp_path: Path) -> None:

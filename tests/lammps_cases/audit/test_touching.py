@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.audit import AuditOptions, audit_deck, effects
+from lammps_cases.audit import AuditOptions, audit_deck
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.audit_record import EffectRecord
 from lammps_cases.records.run_record import CheckRecord, Verdict
@@ -35,7 +35,6 @@ fix             3 all rheo/pressure * linear
 run             2
 """
 MASSES = "set atom * mass 18\nset atom 7 mass 36\n"
-NEWEST = "2025.7.22.4.0"
 
 
 def deck(folder: Path, units: str = "lj", sums: str = "", masses: str = "", before: str = "") -> Path:
@@ -67,11 +66,12 @@ def test_units_that_lammps_does_not_convert(units: str, sums: str, bugs: set[str
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("unequal", [True, False])
-def test_unequal_masses_of_particles_leave_forces_to_neighbour_lists(unequal: bool, tmp_path: Path) -> None:
+def test_unequal_masses_of_particles_are_explained_by_neighbour_lists(unequal: bool, tmp_path: Path) -> None:
     masses = MASSES if unequal else MASSES.replace("36", "18")
     before = "fix m all property/atom rmass ghost yes\n"
     case = case_of(audit_deck(deck(tmp_path, masses=masses, before=before), AuditOptions()))
-    assert ("mass-of-first" in case.explained_by) == unequal == ("mass-of-first" in case.unchecked.get("f", ""))
+    forces = next(field for field in case.fields if field.field == "f")
+    assert ("mass-of-first" in case.explained_by) == unequal == ("mass-of-first" in forces.explained_by)
     assert ("mass-of-first" in known_bugs(case)) == unequal and case.verdict == "explained"
     assert all(field.verdict != "differs" for field in case.fields)
 
@@ -84,14 +84,6 @@ def test_images_without_masses_are_warned_of(tmp_path: Path) -> None:
     assert not any(
         "ghost" in line for line in case_of(audit_deck(deck(tmp_path, before=ghosts), AuditOptions())).warnings
     )
-
-
-def test_findings_by_units_and_masses_are_those_of_the_engine() -> None:
-    assert effects.of_units("real", False, NEWEST) == ["units-unconverted", "density-by-force-factor"]
-    assert effects.of_units("real", True, NEWEST) == ["units-unconverted"]
-    assert effects.of_units("si", False, NEWEST) == effects.of_units("electron", False, NEWEST) == []
-    assert set(effects.of_masses(NEWEST)) == {"f", "drho", "heatflow"}
-    assert effects.of_masses("2026.7.4")["shift/v"] == "cross-type-mass-of-type"
 
 
 @pytest.mark.parametrize(

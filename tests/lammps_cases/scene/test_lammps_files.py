@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from eos_ref import InputError
 from lammps_cases.engine import session
 from lammps_cases.scene import casefile, lammps_files
 from lammps_cases.scene.atoms import Atoms, build
+from tests.support.hostile import BINARY_DUMP
 
 SCENE = """
 name: from-file
@@ -57,7 +59,9 @@ def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     arrays = {name: np.array(lmp.numpy.extract_atom(name)) for name in ("id", "type", "x", "v")}
     for name in ("rho", "esph")[: 1 + style.endswith("thermal")]:
         lmp.numpy.extract_atom(name)[:] = arrays[name] = rng.uniform(0.9, 1.1, 30)
-    lmp.command(f"write_dump all custom {folder / 'a.dump'} id type x y z vx vy vz modify sort -1 format float %.17g")
+    columns = "id type x y z vx vy vz modify sort -1"
+    lmp.command(f"write_dump all custom {folder / 'a.dump'} {columns} format float %.17g")
+    lmp.command(f"write_dump all custom {folder / 'a.bin'} {columns} time yes units yes")
     lmp.command(f"write_data {folder / 'a.data'}")  # which moves particles of a tilted box
     order_n = np.argsort(arrays["id"])
     return folder, dimension, {name: values_n[order_n] for name, values_n in arrays.items()}
@@ -150,6 +154,33 @@ def test_a_data_file_is_refused(tmp_path: Path, edit: Callable[[str], str], said
     assert said in str(caught.value) and "case.yaml" in str(caught.value)
 
 
+def test_a_binary_dump_is_as_one_with_all_digits(written: tuple[Path, int, Any]) -> None:
+    (text,), (binary,) = (list(lammps_files.snapshots(written[0] / name)) for name in ("a.dump", "a.bin"))
+    assert (binary.step, binary.periodic, binary.exact) == (text.step, text.periodic, True)
+    assert np.array_equal([*binary.tilt, *binary.low_c, *binary.high_c], [*text.tilt, *text.low_c, *text.high_c])
+    assert [*binary.columns] == [*text.columns]
+    assert all(np.array_equal(binary.numbers(name), text.numbers(name)) for name in text.columns)
+
+
+@pytest.mark.parametrize(
+    ("at", "form", "value", "rule"),
+    [
+        (18, "<i", 16777216, "byte order"),
+        (22, "<i", 1, "revision"),
+        (34, "<q", 3, "atoms: must be the 3"),
+        (118, "<i", 4, "columns: must be the 4"),
+        (-80, "<d", 1.5, "column id: must hold whole numbers"),
+        (-80, "<d", float("nan"), "column id: must hold whole numbers"),
+    ],
+)
+def test_binary_dumps_of_other_kinds(at: int, form: str, value: float, rule: str, tmp_path: Path) -> None:
+    content = bytearray(BINARY_DUMP)
+    struct.pack_into(form, content, at % len(content), value)
+    (tmp_path / "a.bin").write_bytes(content)
+    with pytest.raises(InputError, match=rule):
+        [shot.numbers("id", int) for shot in lammps_files.snapshots(tmp_path / "a.bin")]
+
+
 def test_snapshots_of_a_dump(tmp_path: Path) -> None:
     (tmp_path / "a.dump").write_text(DUMP.format(step=0, rho=1.5) + DUMP.format(step=10, rho=1.25))
     last = _built(tmp_path, "{dump: a.dump, columns: {rho: c_rho}}", phase="fluid")
@@ -173,9 +204,27 @@ def test_a_dump_that_is_cut_off(tmp_path: Path, cut: int) -> None:
         _built(tmp_path, "{dump: a.dump}")
 
 
+TWO = [DUMP.format(step=step, rho=1.5).encode() for step in (0, 10)]
+
+
+@pytest.mark.parametrize("shots", [TWO, [BINARY_DUMP, BINARY_DUMP]], ids=["text", "binary"])
+def test_every_cut_of_a_dump_leaves_the_whole_snapshots(shots: list[bytes], tmp_path: Path) -> None:
+    whole, ends = b"".join(shots), [0, len(shots[0]), len(shots[0]) + len(shots[1])]
+    for cut in range(len(whole) + 1):
+        (tmp_path / "a.dump").write_bytes(whole[:cut])
+        found, complaint = [], None
+        try:
+            found.extend(lammps_files.snapshots(tmp_path / "a.dump"))
+        except InputError as error:
+            complaint = error
+        assert len(found) == sum(end <= cut for end in ends[1:])
+        assert (complaint is None) == (cut in ends)
+        assert isinstance(complaint, lammps_files.CutOff) or cut in ends or cut < 12  # of less, nobody knows the kind
+
+
 def test_other_files_are_no_dumps(tmp_path: Path) -> None:
     (tmp_path / "a.dump").write_bytes(b"\xff\x00binary")
-    with pytest.raises(InputError, match="must be text: LAMMPS"):
+    with pytest.raises(InputError, match="must be text, or a binary file"):
         list(lammps_files.snapshots(tmp_path / "a.dump"))
     (tmp_path / "a.dump").write_text("hello\n")
     with pytest.raises(InputError, match="must be one of text"):

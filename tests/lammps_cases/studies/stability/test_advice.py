@@ -18,7 +18,7 @@ from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model
 from eos_ref.model.state import State
 from lammps_cases.audit.evaluation import ParticleSample
-from lammps_cases.audit.warn import Questions
+from lammps_cases.audit.warn import Kept, Questions
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import rows, start
@@ -289,13 +289,16 @@ def test_explain_and_audit_say_it(eos_ref_command: Callable[..., Outcome], tmp_p
     assert "stability: sound waves grow: time step 0.02 > 2 nu/c^2 = 0.0147" in out
 
 
-def test_an_audit_says_it_once_for_a_time_step_and_marks_what_is_near(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_audit_names_the_worst_time_step_and_marks_what_is_near(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lammps_cases.studies.stability.advice.read", lambda: Limits("", ()))
     model, box, state, _ = parts(square(1e-3))
     questions = Questions()
     for run, dt in enumerate((1e-3, 1e-3, 3 * LIMIT), 1):
-        questions.begin(run, ParticleSample(model, box, state, np.ones(len(state.type_n))), dt)
-    expected = [f"time step 0.001 is {0.1 / LIMIT:.2g} %"]
-    assert [line.partition(" of CFL")[0] for line in questions.stability] == expected
-    expected = f"run 3: time step {3 * LIMIT:.3g} is 3 times CFL"
-    assert any(line.startswith(expected) for line in questions.lines())
+        sample = ParticleSample(model, box, state, np.ones(len(state.type_n)))
+        questions.look(Kept(run, 0, dt, sample, np.arange(len(state.type_n))))
+        if run == 2:
+            expected = [f"time step 0.001 is {0.1 / LIMIT:.2g} %"]
+            assert [line.partition(" of CFL")[0] for line in questions.stability] == expected
+    assert not questions.stability  # the worst stands for all
+    marked = f"run 3: time step {3 * LIMIT:.3g} is 3 times CFL"
+    assert any(line.startswith(marked) for line in questions.lines())

@@ -140,7 +140,7 @@ def main() -> None:
     except click.ClickException as error:
         code = _say(2, {"what": "usage", "rule": _one_line(error)}, _one_line(error))
     except (click.Abort, KeyboardInterrupt) as error:
-        rule = str(error.__cause__ or error) or "interrupted; no partial files were written"
+        rule = str(error.__cause__ or error) or "interrupted; files are whole or not written"
         code = _say(130, {"what": "run", "rule": rule}, rule)
     except SystemExit as left:  # by click of completion, with 0; by click or rich where who reads the output has gone
         code = PIPE_CLOSED if left.code else 0

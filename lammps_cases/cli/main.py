@@ -51,7 +51,7 @@ GROUPS = {
         "bench": "Measure speed relative to peers, as ratios.",
         "merge": "Join the shards of a run.",
         "kit": "Write the files that run this in a CI service, or in shards on a cluster.",
-        "completion": "Let the shell complete cases, tags, findings and engines.",
+        "completion": "Print the script that lets the shell complete cases, tags, findings and engines.",
     },
 }
 PIPE_CLOSED = 141  # exit code, as shells have it of SIGPIPE

@@ -304,7 +304,9 @@ def _column(folder: Path, table: ValueTable, key: str) -> FloatArray:
         except (TypeError, ValueError):
             values_n[k] = np.nan
         if not np.isfinite(values_n[k]):
-            raise InputError("table", "must hold finite numbers", row[column], f"{key}, line {k + 2} of {name}", key)
+            raise InputError(
+                f"column {column}", "must hold finite numbers", row[column], f"{key}, line {k + 2} of {name}", key
+            )
     return values_n
 
 
@@ -319,8 +321,8 @@ def _check_fields(
 ) -> None:
     scene = case.scene
     for key, values_n in (("rho", rho_n), ("energy", e_n)):
-        if values_n is not None and not np.isfinite(values_n).all():
-            raise InputError(key, "must be finite for every particle")
+        for bad in np.flatnonzero(~np.isfinite(0.0 if values_n is None else values_n)):
+            raise InputError(key, "must be finite", float(np.asarray(values_n)[bad]), f"atom {bad + 1}")
     if eos is None:
         return
     if scene.thermal and e_n is None:

@@ -58,7 +58,7 @@ class Journal(Generic[T]):
 
 
 @dataclass(frozen=True)
-class Part(Generic[T]):
+class DonePart(Generic[T]):
     """A part of a study that is done: the key of all it depends on, the result, the seconds since the part before."""
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
@@ -79,12 +79,12 @@ class Parts(Generic[T]):
     """
 
     def __init__(self, file: Path, model: type[T]) -> None:
-        self.file, self.journal = file, Journal(file, cast("type[Part[T]]", Part[model]))  # type: ignore[valid-type]
+        self.file, self.journal = file, Journal(file, cast("type[DonePart[T]]", DonePart[model]))  # type: ignore[valid-type]
         self._taken: dict[str, float] = {}
         self._last = time.perf_counter()
 
     @cached_property
-    def _done(self) -> dict[str, Part[T]]:
+    def _done(self) -> dict[str, DonePart[T]]:
         return {part.key: part for part in self.journal.entries()}  # of those of one key the last counts
 
     def get(self, key: str) -> T | None:
@@ -98,7 +98,7 @@ class Parts(Generic[T]):
     def add(self, key: str, result: T) -> T:
         """Keep the result of a part that was done now, and return it."""
         now = time.perf_counter()
-        part = self._done[key] = Part(key, result, now - self._last)
+        part = self._done[key] = DonePart(key, result, now - self._last)
         self._taken[key], self._last = 0.0, now
         self.journal.append(part)
         return result

@@ -102,7 +102,7 @@ def read_extxyz(path: Path, scene: Scene) -> dict[str, Any]:
             "position", "must lie within the cell", x_nc[bad].tolist(), f"{place}, atom {bad + 1}", "positions"
         )
     for name in ("rho", "e"):
-        for bad in np.flatnonzero(~np.isfinite(arrays.get(name, 0.0))):
+        for bad in np.flatnonzero(~np.isfinite(arrays.get(name, 0.0))).tolist():
             found = float(arrays[name][bad])
             raise InputError(
                 f"column {name}", "must hold finite numbers", found, f"{place}, atom {bad + 1}", "positions"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -321,8 +322,9 @@ def _check_fields(
 ) -> None:
     scene = case.scene
     for key, values_n in (("rho", rho_n), ("energy", e_n)):
-        for bad in np.flatnonzero(~np.isfinite(0.0 if values_n is None else values_n)):
-            raise InputError(key, "must be finite", float(np.asarray(values_n)[bad]), f"atom {bad + 1}")
+        for k, value in enumerate(() if values_n is None or np.isfinite(values_n).all() else values_n.tolist(), 1):
+            if not math.isfinite(value):
+                raise InputError(key, "must be finite", value, f"atom {k}")
     if eos is None:
         return
     if scene.thermal and e_n is None:

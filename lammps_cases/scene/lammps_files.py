@@ -72,7 +72,7 @@ class FileSnapshot:
     def finite(self, name: str) -> Array:
         """Return a column as finite numbers; raises as `numbers`, also of NaN and infinity."""
         values_n = self.numbers(name)
-        for wrong in np.flatnonzero(~np.isfinite(values_n)):
+        for wrong in np.flatnonzero(~np.isfinite(values_n)).tolist():
             raise self._refused(name, "must hold finite numbers", wrong)
         return values_n
 

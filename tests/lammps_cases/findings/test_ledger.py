@@ -107,7 +107,7 @@ def test_the_generated_files_are_current() -> None:
 def _commonmark(page: str) -> str:
     from markdown_it import MarkdownIt
 
-    return MarkdownIt().render(page)
+    return str(MarkdownIt().render(page))
 
 
 def _site(page: str) -> str:

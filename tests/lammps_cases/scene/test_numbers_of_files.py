@@ -102,8 +102,8 @@ COLUMNS: dict[Writer, tuple[str, ...]] = {
     csv: ("rho", "energy", "mass"),
     yaml: ("rho", "energy", "mass", "x", "y", "vx", "vy"),
 }
-EVERY = [pytest.param(writer, name, id=f"{writer.__name__}-{name}") for writer in COLUMNS for name in COLUMNS[writer]]
-OF_FLOATS = [each for each in EVERY if each.values[1] not in ("id", "type", "status")]
+EVERY = [(writer, name) for writer in COLUMNS for name in COLUMNS[writer]]
+OF_FLOATS = [(writer, name) for writer, name in EVERY if name not in ("id", "type", "status")]
 NO_NUMBERS = st.sampled_from(["nan", "NaN", "-nan", "inf", "-inf", "Infinity"])
 ROW = st.integers(0, N - 1)
 SUBNORMAL = st.floats(5e-324, np.finfo(float).smallest_normal, exclude_max=True, allow_subnormal=True)
@@ -171,7 +171,7 @@ def test_the_command_ends_with_2(
 @pytest.mark.lammps
 def test_subnormal_numbers_have_a_verdict(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
     names = []
-    for k, (writer, column) in enumerate(each.values for each in OF_FLOATS):
+    for k, (writer, column) in enumerate(OF_FLOATS):
         folder = tmp_path / str(k)
         folder.mkdir()
         names.append(f"made-{writer.__name__}-{column}")

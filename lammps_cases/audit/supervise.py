@@ -18,7 +18,15 @@ from pathlib import Path
 from eos_ref.errors import InputError
 from lammps_cases.audit import launch, messages, share
 from lammps_cases.audit.guard import check_script
-from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask, DeckSetups, PairShare, SampleRows
+from lammps_cases.audit.options import (
+    AuditOptions,
+    AuditResult,
+    AuditTask,
+    CommandPlace,
+    DeckSetups,
+    PairShare,
+    SampleRows,
+)
 from lammps_cases.audit.place import DeckPlace, find
 from lammps_cases.audit.scratch import beside, copy_folder
 from lammps_cases.audit.verdict import Findings, leave_unchecked
@@ -220,14 +228,16 @@ def _messages(receiver: Connection, deadline: float, folder: Path) -> Iterator[o
 def _listen(
     receiver: Connection, findings: Findings, options: AuditOptions, process: subprocess.Popen[bytes], output: Path
 ) -> Failure | None:
-    deadline = time.monotonic() + options.timeout
+    deadline, total = time.monotonic() + options.timeout, options.steps
     try:
         for message in _messages(receiver, deadline, output.parent):
             if isinstance(message, Exception):
                 raise message
+            if isinstance(message, CommandPlace) and options.steps is None:
+                total = steps_after(message.command, findings.done)
             findings.take(message)
             if isinstance(message, SampleRows):
-                options.progress.advance(message.done, options.steps, "steps")
+                options.progress.advance(message.done, total, "steps")
     except TimeoutError:
         return Failure("timeout", f"stopped after {options.timeout:g} s, {_at(findings)}")
     except DiskFull:
@@ -243,6 +253,14 @@ def _listen(
     if (code := process.returncode) is None:
         return Failure("crashed", f"LAMMPS' process says nothing any more, {_at(findings)}{_tail(output)}")
     return Failure("crashed", f"LAMMPS' process {how_it_died(code)}, {_at(findings)}{_tail(output)}", death(code))
+
+
+def steps_after(command: str, done: int) -> int | None:
+    """Return the steps that an audit has done when a run command ends; None where the command does not name them."""
+    match command.split():
+        case ["run", steps, *words] if steps.isdecimal() and "upto" not in words:
+            return done + int(steps)
+    return None
 
 
 def _at(findings: Findings) -> str:

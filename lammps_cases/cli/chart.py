@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from lammps_cases.cli import completion
-from lammps_cases.cli.shared import cluster_option_with, json_option, launcher_option, page_folder
+from lammps_cases.cli.shared import cluster_option_with, json_option, launcher_option, page_folder, resume_option
 from lammps_cases.records.progress import Bar
 
 SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows", "codes")
@@ -31,6 +31,7 @@ SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows", "codes")
 @cluster_option_with("search the worst errors of the laws; everything timed runs on this machine")
 @click.option("--pysph", metavar="PYTHON", help="A Python with PySPH: one more of the complete codes.")
 @click.option("--save-costs", is_flag=True, help='Save the laws\' times as those used by method="auto".')
+@resume_option
 @json_option
 def chart_command(
     sections: tuple[str, ...],
@@ -39,13 +40,14 @@ def chart_command(
     engines: tuple[str, ...],
     pysph: str | None,
     save_costs: bool,
+    resume: bool,
     as_json: bool,
 ) -> int:
     """Measure how accurate and how fast LAMMPS, the reference and its alternative methods are, and draw it.
 
     SECTIONS: laws, sums, kernels, searches, timestep, flows, codes; all by default. Writes report.html, chart.json,
-    points.csv, convergence.csv and figures/ as SVG and PNG. For several engines the figures overlay the frontiers; each
-    but the first has its own chart in a subfolder.
+    points.csv, convergence.csv and figures/ as SVG and PNG; an interrupted chart is resumed, section by section. For
+    several engines the figures overlay the frontiers; each but the first has its own chart in a subfolder.
 
     \b
     Example:  eos-ref chart --quick
@@ -60,10 +62,10 @@ def chart_command(
     if pysph and sections and "codes" not in sections:
         raise InputError("--pysph", "must come with the section codes", pysph)
     page_folder(out)
-    with Bar(quiet=as_json) as bar:
+    with record.sections(out).resumed(resume), Bar(quiet=as_json) as bar:
         first, *others = engines or ("env",)
         chart = collect.collect(sections, quick, out, command_line(), bar, first, pysph)
-        charts = [collect.beside(engine, sections, quick, out, bar) for engine in others]
+        charts = [collect.beside(engine, sections, quick, out, resume, bar) for engine in others]
         if charts:
             page.write(chart, out, charts)
         if save_costs:

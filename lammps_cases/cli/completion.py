@@ -15,8 +15,8 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 ROOT = Path(__file__).parents[1]
 VARIABLE = "_EOS_REF_COMPLETE"  # as click names it
-# Shell: file that it reads when it starts, or the one of its own that it finds by itself.
-STARTS = {"bash": ".bashrc", "zsh": ".zshrc", "fish": ".config/fish/completions/eos-ref.fish"}
+# Shell: where a user leads the script.
+INSTALLED = {"bash": ">> ~/.bashrc", "zsh": ">> ~/.zshrc", "fish": "> ~/.config/fish/completions/eos-ref.fish"}
 BEFORE = {
     "bash": "COMP_WORDBREAKS=${COMP_WORDBREAKS//:}  # engines are named pypi:VERSION\n",
     "zsh": "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit }\n",
@@ -25,32 +25,18 @@ BEFORE = {
 
 
 @click.command("completion")
-@click.argument("shell", type=click.Choice(list(STARTS)))
-@click.option("--print", "only_print", is_flag=True, help="Print the script without installing anything.")
-def completion_command(shell: str, only_print: bool) -> int:
-    """Let a shell complete commands, options, cases, tags, findings and engines: once, for all future shells.
+@click.argument("shell", type=click.Choice(list(INSTALLED)))
+def completion_command(shell: str) -> int:
+    """Print the script with which a shell completes commands, options, cases, tags, findings and engines.
+
+    Nothing is written. New sessions complete eos-ref after one of these:
 
     \b
-    Example:  eos-ref completion bash
+    Example:  eos-ref completion bash >> ~/.bashrc
+              eos-ref completion zsh >> ~/.zshrc
+              eos-ref completion fish > ~/.config/fish/completions/eos-ref.fish
     """
-    from lammps_cases.records.files import write_atomically
-
-    script = BEFORE[shell] + _script(shell)
-    if only_print:
-        click.echo(script)
-        return 0
-    start = Path.home() / STARTS[shell]
-    if shell == "fish":
-        file = start
-    else:
-        file = Path.home() / ".local" / "share" / "eos-ref" / f"completion.{shell}"
-        line = f'[ -r "{file}" ] && . "{file}"'
-        before = start.read_text() if start.exists() else ""
-        if line not in before.splitlines():
-            write_atomically(start, before + "\n" * (not before.endswith("\n") and bool(before)) + line + "\n")
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(file, script)
-    click.echo(f"written: {file}; new {shell} sessions complete eos-ref")
+    click.echo(f"# eos-ref completion {shell} {INSTALLED[shell]}\n{BEFORE[shell]}{_script(shell)}")
     return 0
 
 

@@ -17,6 +17,7 @@ from lammps_cases.records.progress import Bar
 @click.option("--full", is_flag=True, help="Run every deck to its end: about an hour.")
 @click.option("--trust", is_flag=True, envvar="EOS_REF_TRUST", help="Run decks of DIR with your own file permissions.")
 @click.option("--out", type=shared.PATH, default="reports/examples", show_default=True, help="Report folder.")
+@shared.resume_option
 @shared.engine_option
 @shared.json_option
 def examples_command(
@@ -25,6 +26,7 @@ def examples_command(
     full: bool,
     trust: bool,
     out: Path,
+    resume: bool,
     engine: str,
     as_json: bool,
 ) -> int:
@@ -32,7 +34,7 @@ def examples_command(
 
     Every field is checked while LAMMPS runs the deck. Momentum and energy are followed part by part of the model. Where
     the flow has a closed solution, the reference runs the deck with one thing changed at a time. Decks are those that
-    are installed with this LAMMPS, otherwise those of --from DIR.
+    are installed with this LAMMPS, otherwise those of --from DIR. An interrupted run is resumed, deck by deck.
 
     \b
     Examples: eos-ref examples --engine path:~/lammps/build
@@ -45,7 +47,7 @@ def examples_command(
     chosen = installations.resolve(engine)
     shipped = decks.decks(chosen, folder, names)
     shared.page_folder(out)
-    with Bar(quiet=as_json) as bar:
+    with collect.judged(out).resumed(resume), Bar(quiet=as_json) as bar:
         made = collect.collect(
             shipped, chosen, out, provenance.command_line(), full=full, trust=trust or folder is None, progress=bar
         )

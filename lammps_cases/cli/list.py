@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from lammps_cases.cli import completion, shared
+
+if TYPE_CHECKING:
+    from lammps_cases.scene.casefile import Case
 
 
 @click.command("list")
@@ -16,7 +20,7 @@ from lammps_cases.cli import completion, shared
 @shared.paths_option
 @shared.json_option
 def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...], as_json: bool) -> int:
-    """List the cases with their tags.
+    """List the cases with their tags; --json also says what each is about, and how large it is.
 
     \b
     Example:  eos-ref list --tag quick
@@ -28,9 +32,32 @@ def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...
     if names or tag:
         cases = casefile.select(cases, names, tag)
     if as_json:
-        click.echo(json.dumps({"cases": [{"case": c.name, "tags": list(c.tags)} for c in cases]}, indent=1))
+        click.echo(json.dumps({"cases": [_document(case) for case in cases]}, indent=1))
         return 0
-    laws = [", ".join(dict.fromkeys(law.style for law in c.scene.pressure)) for c in cases]
-    rows = [(c.name, ", ".join(c.tags), styles, c.scene.units) for c, styles in zip(cases, laws, strict=True)]
+    rows = [(c.name, ", ".join(c.tags), ", ".join(_laws(c)), c.scene.units) for c in cases]
     shared.table(("case", "tags", "laws", "units"), rows, counted(len(cases), "case"), drop=("units", "laws", "tags"))
     return 0
+
+
+def _laws(case: Case) -> list[str]:
+    """Return the laws of a case, each once."""
+    return list(dict.fromkeys(law.style for law in case.scene.pressure))
+
+
+def _document(case: Case) -> dict[str, Any]:
+    """Return what a script chooses cases by."""
+    from lammps_cases.scene import atoms
+
+    scene = case.scene
+    return {
+        "case": case.name,
+        "about": case.about,
+        "file": str(case.source),
+        "tags": list(case.tags),
+        "laws": _laws(case),
+        "units": scene.units,
+        "dimension": scene.dimension,
+        "atoms": len(atoms.build(case, None)),
+        "steps": scene.evolve.steps if scene.evolve else 0,
+        "fields": [] if scene.expect else list(scene.compare),
+    }

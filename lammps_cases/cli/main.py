@@ -51,7 +51,7 @@ GROUPS = {
         "bench": "Measure speed relative to peers, as ratios.",
         "merge": "Join the shards of a run.",
         "kit": "Write the files that run this in a CI service, or in shards on a cluster.",
-        "completion": "Let the shell complete cases, tags, findings and engines.",
+        "completion": "Print the script that lets the shell complete cases, tags, findings and engines.",
     },
 }
 PIPE_CLOSED = 141  # exit code, as shells have it of SIGPIPE
@@ -140,7 +140,7 @@ def main() -> None:
     except click.ClickException as error:
         code = _say(2, {"what": "usage", "rule": _one_line(error)}, _one_line(error))
     except (click.Abort, KeyboardInterrupt) as error:
-        rule = str(error.__cause__ or error) or "interrupted; no partial files were written"
+        rule = str(error.__cause__ or error) or "interrupted; files are whole or not written"
         code = _say(130, {"what": "run", "rule": rule}, rule)
     except SystemExit as left:  # by click of completion, with 0; by click or rich where who reads the output has gone
         code = PIPE_CLOSED if left.code else 0

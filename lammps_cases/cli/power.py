@@ -26,7 +26,7 @@ FAMILIES = ("told", "read", "formula", "source")
 @click.option("--all", "every", is_flag=True, help="Find every case that catches a fault, not only those of two files.")
 @shared.processes_option
 @shared.cluster_option
-@click.option("--fresh", is_flag=True, help="Plant every fault again, even those already in the folder.")
+@shared.resume_option
 @shared.folder_option("--out", "reports/power", "Folder of the report.")
 @shared.engine_option
 @shared.fail_on_option
@@ -38,7 +38,7 @@ def power_command(
     sample: int | None,
     every: bool,
     jobs: int,
-    fresh: bool,
+    resume: bool,
     out: Path,
     engine: str,
     fail_on: FailOn | None,
@@ -67,9 +67,7 @@ def power_command(
     )
     catalogue.check(patterns)
     shared.page_folder(out)
-    if fresh:
-        record.planted(out).forget()
-    with record.planted(out).kept(), Bar(quiet=as_json) as bar:
+    with record.planted(out).resumed(resume), Bar(quiet=as_json) as bar:
         power = collect.collect(
             sections, patterns, family, sample, quick_only, every, engine, jobs, out, command_line(), bar
         )

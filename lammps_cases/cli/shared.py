@@ -151,6 +151,9 @@ processes_option = click.option(
     help="Processes at a time (default: one per core).",
 )
 fresh_option = click.option("--fresh", is_flag=True, help="Ignore the cache of reference predictions.")
+resume_option = click.option(
+    "--resume/--fresh", "resume", default=True, help="Keep the parts that the folder has (default), or redo all."
+)
 paths_option = click.option("--cases", "paths", multiple=True, type=PATH, help="Case file or folder of your own.")
 
 

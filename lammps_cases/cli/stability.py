@@ -27,7 +27,7 @@ from lammps_cases.records.progress import Bar
 )
 @shared.processes_option
 @shared.cluster_option
-@click.option("--fresh", is_flag=True, help="Run every cell again, even those already in the folder.")
+@shared.resume_option
 @click.option("--save-limits", is_flag=True, help="Base later advice on the measured limits.")
 @engine_option
 @json_option
@@ -38,7 +38,7 @@ def stability_command(
     cell: str | None,
     out: Path,
     jobs: int,
-    fresh: bool,
+    resume: bool,
     save_limits: bool,
     engine: str,
     as_json: bool,
@@ -64,9 +64,7 @@ def stability_command(
     by_id = maps.maps()
     chosen = maps.select(by_id, names, tag or ("quick" if quick and not names else None))
     site = installations.resolve(engine).site
-    if fresh:
-        record.cells(out).forget()
-    with record.cells(out).kept(), Bar(quiet=as_json) as bar:
+    with record.cells(out).resumed(resume), Bar(quiet=as_json) as bar:
         measured = atlas.measure(chosen, out, command_line(), quick=quick, site=site, jobs=jobs, progress=bar)
         page.write(measured, out, by_id)
     if save_limits:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from lammps_cases.cli.shared import engine_option, folder_option, json_option, page_folder
+from lammps_cases.cli.shared import engine_option, folder_option, json_option, page_folder, resume_option
 from lammps_cases.records.progress import Bar
 
 
@@ -16,10 +16,10 @@ from lammps_cases.records.progress import Bar
 @click.argument("names", nargs=-1, metavar="[FLOW]...")
 @click.option("--quick", is_flag=True, help="Coarse and short, for flows that allow it: about a minute.")
 @folder_option("--out", "reports/validate", "Folder of the validation.")
-@click.option("--fresh", is_flag=True, help="Run every flow again, even those already in the folder.")
+@resume_option
 @engine_option
 @json_option
-def validate_command(names: tuple[str, ...], quick: bool, out: Path, fresh: bool, engine: str, as_json: bool) -> int:
+def validate_command(names: tuple[str, ...], quick: bool, out: Path, resume: bool, engine: str, as_json: bool) -> int:
     """Run flows with experimental, numerical or analytic data, in the reference and in LAMMPS. Never a verdict.
 
     FLOW: names as in the table; all by default. Writes report.html, validate.json, curves.csv and figures/ as SVG and
@@ -43,9 +43,7 @@ def validate_command(names: tuple[str, ...], quick: bool, out: Path, fresh: bool
     short = [name for name, of in VALIDATIONS.items() if of.flow.quick or not quick]
     chosen = [VALIDATIONS[name] for name in dict.fromkeys(names or short)]
     page_folder(out)
-    if fresh:
-        record.journal(out).forget()
-    with record.journal(out).kept(), Bar(quiet=as_json) as bar:
+    with record.runs(out).resumed(resume), Bar(quiet=as_json) as bar:
         validated = run.validate(chosen, out, command_line(), quick=quick, engine=engine, progress=bar)
     if as_json:
         click.echo(json.dumps(record.DOCUMENT.plain(validated), indent=1))

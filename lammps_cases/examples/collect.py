@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import shlex
 import time
 from collections.abc import Sequence
@@ -10,13 +11,16 @@ from pathlib import Path
 
 from lammps_cases.audit.command import audit_into
 from lammps_cases.audit.options import AuditOptions
+from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine.first_pressure import first_pressure
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.examples.decks import ExampleDeck, ShippedLog, shipped_log
 from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.journal import Parts
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.run import case_journal, provenance
 
 SHORT, LOOKS = 400, 20  # steps of the shortened form, and looks at them
 FULL_EVERY = 200  # steps between two looks at a deck in full, as the decks print their thermo output
@@ -60,6 +64,11 @@ DOCUMENT = Document("examples", Examples)
 NAME = "examples.json"
 
 
+def judged(folder: Path) -> Parts[Example]:
+    """Return ``decks.jsonl``: decks as they are judged."""
+    return Parts(folder / "decks.jsonl", Example)
+
+
 def collect(
     decks: Sequence[ExampleDeck],
     engine: Engine,
@@ -70,7 +79,7 @@ def collect(
     trust: bool = False,
     progress: Progress = SILENT,
 ) -> Examples:
-    """Audit decks, each into a folder of its own, and return all that the page shows.
+    """Audit decks, each into a folder of its own, and return all that the page shows; those judged before are kept.
 
     Parameters
     ----------
@@ -83,21 +92,36 @@ def collect(
     ------
     InputError, EngineMissing
     """
-    begin = time.perf_counter()
+    begin, kept = time.perf_counter(), judged(folder)
     every, steps = (FULL_EVERY, None) if full else (SHORT // LOOKS, SHORT)
     options = AuditOptions(every, steps, float("inf") if full else 3600.0, trust, engine.site, budgets=True)
-    examples, who = [], EngineRecord()
+    examples = []
     with Workers(engine.site, 1) as workers:
+        who = provenance.engine_record(engine, workers.identify().result())
+        origin = case_journal.code(), who.library_sha256, options.words(), trust
         for at, deck in enumerate(decks):
+            key = prediction_keys.fingerprint(deck.name, _digest(deck.path.parent), origin)
+            example = kept.get(key)
+            if example is not None and (folder / deck.name / "run.json").exists():
+                examples.append(example)
+                continue
             progress.advance(at, len(decks), deck.name)
             line = shlex.join(["eos-ref", "audit", str(deck.path), *options.words()])
             run = audit_into(folder / deck.name, deck.path, replace(options, progress=SILENT), engine, line, "new")
             logs = tuple(log for path in deck.logs if (log := shipped_log(path)))
             pressures = _pressures(deck, run.cases[0], logs, workers) if trust else ()
-            examples.append(Example(deck.name, deck.name, _brief(run.cases[0]), pressures, logs))
-            who = run.engine
+            example = Example(deck.name, deck.name, _brief(run.cases[0]), pressures, logs)
+            examples.append(kept.add(key, example))
         progress.advance(len(decks), len(decks), "")
-    return Examples(command, full, who, time.perf_counter() - begin, tuple(examples))
+    return Examples(command, full, who, time.perf_counter() - begin + kept.earlier, tuple(examples))
+
+
+def _digest(folder: Path) -> str:
+    """Hash the files of a folder."""
+    digest = hashlib.sha256()
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        digest.update(f"{path.relative_to(folder)} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return digest.hexdigest()
 
 
 def _brief(case: CaseRecord) -> CaseRecord:

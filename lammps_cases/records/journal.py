@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, cast
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 T = TypeVar("T")
 
@@ -55,9 +56,63 @@ class Journal(Generic[T]):
         """Return the entries, without lines that a kill cut short; none where there is no file."""
         return [entry for entry in self.lines() if entry is not None] if self.file.exists() else []
 
+
+@dataclass(frozen=True)
+class DonePart(Generic[T]):
+    """A part of a study that is done: the key of all it depends on, the result, the seconds since the part before."""
+
+    __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
+
+    key: str
+    result: T
+    seconds: float
+
+
+class Parts(Generic[T]):
+    """The journal of a study, from which an interrupted one goes on.
+
+    Parameters
+    ----------
+    file : Path
+    model : type
+        Class of a result.
+    """
+
+    def __init__(self, file: Path, model: type[T]) -> None:
+        self.file, self.journal = file, Journal(file, cast("type[DonePart[T]]", DonePart[model]))  # type: ignore[valid-type]
+        self._taken: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    @cached_property
+    def _done(self) -> dict[str, DonePart[T]]:
+        return {part.key: part for part in self.journal.entries()}  # of those of one key the last counts
+
+    def get(self, key: str) -> T | None:
+        """Return the result of a part that is done, None if it is not."""
+        part = self._done.get(key)
+        if part is None:
+            return None
+        self._taken.setdefault(key, part.seconds)
+        return part.result
+
+    def add(self, key: str, result: T) -> T:
+        """Keep the result of a part that was done now, and return it."""
+        now = time.perf_counter()
+        part = self._done[key] = DonePart(key, result, now - self._last)
+        self._taken[key], self._last = 0.0, now
+        self.journal.append(part)
+        return result
+
+    @property
+    def earlier(self) -> float:
+        """Seconds that earlier calls of the command spent on the parts that were not done again."""
+        return sum(self._taken.values())
+
     @contextmanager
-    def kept(self) -> Iterator[None]:
-        """Have an interruption of the block say that the entries stay, and how to go on."""
+    def resumed(self, resume: bool) -> Iterator[None]:
+        """Forget the parts unless the study is resumed; if the block is interrupted, say that they are kept."""
+        if not resume:
+            self.file.unlink(missing_ok=True)
         try:
             yield
         except KeyboardInterrupt:
@@ -65,7 +120,3 @@ class Journal(Generic[T]):
                 raise
             how = "the same command, without --fresh, resumes"
             raise KeyboardInterrupt(f"interrupted: what is done is in {self.file}; {how}") from None
-
-    def forget(self) -> None:
-        """Take all entries away."""
-        self.file.unlink(missing_ok=True)

@@ -33,6 +33,12 @@ class Progress:
 SILENT = Progress()
 
 
+def duration(seconds: float) -> str:
+    """Return a duration in one unit: s below two minutes, min below two hours, h."""
+    unit, size = next(((unit, size) for unit, size in (("s", 1), ("min", 60)) if seconds < 120 * size), ("h", 3600))
+    return f"{max(1, round(seconds / size))} {unit}"
+
+
 class Bar(Progress):
     """Progress on standard error: a bar on a terminal, now and then a plain line elsewhere; a context manager.
 
@@ -51,6 +57,8 @@ class Bar(Progress):
         self._task: TaskID | None = None
         self._quiet, self._prefix, self._complaints = quiet, prefix, complaints
         self._printed = time.monotonic()
+        self._first = (0, self._printed)  # parts done, and when, at the first report of this total
+        self._total: int | None = None
         if not quiet and sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
@@ -62,13 +70,23 @@ class Bar(Progress):
     def advance(self, done: int, total: int | None, label: str, complaint: str = "") -> None:
         """Move the bar, or print a line."""
         complaint = complaint if self._complaints else ""
+        label = f"{self._left(done, total)}{self._prefix}{label}"
         if self._bar is not None and self._task is not None:
-            self._bar.update(self._task, completed=done, total=total, description=self._prefix + label)
+            self._bar.update(self._task, completed=done, total=total, description=label)
             if complaint:
                 self._bar.console.print(complaint, style="red", highlight=False, markup=False)
         elif not self._quiet and (complaint or time.monotonic() - self._printed > PLAIN_EVERY):
             self._printed = time.monotonic()
-            print(complaint or f"{done}/{total or '?'} {self._prefix}{label}", file=sys.stderr, flush=True)
+            print(complaint or f"{done}/{total or '?'} {label}", file=sys.stderr, flush=True)
+
+    def _left(self, done: int, total: int | None) -> str:
+        """Estimate the time left from the parts done since the first report; those that a folder had cost none."""
+        now, (first, begin) = time.monotonic(), self._first
+        if total != self._total or done < first:
+            self._first, self._total = (done, now), total
+        elif total is not None and first < done < total:
+            return f"about {duration((now - begin) * (total - done) / (done - first))} left: "
+        return ""
 
     def __enter__(self) -> Self:
         if self._bar is not None:

@@ -20,6 +20,7 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.wording import by_file
 from lammps_cases.regression import baseline
+from lammps_cases.report.markdown import text
 
 ROOT = Path(__file__).parents[2]
 BASELINES = ROOT / "reports" / "accepted"
@@ -89,15 +90,15 @@ def page(entry: Finding, evidence: AcceptedEvidence) -> str:
     """Return the page of a finding in Markdown."""
     cases = evidence.cases[entry.id]
     parts = [
-        f"# {entry.title}\n\n`{entry.id}`, severity {entry.severity}\n\n**Effect:** {entry.effect}.\n",
-        f"## What is documented\n\n{entry.documented}\n",
-        f"## What LAMMPS does\n\n{entry.observed}\n",
-        f"## Why this is wrong\n\n{entry.argument}\n",
-        f"## Workaround\n\n{entry.workaround}\n",
+        f"# {text(entry.title)}\n\n`{entry.id}`, severity {entry.severity}\n\n**Effect:** {text(entry.effect)}.\n",
+        f"## What is documented\n\n{text(entry.documented)}\n",
+        f"## What LAMMPS does\n\n{text(entry.observed)}\n",
+        f"## Why this is wrong\n\n{text(entry.argument)}\n",
+        f"## Workaround\n\n{text(entry.workaround)}\n",
         f"## Versions\n\n{_versions(evidence.seen_on[entry.id], evidence.engines)}\n",
         "## Show it\n",
         f"`eos-ref report-bug {entry.id}` writes an input deck for LAMMPS alone and the text of an issue.\n",
-        *([f"Shown by {by_file(cases)}.\n"] if cases else []),
+        *([f"Shown by {text(by_file(cases))}.\n"] if cases else []),
     ]
     return "\n".join(parts)
 

@@ -53,7 +53,7 @@ def render(comparison: SideComparison) -> str:
         ASSETS,
         "compare",
         comparison.headline.look.css,
-        engine=", ".join(side.engine.label for side in comparison.sides.values()),
+        engine=" → ".join(side.engine.label for side in comparison.sides.values()),
         scripts=[frame.FILTER],
         filters={"side": _side, "marks": _marks},
         comparison=comparison,

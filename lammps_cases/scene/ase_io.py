@@ -101,6 +101,12 @@ def read_extxyz(path: Path, scene: Scene) -> dict[str, Any]:
         raise InputError(
             "position", "must lie within the cell", x_nc[bad].tolist(), f"{place}, atom {bad + 1}", "positions"
         )
+    for name in ("rho", "e"):
+        for bad in np.flatnonzero(~np.isfinite(arrays.get(name, 0.0))).tolist():
+            found = float(arrays[name][bad])
+            raise InputError(
+                f"column {name}", "must hold finite numbers", found, f"{place}, atom {bad + 1}", "positions"
+            )
     volume = float(np.prod((high_c - low_c)[: scene.dimension]))
     return {
         "x": x_nc,
@@ -140,11 +146,13 @@ def _read_with_ase(content: bytes, path: Path) -> dict[str, Any]:
         arrays = {"positions": np.array(atoms.positions, float), "cell": atoms.cell.array, "pbc": np.asarray(atoms.pbc)}
         for name, kind in (("type", int), ("rho", float), ("e", float)):
             if name in atoms.arrays:
-                arrays[name] = np.asarray(atoms.arrays[name]).astype(kind)
+                with np.errstate(invalid="ignore"):  # of a type that is NaN
+                    arrays[name] = np.asarray(atoms.arrays[name]).astype(kind)
                 if arrays[name].ndim != 1:
                     raise ValueError(f"{name} must hold one number per particle")
-        if "type" in arrays and np.any(arrays["type"] != atoms.arrays["type"]):
-            raise ValueError("types must be whole numbers")
+        for bad in np.flatnonzero(arrays.get("type", 0) != atoms.arrays.get("type", 0)):
+            found = atoms.arrays["type"][bad]
+            raise ValueError(f"column type must hold whole numbers, found {found} for atom {bad + 1}")
     except Exception as error:  # ASE raises many kinds for a broken file
         raise InputError("extxyz", f"cannot be read: {str(error) or type(error).__name__}", path.name) from None
     return arrays

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -304,7 +305,9 @@ def _column(folder: Path, table: ValueTable, key: str) -> FloatArray:
         except (TypeError, ValueError):
             values_n[k] = np.nan
         if not np.isfinite(values_n[k]):
-            raise InputError("table", "must hold finite numbers", row[column], f"{key}, line {k + 2} of {name}", key)
+            raise InputError(
+                f"column {column}", "must hold finite numbers", row[column], f"{key}, line {k + 2} of {name}", key
+            )
     return values_n
 
 
@@ -319,8 +322,9 @@ def _check_fields(
 ) -> None:
     scene = case.scene
     for key, values_n in (("rho", rho_n), ("energy", e_n)):
-        if values_n is not None and not np.isfinite(values_n).all():
-            raise InputError(key, "must be finite for every particle")
+        for k, value in enumerate(() if values_n is None or np.isfinite(values_n).all() else values_n.tolist(), 1):
+            if not math.isfinite(value):
+                raise InputError(key, "must be finite", value, f"atom {k}")
     if eos is None:
         return
     if scene.thermal and e_n is None:

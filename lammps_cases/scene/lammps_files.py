@@ -7,7 +7,7 @@ import io
 import itertools
 import re
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -62,7 +62,7 @@ class FileSnapshot:
     exact: bool = False
 
     def numbers(self, name: str, kind: type = float) -> Array:
-        """Return a column as numbers.
+        """Return a column as numbers, of kind int as whole numbers; NaN and infinity are such of kind float.
 
         Raises
         ------
@@ -72,12 +72,30 @@ class FileSnapshot:
         if name not in self.columns:
             raise InputError("column", f"must be one of {', '.join(self.columns)}{nearest(name, self.columns)}", name)
         values_n = self.columns[name]
-        if kind is int and self.exact and not (np.isfinite(values_n) & (values_n == np.rint(values_n))).all():
-            raise InputError(f"column {name}", "must hold whole numbers")
+        if kind is int and self.exact:
+            for wrong in np.flatnonzero(~(np.isfinite(values_n) & (values_n == np.rint(values_n)))).tolist():
+                raise self._refused(name, "must hold whole numbers", wrong)
         try:
             return values_n.astype(kind)
-        except (ValueError, OverflowError) as error:
-            raise InputError(f"column {name}", f"must hold numbers ({error})") from None
+        except (ValueError, OverflowError):
+            wrong = next(k for k in range(len(values_n)) if not _is_number(values_n[k], kind))
+            raise self._refused(name, f"must hold {'whole ' * (kind is int)}numbers", wrong) from None
+
+    def finite(self, name: str) -> Array:
+        """Return a column as finite numbers; raises as `numbers`, also of NaN and infinity."""
+        values_n = self.numbers(name)
+        for wrong in np.flatnonzero(~np.isfinite(values_n)).tolist():
+            raise self._refused(name, "must hold finite numbers", wrong)
+        return values_n
+
+    def _refused(self, name: str, rule: str, row: int) -> InputError:
+        place = f"row {row + 1}" if name == "id" else f"row {row + 1}, atom {self._word('id', row)}"
+        return InputError(f"column {name}", rule, self._word(name, row), place)
+
+    def _word(self, name: str, row: int) -> str:
+        """Return a number as the file has it."""
+        value = self.columns[name][row]
+        return f"{value:.17g}" if self.exact else str(value.decode())
 
 
 def read_data(path: Path, scene: Scene, periodic: tuple[bool, ...] | None) -> dict[str, Any]:
@@ -123,7 +141,8 @@ def read_dump(path: Path, scene: Scene, step: int | None, named: Mapping[str, st
         of_step = every if step is None else [one for one in every if one.step == step]
         if not of_step:
             raise InputError("positions.step", f"must be one of {', '.join(str(one.step) for one in every)}", step)
-        return arrays(of_step[-1], named) | _box(of_step[-1], scene)
+        with _at(f"step {of_step[-1].step}"):
+            return arrays(of_step[-1], named) | _box(of_step[-1], scene)
 
 
 @contextmanager
@@ -138,8 +157,11 @@ def _at(place: str) -> Iterator[None]:
 def _box(snapshot: FileSnapshot, scene: Scene) -> dict[str, Any]:
     d = scene.dimension
     edges_c = (snapshot.high_c - snapshot.low_c)[:d]
-    if not (np.isfinite(edges_c).all() and np.all(edges_c > 0)):
-        raise InputError("box", "needs low < high", [snapshot.low_c.tolist(), snapshot.high_c.tolist()])
+    ends = [snapshot.low_c.tolist(), snapshot.high_c.tolist(), list(snapshot.tilt)]
+    if not np.isfinite(np.concatenate(ends)).all():
+        raise InputError("box", "must hold finite numbers", ends)
+    if not np.all(edges_c > 0):
+        raise InputError("box", "needs low < high", ends[:2])
     count = len(next(iter(snapshot.columns.values())))
     if not count:
         raise InputError("atoms", "must be at least one")
@@ -273,7 +295,7 @@ def arrays(snapshot: FileSnapshot, named: Mapping[str, str]) -> dict[str, Array]
     named : mapping
         Columns that hold rho and energy (of the whole particle) where they are not called so.
     """
-    number: Callable[[str], Array] = snapshot.numbers
+    number = snapshot.finite
     id_n = snapshot.numbers("id", int)
     order_n = np.argsort(id_n, kind="stable")
     if len(np.unique(id_n)) != len(id_n):
@@ -356,6 +378,14 @@ def _table(rows: Sequence[str], section: str, *widths: int) -> Array:
         if not line.isascii():
             raise InputError(section, "must be ASCII but for comments", line[:60])
     return np.array(cells, dtype=bytes).reshape(len(cells), width)
+
+
+def _is_number(word: Any, kind: type) -> bool:
+    try:
+        np.array(word).astype(kind)
+    except (ValueError, OverflowError):
+        return False
+    return True
 
 
 def _floats(words: Sequence[str], count: int, name: str) -> list[float]:

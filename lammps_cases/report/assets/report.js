@@ -12,6 +12,8 @@
   const tags = document.getElementById("tag");
   const grouped = document.getElementById("grouped");
   const table = document.getElementById("cases");
+  const missing = document.getElementById("missing");
+  const title = document.title;
   const heading = document.getElementById("list-of-cases");
   const MANY = 40; // rows from which on they are shown in groups
   let rows = [...body.rows]; // in the order of the table
@@ -169,13 +171,15 @@
     const article = await opened(name);
     if (asked().get("case") !== name) return; // gone elsewhere while it was unpacked
     list.hidden = Boolean(article);
+    document.title = article ? `eos-ref ${article.querySelector("h2").textContent}` : title;
+    missing.hidden = !name || Boolean(article);
+    missing.textContent = `No case "${name}" in this report`;
     for (const other of articles.values()) {
       if (other !== article && !other.hidden) Plots.remove(other);
       other.hidden = other !== article;
     }
     if (!article) {
       restore(name ? new URLSearchParams({ find: name }) : state); // a case that is not in the page: its name is sought
-      if (name) document.getElementById("shown").textContent += `; no case "${name}" in this report`;
       target();
       return;
     }

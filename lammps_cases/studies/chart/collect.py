@@ -1,4 +1,4 @@
-"""Measure a chart, section by section; what is finished is on disk before the next section begins."""
+"""Measure a chart, section by section; those that the folder has are not measured again."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from lammps_cases.comparison import prediction_keys
+from lammps_cases.engine.installations import library_sha256
 from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT, Progress
+from lammps_cases.run import case_journal
 from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.benchmarks.pysph import version
 from lammps_cases.studies.chart import page, record
@@ -53,7 +56,7 @@ def collect(
     engine: str = "env",
     pysph: str | None = None,
 ) -> Chart:
-    """Measure sections, write the chart after each of them, and draw the page at the end.
+    """Measure sections, and write and draw the chart, also of those that are done when it is interrupted.
 
     Parameters
     ----------
@@ -74,25 +77,29 @@ def collect(
     lmp = session.open_lammps(site)  # and every further instance of this process is of the same library
     about, before = session.describe(lmp, site) | peers, machine()
     chosen = [name for name in SECTIONS if not names or name in names]
-    sections: list[Section] = []
-    begin = time.perf_counter()
+    sections, kept, begin = list[Section](), record.sections(out), time.perf_counter()
+    origin = case_journal.code(), library_sha256(about.get("library", "")), quick, pysph or "", sorted(peers.items())
     try:
         for k, name in enumerate(chosen):
-            progress.advance(k, len(chosen), SECTIONS[name][0])
-            sections.append(_section(name, quick, lmp, site, pysph))
-            chart = Chart(command, before, about, quick, time.perf_counter() - begin, tuple(sections))
+            key = prediction_keys.fingerprint(name, origin)
+            section = kept.get(key)
+            if section is None:
+                progress.advance(k, len(chosen), SECTIONS[name][0])
+                section = kept.add(key, _section(name, quick, lmp, site, pysph))
+            sections.append(section)
+        progress.advance(len(chosen), len(chosen), "report")
+    finally:
+        seconds = time.perf_counter() - begin + kept.earlier
+        chart = Chart(command, before, about, quick, seconds, tuple(sections))
+        if sections:
             record.write(chart, out)
-    except KeyboardInterrupt:
-        if not sections:
-            raise
-        measured = ", ".join(chosen[: len(sections)])
-        raise KeyboardInterrupt(f"interrupted: {out / 'chart.json'} holds {measured}; no page was drawn") from None
-    progress.advance(len(chosen), len(chosen), "report")
-    page.write(chart, out)
+            page.write(chart, out)
     return chart
 
 
-def beside(engine: str, names: Sequence[str], quick: bool, out: Path, progress: Progress = SILENT) -> Chart:
+def beside(
+    engine: str, names: Sequence[str], quick: bool, out: Path, resume: bool = True, progress: Progress = SILENT
+) -> Chart:
     """Measure the same sections on another engine, in a process of its own: two libraries do not fit into one.
 
     Raises
@@ -103,7 +110,8 @@ def beside(engine: str, names: Sequence[str], quick: bool, out: Path, progress: 
     from lammps_cases.engine.session import EngineMissing
 
     folder = out / wording.folder_name(engine)
-    options = [*names, *(["--quick"] if quick else []), "--engine", engine, "--out", str(folder)]
+    switches = [*(["--quick"] if quick else []), "--resume" if resume else "--fresh"]
+    options = [*names, *switches, "--engine", engine, "--out", str(folder)]
     progress.advance(0, 1, f"the same on {engine}")
     command = [sys.executable, "-m", "lammps_cases.cli.main", "chart", *options]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -10,6 +10,7 @@ from typing import Any
 
 from lammps_cases.records.documents import SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, write_atomically
+from lammps_cases.records.journal import Parts
 from lammps_cases.studies.chart.points import Map, Panel
 from lammps_cases.studies.flows.converge import Convergence
 
@@ -42,6 +43,11 @@ class Chart(Study):
 
 
 DOCUMENT = Document("chart", Chart)
+
+
+def sections(folder: Path) -> Parts[Section]:
+    """Return ``sections.jsonl``: sections as they come."""
+    return Parts(folder / "sections.jsonl", Section)
 
 
 def write(chart: Chart, folder: Path) -> None:

@@ -12,6 +12,7 @@ from eos_ref import InputError
 from eos_ref.errors import unknown
 from lammps_cases.comparison.prediction_keys import open_store
 from lammps_cases.engine import installations
+from lammps_cases.records.journal import Parts
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.provenance import run_record
@@ -20,7 +21,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import alarms, catalogue, record, resolution, schedule
 from lammps_cases.studies.mutation.alarms import AlarmRun
 from lammps_cases.studies.mutation.fault import SECTIONS, Fault
-from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, PlantedEntry, Power
+from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, Power
 from lammps_cases.studies.mutation.resolution import Resolution
 from lammps_cases.studies.mutation.schedule import MutationPool
 
@@ -70,7 +71,7 @@ def collect(
         A fault that does not exist, a folder that cannot be written.
     EngineMissing
     """
-    begin = time.perf_counter()
+    begin, planted = time.perf_counter(), record.planted(folder)
     resolved = installations.resolve(engine)
     cases = casefile.select(casefile.load(), tag="quick" if quick_only else None)
     controls: tuple[ControlRecord, ...] = ()
@@ -82,7 +83,7 @@ def collect(
         with MutationPool(resolved, jobs, open_store(), every) as pool:
             who = pool.engine
             chosen = select(catalogue.faults(who.distribution), names, family, sample)
-            controls, records = _faults(pool, cases, chosen, folder, f"{quick_only} {every}", progress)
+            controls, records = _faults(pool, cases, chosen, planted, f"{quick_only} {every}", progress)
     if "resolution" in sections:
         measured = resolution.measure(cases, resolved, jobs=jobs, store=open_store(), progress=progress)
     if "alarms" in sections:
@@ -93,7 +94,7 @@ def collect(
         {"name": who.name, "distribution": who.distribution, "library_sha256": who.library_sha256},
         whole=not (names or family or sample is not None) and "faults" in sections,
         quick_only=quick_only,
-        seconds=round(time.perf_counter() - begin, 1),
+        seconds=round(time.perf_counter() - begin + planted.earlier, 1),
         controls=controls,
         faults=records,
         resolution=tuple(measured),
@@ -102,13 +103,19 @@ def collect(
 
 
 def _faults(
-    pool: MutationPool, cases: Sequence[Case], chosen: Sequence[Fault], folder: Path, mode: str, progress: Progress
+    pool: MutationPool,
+    cases: Sequence[Case],
+    chosen: Sequence[Fault],
+    planted: Parts[FaultRecord],
+    mode: str,
+    progress: Progress,
 ) -> tuple[tuple[ControlRecord, ...], tuple[FaultRecord, ...]]:
     key = hashlib.sha256(f"{record.sources()} {pool.engine.library_sha256} {mode}".encode()).hexdigest()
-    records = record.kept(folder, key)
+    kept = {fault.id: planted.get(f"{key} {fault.id}") for fault in chosen}
+    records = {id: of for id, of in kept.items() if of is not None}
     controls = record.controls(pool.prepare(schedule.in_order(cases), progress))
     for fault, detections in pool.plant([fault for fault in chosen if fault.id not in records]):
-        records[fault.id] = record.fault_record(fault, detections, pool.quick)
-        record.planted(folder).append(PlantedEntry(key, records[fault.id]))
-        progress.advance(sum(one.id in records for one in chosen), len(chosen), fault.id)
+        of = record.fault_record(fault, detections, pool.quick)
+        records[fault.id] = planted.add(f"{key} {fault.id}", of)
+        progress.advance(len(records), len(chosen), fault.id)
     return controls, record.with_arguments([records[fault.id] for fault in chosen])

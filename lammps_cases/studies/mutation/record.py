@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter
 from lammps_cases.findings import severities
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.headline import Headline, headline
-from lammps_cases.records.journal import Journal
+from lammps_cases.records.journal import Parts
 from lammps_cases.records.levels import FailOn
 from lammps_cases.records.wording import counted
 from lammps_cases.records.yaml_files import read_yaml
@@ -225,14 +225,6 @@ def document(power: Power) -> dict[str, Any]:
 # --- faults as they are done
 
 
-@dataclass(frozen=True)
-class PlantedEntry:
-    """A line of ``planted.jsonl``: a fault that was planted, under the key of all it depends on."""
-
-    key: str
-    record: FaultRecord
-
-
 def sources() -> str:
     """Return the SHA-256 of all that decides which faults are planted and detected: sources and cases."""
     digest = hashlib.sha256()
@@ -244,11 +236,6 @@ def sources() -> str:
     return digest.hexdigest()
 
 
-def planted(folder: Path) -> Journal[PlantedEntry]:
+def planted(folder: Path) -> Parts[FaultRecord]:
     """Return ``planted.jsonl``, to which faults are added as they are done."""
-    return Journal(folder / "planted.jsonl", PlantedEntry)
-
-
-def kept(folder: Path, key: str) -> dict[str, FaultRecord]:
-    """Return the faults done under a key, by id."""
-    return {one.record.id: one.record for one in planted(folder).entries() if one.key == key}
+    return Parts(folder / "planted.jsonl", FaultRecord)

@@ -27,7 +27,7 @@ from lammps_cases.studies.stability.model import (
     StabilityMap,
 )
 from lammps_cases.studies.stability.probe import Examined, Examiner, PendingCell
-from lammps_cases.studies.stability.record import Atlas, CellEntry, MapRecord
+from lammps_cases.studies.stability.record import Atlas, MapRecord
 
 JOBS = 2
 # Sources, besides the reference, that decide how a cell ends: from its start to what is observed of it.
@@ -84,9 +84,11 @@ def measure(
         about["library_sha256"] = library_sha256(about.pop("library", ""))
         map_lines = _lines(maps, engines, quick)
         key = functools.partial(cell_key, about=about, limit=limit)
-        results = Survey({of.id: of for of in maps}, map_lines, examiner, key, out, progress).run(2 * workers.count)
+        survey = Survey({of.id: of for of in maps}, map_lines, examiner, key, out, progress)
+        results = survey.run(2 * workers.count)
     records = tuple(map_record(of, quick, results, engines) for of in maps)
-    atlas = Atlas(command, before, about, quick, time.perf_counter() - begin, records)
+    seconds = time.perf_counter() - begin + survey.cells.earlier
+    atlas = Atlas(command, before, about, quick, seconds, records)
     record.write(atlas, out)
     return atlas
 
@@ -159,8 +161,7 @@ class Survey:
         progress: Progress,
     ) -> None:
         self.maps, self.lines, self.examiner, self.key = maps, lines, examiner, key
-        self.out, self.progress = out, progress
-        self.kept = {entry.key: entry.ran for entry in record.cells(out).entries()}
+        self.out, self.progress, self.cells = out, progress, record.cells(out)
         self.results: dict[MapLine, _Open] = {}
 
     def run(self, at_once: int) -> dict[MapLine, _Open]:
@@ -183,9 +184,8 @@ class Survey:
             for x in places:
                 cell = one.line.cell(x)
                 key = self.key(of, cell, one.line.engine)
-                if key in self.kept:
-                    one.runs[x] = self.kept[key]
-                    self._report(one.line)
+                if (ran := self.cells.get(key)) is not None:
+                    one.runs[x] = ran
                 else:
                     one.pending[x] = key, self.examiner.ask(of, cell, one.line.engine)
 
@@ -200,7 +200,7 @@ class Survey:
                     examined = self.examiner.settle(pending)
                     run = one.runs[x] = CellRun(one.line.cell(x), one.line.engine, examined.outcome)
                     record.write_state(self.out, run.cell, run.engine, examined.before)
-                    record.cells(self.out).append(CellEntry(key, run))
+                    self.cells.add(key, run)
                     self._report(one.line)
             self._ask(one)
 

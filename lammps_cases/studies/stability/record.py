@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lammps_cases.records.documents import INFINITE, SCHEMAS, Document, Study
+from lammps_cases.records.documents import SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, read_arrays, write_arrays, write_atomically
-from lammps_cases.records.journal import Journal
+from lammps_cases.records.journal import Parts
 from lammps_cases.studies.stability.lines import Agreement
 from lammps_cases.studies.stability.model import Axis, Boundary, CellRun, Engine, MapCell
 
@@ -44,16 +44,6 @@ class Atlas(Study):
         return [a for m in self.maps for a in m.agreement if a.verdict == "differs"]
 
 
-@dataclass(frozen=True)
-class CellEntry:
-    """A line of ``cells.jsonl``: a cell that was run, under the key of all it depends on."""
-
-    __pydantic_config__ = INFINITE
-
-    key: str
-    ran: CellRun
-
-
 DOCUMENT = Document("stability", Atlas)
 
 
@@ -74,9 +64,9 @@ def document(atlas: Atlas) -> dict[str, Any]:
     }
 
 
-def cells(folder: Path) -> Journal[CellEntry]:
-    """Return ``cells.jsonl``: cells as they come; of those of one key the last counts."""
-    return Journal(folder / "cells.jsonl", CellEntry)
+def cells(folder: Path) -> Parts[CellRun]:
+    """Return ``cells.jsonl``: cells as they come."""
+    return Parts(folder / "cells.jsonl", CellRun)
 
 
 # --- particles before a failure

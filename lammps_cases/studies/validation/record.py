@@ -9,7 +9,7 @@ from typing import Any
 
 from lammps_cases.records.documents import INFINITE, SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, write_atomically
-from lammps_cases.records.journal import Journal
+from lammps_cases.records.journal import Parts
 from lammps_cases.studies.flows.converge import Fit, fit
 from lammps_cases.studies.validation.model import Curve
 
@@ -59,16 +59,6 @@ class FlowRecord:
 
 
 @dataclass(frozen=True)
-class RunEntry:
-    """A line of ``runs.jsonl``: a run, under the key of all it depends on."""
-
-    __pydantic_config__ = INFINITE
-
-    key: str
-    ran: FlowRecord
-
-
-@dataclass(frozen=True)
 class Validated(Study):
     """All that was run."""
 
@@ -97,9 +87,9 @@ class Validated(Study):
 DOCUMENT = Document("validate", Validated)
 
 
-def journal(folder: Path) -> Journal[RunEntry]:
+def runs(folder: Path) -> Parts[FlowRecord]:
     """Return ``runs.jsonl``: runs as they come."""
-    return Journal(folder / "runs.jsonl", RunEntry)
+    return Parts(folder / "runs.jsonl", FlowRecord)
 
 
 def write(validated: Validated, folder: Path) -> None:

@@ -27,7 +27,7 @@ from lammps_cases.studies.flows.converge import FlowResult, by_reference, in_wor
 from lammps_cases.studies.flows.flow import Snapshot, Start
 from lammps_cases.studies.validation import lost, page, record
 from lammps_cases.studies.validation.model import Validation
-from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, RunEntry, Validated
+from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Validated
 
 LIMIT = 3600.0  # seconds for one run
 SPACING = 0.75  # between particles, in another unit of length
@@ -62,22 +62,22 @@ def validate(
     EngineMissing
     """
     site, begin, before = installations.resolve(engine).site, time.perf_counter(), machine()
-    log, runs = record.journal(out), list[FlowRecord]()
-    kept = {entry.key: entry.ran for entry in log.entries()}
+    kept, runs = record.runs(out), list[FlowRecord]()
     with Workers(site, 1) as workers:
         about = workers.identify().result()
         about["library_sha256"] = library_sha256(about.pop("library", ""))
         tasks = [task for of in chosen for task in _tasks(of, quick, workers)]
         for k, task in enumerate(tasks):
-            progress.advance(k, len(tasks), f"{task.of.name}, {task.n}, {task.side}")
             start = task.of.flow.start(task.n, task.of.flow.options)
             key = _key(task, start, about)
-            if key not in kept:
-                kept[key] = _run(task, start)
-                log.append(RunEntry(key, kept[key]))
-            runs.append(kept[key])
+            ran = kept.get(key)
+            if ran is None:
+                progress.advance(k, len(tasks), f"{task.of.name}, {task.n}, {task.side}")
+                ran = kept.add(key, _run(task, start))
+            runs.append(ran)
     progress.advance(len(tasks), len(tasks), "report")
-    validated = Validated(command, before, about, quick, time.perf_counter() - begin, tuple(runs))
+    seconds = time.perf_counter() - begin + kept.earlier
+    validated = Validated(command, before, about, quick, seconds, tuple(runs))
     record.write(validated, out)
     page.write(validated, out)
     return validated

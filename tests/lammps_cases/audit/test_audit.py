@@ -312,8 +312,18 @@ def test_steps_end_the_deck(steps: int, looks: list[int], tmp_path: Path) -> Non
 
 
 def test_every() -> None:
-    case = case_of(audit_deck(DECKS / "in.plain", AuditOptions(every=7, fields=PRESSURE)))
+    progress = Steps()
+    case = case_of(audit_deck(DECKS / "in.plain", AuditOptions(every=7, fields=PRESSURE, progress=progress)))
     assert [check.step for check in case.checks if check.type == 1] == [0, 7, 14, 21, 28, 35, 42]
+    assert progress.done == [(step, 45, "steps") for step in range(0, 45, 7)]
+
+
+@pytest.mark.parametrize(
+    ("command", "steps"),
+    [("run  45 pre no", 65), ("run ${n}", None), ("run 45 upto", None), ("minimize 0 0 10 10", None)],
+)
+def test_the_steps_of_a_run_are_known_where_its_command_names_them(command: str, steps: int | None) -> None:
+    assert supervise.steps_after(command, 20) == steps
 
 
 # --- warnings ---

@@ -93,30 +93,21 @@ def test_names_are_kept_until_a_file_changes(tmp_path: Path, monkeypatch: pytest
     assert "two" in completion.case_names() and len(reads) == 7
 
 
-@pytest.mark.parametrize("shell", completion.STARTS)
-def test_one_command_installs_it_and_the_second_time_changes_nothing(
+@pytest.mark.parametrize("shell", completion.INSTALLED)
+def test_the_script_is_printed_and_nothing_is_written(
     shell: str, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
-    start = tmp_path / completion.STARTS[shell]
-    if shell != "fish":
-        start.write_text("export OWN=1")
-    code, _, err = eos_ref_command("completion", shell)
-    assert code == 0, err
-    once = {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
-    assert eos_ref_command("completion", shell).code == 0
-    assert once == {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
-    (script,) = (text for text in once.values() if completion.VARIABLE in text)
-    assert script == eos_ref_command("completion", shell, "--print").out.removesuffix("\n")
-    assert shell == "fish" or once[start].startswith("export OWN=1\n[ -r ")
+    code, out, err = eos_ref_command("completion", shell)
+    assert (code, err) == (0, "") and completion.VARIABLE in out
+    assert out.splitlines()[0] == f"# eos-ref completion {shell} {completion.INSTALLED[shell]}"
+    assert not [*tmp_path.iterdir()]
 
 
-def test_bash_reads_what_is_installed(eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HOME", str(tmp_path))
-    assert eos_ref_command("completion", "bash").code == 0
-    done = subprocess.run(
-        ["bash", "-c", f". {tmp_path}/.bashrc; complete -p eos-ref"], capture_output=True, text=True, check=True
-    )
+def test_bash_reads_what_is_printed(eos_ref_command: Run, tmp_path: Path) -> None:
+    start = tmp_path / ".bashrc"
+    start.write_text("export OWN=1\n" + eos_ref_command("completion", "bash").out)
+    done = subprocess.run(["bash", "-c", f". {start}; complete -p eos-ref"], capture_output=True, text=True, check=True)
     assert "eos-ref" in done.stdout
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from lammps_cases.engine import session
+from lammps_cases.examples import collect as examples_collect
 from lammps_cases.studies.chart import collect as chart_collect
-from lammps_cases.studies.chart.record import Section
+from lammps_cases.studies.chart.record import DOCUMENT, Section
 from lammps_cases.studies.mutation import collect
 from lammps_cases.studies.stability import atlas
 from lammps_cases.studies.validation import run
@@ -20,6 +21,8 @@ COMMANDS = {
     "stability": (atlas, "measure", "cells.jsonl"),
     "validate": (run, "validate", "runs.jsonl"),
     "power": (collect, "collect", "planted.jsonl"),
+    "chart": (chart_collect, "collect", "sections.jsonl"),
+    "examples": (examples_collect, "collect", "decks.jsonl"),
 }
 
 
@@ -41,26 +44,41 @@ def test_what_is_done_is_said_to_be_kept(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(module, function, interrupted)
-    code, _, err = eos_ref_command(command, "--out", tmp_path / "out")
+    (tmp_path / "in.flow").touch()
+    words = ["--from", tmp_path] if command == "examples" else []
+    code, _, err = eos_ref_command(command, *words, "--out", tmp_path / "out")
     says = f"what is done is in {file}; the same command, without --fresh, resumes"
     assert code == 130
-    assert err.splitlines()[-1] == "eos-ref: interrupted" + (f": {says}" if done else "; no partial files were written")
+    end = f": {says}" if done else "; files are whole or not written"
+    assert err.splitlines()[-1] == f"eos-ref: interrupted{end}"
     assert file.exists() == bool(done)
 
 
-def test_a_chart_says_which_sections_it_has(
+def test_an_interrupted_chart_is_drawn_and_resumed(
     eos_ref_command: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    measured, last = list[str](), ["sums"]
+
     def section(name: str, *_: Any) -> Section:
-        if name == "sums":
+        if name in last:
             raise KeyboardInterrupt
-        return Section(name, name, "", 0.0)
+        measured.append(name)
+        return Section(name, f"title of {name}", "", 1.0)
+
+    def titles() -> list[str]:
+        return [of.title for of in DOCUMENT.read(tmp_path / "chart.json").sections]
 
     monkeypatch.setattr(chart_collect, "_section", section)
     monkeypatch.setattr(session, "open_lammps", lambda *_: None)
     monkeypatch.setattr(session, "describe", lambda *_: {})
-    code, _, err = eos_ref_command("chart", "laws", "sums", "--out", tmp_path)
-    assert code == 130
-    assert err.splitlines()[-1] == f"eos-ref: interrupted: {tmp_path / 'chart.json'} holds laws; no page was drawn"
-    assert (tmp_path / "chart.json").exists()
-    assert not (tmp_path / "report.html").exists()
+    command = ("chart", "laws", "sums", "--out", tmp_path)
+    assert eos_ref_command(*command)[0] == 130
+    assert titles() == ["title of laws"]
+    assert "title of laws" in (tmp_path / "report.html").read_text()
+    last.clear()
+    assert eos_ref_command(*command, "--resume")[0] == 0
+    assert (measured, titles()) == (["laws", "sums"], ["title of laws", "title of sums"])
+    assert eos_ref_command(*command, "--quick")[0] == 0  # other methods: nothing of the first is taken
+    assert measured[2:] == ["laws", "sums"]
+    assert eos_ref_command(*command, "--fresh")[0] == 0
+    assert measured[4:] == ["laws", "sums"]

@@ -212,6 +212,17 @@ def test_the_command_leaves_a_page(tmp_path: Path, eos_ref_command: Callable[...
     assert list(page.lines(document)) == outcome.out.splitlines()[: len(list(page.lines(document)))]
     assert json.loads((out / collect.NAME).read_text())["schema"] == "eos-ref/examples/1"
 
+    (folder / "plates" / "in.plates").write_text((folder / "plates" / "in.plates").read_text() + "# changed\n")
+    before = {name: (out / name / "run.json").stat().st_mtime_ns for name in ("bonds", "plates")}
+    eos_ref_command("examples", "--from", str(folder), "--trust", "--out", str(out))
+    again = collect.DOCUMENT.read(out / collect.NAME)
+    assert again.examples[0] == document.examples[0]
+    assert again.seconds > sum(part.seconds for part in collect.judged(out).journal.entries()[::2])
+    assert {name: (out / name / "run.json").stat().st_mtime_ns > at for name, at in before.items()} == {
+        "bonds": False,
+        "plates": True,
+    }
+
 
 def test_a_command_without_decks(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
     outcome = eos_ref_command("examples", "--from", str(tmp_path), "--out", str(tmp_path / "out"))

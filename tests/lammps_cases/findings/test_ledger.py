@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from lammps_cases.findings.engines import SEEN_ON
 from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, Mismatch, RunRecord
+from lammps_cases.records.wording import by_file
 from lammps_cases.regression import acceptance, baseline, evidence
 from lammps_cases.report import findings as reported
 from lammps_cases.run import prepared_case
@@ -102,6 +104,31 @@ def test_the_generated_files_are_current() -> None:
 
 
 @pytest.mark.slow
+def _commonmark(page: str) -> str:
+    from markdown_it import MarkdownIt
+
+    return str(MarkdownIt().render(page))
+
+
+def _site(page: str) -> str:
+    """As mkdocs renders it: with the extra `docs`."""
+    html: str = pytest.importorskip("markdown").markdown(page, extensions=["tables", "toc", "admonition"])
+    return html
+
+
+@pytest.mark.parametrize("rendered", [_commonmark, _site])
+def test_nothing_in_the_text_of_a_finding_is_markup(rendered: Callable[[str], str]) -> None:
+    for entry in LEDGER:
+        content = (evidence.PAGES / f"{entry.id}.md").read_text(encoding="utf-8")
+        html = rendered(content)
+        shown = [" ".join(unescape(each).split()) for each in re.findall(r"<p>(.*?)</p>", html, re.DOTALL)]
+        texts = [entry.documented, entry.observed, entry.argument, entry.workaround]
+        assert shown[1:6] == [f"<strong>Effect:</strong> {entry.effect}.", *texts], entry.id
+        assert "<em>" not in html and html.count("<strong>") == 1, entry.id
+        cases = accepted_cases().get(entry.id)
+        assert not cases or shown[-1] == f"Shown by {by_file(cases)}.", entry.id
+
+
 def test_the_ledger_names_the_cases_of_the_accepted_runs(eos_ref_command: Run) -> None:
     entries = json.loads(eos_ref_command("ledger", "--json").out)["entries"]
     assert {entry["id"]: entry["cases"] for entry in entries} == evidence.collect(evidence.BASELINES).cases

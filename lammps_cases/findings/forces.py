@@ -216,8 +216,8 @@ SPECIAL_BONDS_REMOVE_PAIRS = Finding(
     "coul, as by default, is not in the neighbour list, and missing in coordination numbers, densities, gradients and "
     "forces. Weights above 0 change nothing, as documented, nor does a weight of 0 for one of the two.",
     argument="Three fluid particles within the cutoff, two of them bonded: with 'special_bonds lj 0 1 1 coul 0 1 1' "
-    "the bonded ones have 1 neighbour each instead of 2, with 'coul 1 1 1' they have 2. All three are fluid, so that by "
-    "their status every pair interacts.",
+    "the bonded ones have 1 neighbour each instead of 2, with 'coul 1 1 1' they have 2. All three are fluid, so that "
+    "by their status every pair interacts.",
     workaround="Use 'special_bonds lj 0 1 1 coul 1 1 1', as the page of bond bpm/spring does, or any weight above 0.",
     applies_to=("probes.pair-special-bonds",),
     outcome="differs",

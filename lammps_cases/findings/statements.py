@@ -237,6 +237,7 @@ GAS_ON_OTHER_ATOMS = Finding(
     applies_to=("probes.pressure-gas-hybrid",),
     outcome="differs",
     ended="accepted",
+    accepts=("ideal/gas",),
 )
 
 

@@ -31,7 +31,7 @@ HARMONIC = (("bond_style zero nocoeff", "bond_style harmonic"), ("bond_coeff *",
 def audited(folder: Path, weights: str, *edits: tuple[str, str]) -> CaseRecord:
     lines = edited("bonded", (*WARM, ("lj 0 1 1 coul 0 1 1", weights), *edits))
     deck = folder / "in.bonded"
-    deck.write_text("".join(f"{line}\n" for line in lines))  # type: ignore[union-attr]
+    deck.write_text("".join(f"{line}\n" for line in lines))
     return case_of(audit_deck(deck))
 
 

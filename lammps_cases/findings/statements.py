@@ -237,7 +237,6 @@ GAS_ON_OTHER_ATOMS = Finding(
     applies_to=("probes.pressure-gas-hybrid",),
     outcome="differs",
     ended="accepted",
-    accepts=("ideal/gas",),
 )
 
 

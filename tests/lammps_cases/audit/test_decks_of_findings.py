@@ -25,6 +25,8 @@ OF_THE_PAGE = {
     "cubic-unit": "LAMMPS computes the formula; the unit that the page gives for its prefactor does not fit it",
     "support-unit": "LAMMPS compares the sum of the formula; the page says that the threshold has no unit",
     "rmin-unit": "the same, of the newest manual",
+    "sum-includes-self": "LAMMPS sums over the particle itself, as the method does; the formula of the page does not",
+    "no-mass-diffusion": "densities follow the equation of continuity, as in the papers; the page names another one",
 }
 # LAMMPS accepts an argument that the manual forbids, and the reference has no value for it: one line names the finding.
 FORBIDDEN = {

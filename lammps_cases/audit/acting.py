@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from eos_ref.errors import InputError
 from eos_ref.model.quantities import needed_to_step
 from eos_ref.model.units import UNITS
 from lammps_cases.audit.deck import Deck
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.outlook import model_with_forces
-from lammps_cases.findings import LEDGER
+from lammps_cases.findings import LEDGER, accepting
 from lammps_cases.findings.entry import Setting
 from lammps_cases.records.audit_record import ActingRecord
 
@@ -34,6 +35,15 @@ class Acting:
                 self._shown |= {"press"} if style in ("one", "multi") else {*columns}
             case ["read_restart", *_]:
                 self._kept = values
+
+    def accepted(self, error: InputError) -> InputError:
+        """Take an argument that LAMMPS has accepted and the reference refuses; return its error with the known bug."""
+        entry = accepting(error, self.engine)
+        if entry is None:
+            return error
+        self.found[entry.id] = ActingRecord(finding=entry.id, does=entry.effect)
+        rule = f"{error.rule} (LAMMPS accepts it: known bug {entry.id})"
+        return InputError(error.what, rule, error.found, error.where, error.key)
 
     def begin(self, lmp: Any, deck: Deck, sample: ParticleSample, steps: int, set_up: bool) -> None:
         """Take the particles at the beginning of a run of some steps; ``set_up``: whether its forces are computed."""

@@ -165,7 +165,10 @@ class DeckWatch:
     def begin(self, values: list[str]) -> None:
         """Set up the samples of a run command, and send its facts."""
         lmp, first, steps = self.lmp, self._step(), self.options.steps
-        table = self.deck.laws(int(lmp.extract_setting("ntypes")))
+        try:
+            table = self.deck.laws(int(lmp.extract_setting("ntypes")))
+        except InputError as error:
+            raise self.acting.accepted(error) from None
         if table is None:
             self.questions.unwatched(self.runs)
         else:
@@ -237,7 +240,7 @@ class DeckWatch:
             manual = manual_of(str(self.lmp.version()))
             return self.deck.model(int(self.lmp.extract_setting("dimension")), len(table), mass, table, manual)
         except InputError as error:
-            return error
+            return self.acting.accepted(error)
 
     def _facts(self, run: WatchedRun) -> RunFacts:
         laws = () if run.table is None else run.table.laws

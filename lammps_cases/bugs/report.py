@@ -129,7 +129,8 @@ def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:
 
 def _probe(entry: Finding) -> ManualProbe | None:
     """Return the probe that a finding without a scene of its own is shown by, if it is one."""
-    name = entry.applies_to[0] if entry.applies_to and entry.model_variant is None else ""
+    by_scene = entry.model_variant is not None and entry.id in demonstrations()
+    name = entry.applies_to[0] if entry.applies_to and not by_scene else ""
     return next((probe for probe in manual.probes() if fnmatch.fnmatchcase(probe.name, name)), None)
 
 

@@ -427,6 +427,9 @@ def _computed(lmp: Any, compute: Compute, order_n: Array) -> Array:
     return np.asarray(found_nf[:, COMPONENTS])
 
 
+NUMBER_BITS = 2**29 - 1  # of an entry of a list; the others say how many bonds the two particles are apart
+
+
 def read_list(lmp: Any) -> dict[str, Array]:
     """Return the neighbour list of pair style rheo, copied; it counts local atoms, then ghosts.
 
@@ -442,7 +445,7 @@ def read_list(lmp: Any) -> dict[str, Array]:
     id_s = lmp.numpy.extract_atom("id", nelem=natoms).ravel()
     neighbours = lmp.numpy.get_neighlist(lmp.find_pair_neighlist("rheo"))
     pairs = [np.column_stack([np.full(len(of), atom), of.ravel()]) for atom, of in neighbours if len(of)]
-    pair_ps = np.concatenate([np.zeros((0, 2), int), *pairs])
+    pair_ps = np.concatenate([np.zeros((0, 2), int), *pairs]) & NUMBER_BITS
     return {
         "id_s": id_s.copy(),
         "own_s": np.arange(natoms) < lmp.extract_global("nlocal"),

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eos_ref import EOSTable
+from eos_ref import EOSTable, InputError
 from lammps_cases.comparison.compare import Comparison, EosState, excess
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import (
@@ -43,8 +43,8 @@ from lammps_cases.records.run_record import CaseRecord
 if TYPE_CHECKING:
     from lammps_cases.scene import Scene
 
-__all__ = ["KNOWN", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "applicable", "explain_outcome"]
-__all__ += ["SEEN_ON", "explain_pressure", "ledger_of", "severities", "shown_by"]
+__all__ = ["KNOWN", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "accepting", "applicable"]
+__all__ += ["SEEN_ON", "explain_outcome", "explain_pressure", "ledger_of", "severities", "shown_by"]
 
 SHOWN_BY = Path(__file__).with_name("shown_by.json")
 
@@ -118,6 +118,11 @@ def explain_outcome(record: CaseRecord, scene: Scene | None = None) -> Finding |
     named = (entry for entry in LEDGER if entry.covers(record.case) and entry.predicts(record))
     shown = (entry for entry in LEDGER if scene is not None and entry.foretells(record, scene))
     return next(named, None) or next(shown, None)
+
+
+def accepting(error: InputError, engine: str) -> Finding | None:
+    """Return the entry by which an engine accepts an argument that the reference refuses."""
+    return next((entry for entry in LEDGER if error.what in entry.accepts and entry.listed(engine)), None)
 
 
 def explain_pressure(case: str, table: EOSTable, state: EosState, comparison: Comparison) -> Finding | None:

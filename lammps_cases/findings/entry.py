@@ -114,6 +114,7 @@ class Finding:
     expected_in_maps, expected_in_alarms : where else the engines differ by it
     gaps : scenes of which it is known that the variant does not reproduce them
     acts : what it does to a run of a deck by the deck's definitions, in words; True: its effect; False: nothing
+    accepts : arguments that the manual forbids and LAMMPS accepts, as the reference's input errors name them
     expected_inputs : bad inputs (ids of the table of `eos-ref stability`) that LAMMPS treats as the finding says
     """
 
@@ -142,6 +143,7 @@ class Finding:
     expected_in_alarms: tuple[AlarmDifference, ...] = ()
     gaps: tuple[Gap, ...] = ()
     acts: Callable[[Setting], str | bool] = lambda setting: False
+    accepts: tuple[str, ...] = ()
     expected_inputs: tuple[str, ...] = ()
 
     @property

@@ -212,12 +212,12 @@ SPECIAL_BONDS_REMOVE_PAIRS = Finding(
     effect="Bonded particles do not count as neighbours of each other: forces, densities and gradients lack them",
     documented="Howto rheo (4 Jul 2026): unlike typical pair styles, pair rheo ignores the special bond settings, and "
     "determines by the status of particles whether to calculate forces.",
-    observed="A pair whose weights of special_bonds are 0 for both lj and coul, as by default, is not in the neighbour "
-    "list, and missing in coordination numbers, densities, gradients and forces. Weights above 0 change nothing, as "
-    "documented; so does a weight of 0 for one of the two.",
-    argument="Two bonded fluid particles and a third one, all within the cutoff: with 'special_bonds lj 0 1 1 coul 0 1 "
-    "1' the bonded ones have one neighbour each instead of two, with 'coul 1 1 1' they have two. All three are fluid, "
-    "so that by their status every pair interacts.",
+    observed="A pair of particles one, two or three bonds apart, whose weights of special_bonds are 0 for both lj and "
+    "coul, as by default, is not in the neighbour list, and missing in coordination numbers, densities, gradients and "
+    "forces. Weights above 0 change nothing, as documented, nor does a weight of 0 for one of the two.",
+    argument="Three fluid particles within the cutoff, two of them bonded: with 'special_bonds lj 0 1 1 coul 0 1 1' "
+    "the bonded ones have 1 neighbour each instead of 2, with 'coul 1 1 1' they have 2. All three are fluid, so that "
+    "by their status every pair interacts.",
     workaround="Use 'special_bonds lj 0 1 1 coul 1 1 1', as the page of bond bpm/spring does, or any weight above 0.",
     applies_to=("probes.pair-special-bonds",),
     outcome="differs",

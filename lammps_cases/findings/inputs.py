@@ -24,6 +24,7 @@ ENTRIES: tuple[Finding, ...] = (
         ),
         outcome="differs",
         ended="accepted",
+        accepts=("type range",),
     ),
     Finding(
         id="scales-unchecked",
@@ -43,6 +44,7 @@ ENTRIES: tuple[Finding, ...] = (
         expected_inputs=("fix-rheo.kernel.rho0-*", "fix-rheo.kernel.cs-*"),
         outcome="differs",
         ended="accepted",
+        accepts=("density", "speed/sound"),
     ),
     Finding(
         id="law-arguments-unchecked",
@@ -63,6 +65,7 @@ ENTRIES: tuple[Finding, ...] = (
         expected_in_maps=(MapDifference("laws-gas-gamma", "the reference refuses a heat capacity ratio of 1 or less"),),
         outcome="differs",
         ended="accepted",
+        accepts=("gamma of tait/general", "gamma of ideal/gas"),
     ),
     Finding(
         id="power-law-unchecked",
@@ -86,6 +89,7 @@ ENTRIES: tuple[Finding, ...] = (
         ),
         outcome="differs",
         ended="accepted",
+        accepts=("K of rheo/viscosity", "gd0 of rheo/viscosity"),
     ),
     Finding(
         id="magnitudes-unchecked",
@@ -105,6 +109,7 @@ ENTRIES: tuple[Finding, ...] = (
         expected_inputs=("pair-style-rheo.damped.rho-damp.*", "pair-style-rheo.damped.artificial-visc.*"),
         outcome="differs",
         ended="accepted",
+        accepts=("rho_damp of pair rheo", "artificial_viscosity of pair rheo"),
     ),
     Finding(
         id="shiftscale-no-fraction",
@@ -123,6 +128,7 @@ ENTRIES: tuple[Finding, ...] = (
         expected_inputs=("fix-rheo.scale.shiftscale.*",),
         outcome="differs",
         ended="accepted",
+        accepts=("shiftscale",),
     ),
     Finding(
         id="component-stars-crash",

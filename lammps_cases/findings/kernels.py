@@ -267,6 +267,7 @@ KERNEL_WENDLAND_C4 = Finding(
     applies_to=("probes.rheo-kernel-wendland",),
     outcome="differs",
     ended="accepted",
+    accepts=("kstyle",),
 )
 
 ENTRIES = (STALE_GRADIENT_BELOW_ZMIN, KERNEL_WENDLAND_C4)

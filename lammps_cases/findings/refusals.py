@@ -224,6 +224,7 @@ ENTRIES: tuple[Finding, ...] = (
         expected_inputs=("specific-heat-zero", "fix-rheo-thermal.needed.specific-heat.*zero"),
         outcome="differs",
         ended="accepted",
+        accepts=("specific/heat",),
     ),
     Finding(
         id="example-surface-detection",

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from eos_ref import InputError
-from eos_ref.syntax.manual import MANUALS, Manual, manual_of
+from eos_ref.syntax.manual import manual_of
 from lammps_cases.bugs import bare, deck, issue, report
 from lammps_cases.bugs.bare import Ending
 from lammps_cases.bugs.deck import BugDeck, Check
 from lammps_cases.bugs.demonstration import case_of, demonstrations
-from lammps_cases.bugs.report import Report
-from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
-from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import KNOWN, LEDGER, Finding
-from lammps_cases.run import campaign, prepared_case, provenance
+from lammps_cases.run import campaign, prepared_case
 from lammps_cases.scene import casefile
+from tests.support.bug_decks import ENGINES, engine_of, finding_of, report_of, said_in, version_of
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
@@ -36,49 +31,9 @@ WITH_HAND = [name for name, one in demonstrations().items() if one.hand]
 FAR = 1e3  # times the bound, by which a finding's number must miss
 
 
-# This environment's LAMMPS, the last one before 2025.7.22.2.0, installed on first use, and those named for these tests.
-# Not whichever wheels the cache holds: every worker of pytest-xdist has to collect the same tests.
-ENGINES = list(dict.fromkeys(["env", "pypi:2025.7.22.1.0", *os.environ.get("EOS_REF_ENGINES", "").split()]))
-
-
-@cache
-def _engine(name: str) -> Engine:
-    return installations.resolve(name)
-
-
-@cache
-def _version(name: str) -> str:
-    """The version of an engine in the form of a wheel's."""
-    if not name.startswith("path:"):
-        return version("lammps") if name == "env" else name.removeprefix("pypi:")
-    with Workers(_engine(name).site, 1) as workers:
-        who = workers.outcome(workers.identify())
-    return provenance.engine_record(_engine(name), who).distribution
-
-
-@cache
-def _report(name: str, manual: Manual | None = None) -> Report:
-    return report.of_finding(_finding(name), manual or _manual(name))
-
-
-def _finding(name: str) -> Finding:
-    return next(entry for entry in LEDGER if entry.id == name)
-
-
-def _said_in(name: str, manual: Manual) -> bool:
-    """Whether a version of the manual says what a finding contradicts."""
-    shown = demonstrations().get(name) or report._probe(_finding(name))
-    return shown is None or shown.made_in(manual)
-
-
-def _manual(name: str) -> Manual:
-    """The first version of the manual that says what a finding contradicts."""
-    return next(manual for manual in MANUALS if _said_in(name, manual))
-
-
 def _having(entry: Finding) -> str:
     """The first engine at hand that is known to have a finding."""
-    return next(name for name in ENGINES if entry.listed(_version(name)))
+    return next(name for name in ENGINES if entry.listed(version_of(name)))
 
 
 # --- every finding, on every engine at hand
@@ -89,18 +44,18 @@ def _having(entry: Finding) -> str:
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", IDS)
 def test_a_deck_fails_where_the_finding_is_known_and_passes_elsewhere(name: str, engine: str) -> None:
-    manual = manual_of(_version(engine))
-    if not _said_in(name, manual):
-        assert not _finding(name).listed(_version(engine))
+    manual = manual_of(version_of(engine))
+    if not said_in(name, manual):
+        assert not finding_of(name).listed(version_of(engine))
         with pytest.raises(InputError, match=r"which does not promise otherwise|which documents what LAMMPS does"):
-            report.of_finding(_finding(name), manual)
+            report.of_finding(finding_of(name), manual)
         return
-    made = _report(name, manual)
-    ending = bare.run(made.deck, _engine(engine))
+    made = report_of(name, manual)
+    ending = bare.run(made.deck, engine_of(engine))
     if "package which is not enabled in this LAMMPS binary" in ending.output:
-        assert not _finding(name).listed(_version(engine)), "seen without the package that it needs"
+        assert not finding_of(name).listed(version_of(engine)), "seen without the package that it needs"
         return
-    expected = "FAIL" if _finding(name).listed(_version(engine)) else "PASS"
+    expected = "FAIL" if finding_of(name).listed(version_of(engine)) else "PASS"
     assert ending.verdict(made.deck) == expected, ending.output[-2000:]
     if made.number:
         assert ending.code == 0, ending.error  # it is the number that fails, not the deck
@@ -111,10 +66,10 @@ def test_a_deck_fails_where_the_finding_is_known_and_passes_elsewhere(name: str,
 @pytest.mark.parametrize("name", [entry.id for entry in LEDGER if entry.outcome == "crashed"])
 def test_a_deck_of_a_crash_ends_without_an_error_of_lammps(name: str) -> None:
     """By the signal of the finding, or with an exception that only LAMMPS' own program catches."""
-    ending = bare.run(_report(name).deck, _engine(_having(_finding(name))))
+    ending = bare.run(report_of(name).deck, engine_of(_having(finding_of(name))))
     assert ending.code
     assert "ERROR" not in ending.output
-    signal = _finding(name).engine_error
+    signal = finding_of(name).engine_error
     if signal == "SIG":  # memory is overwritten, and what that ends in is not the same everywhere
         assert ending.error.startswith("SIG")
     else:
@@ -125,18 +80,18 @@ def test_a_deck_of_a_crash_ends_without_an_error_of_lammps(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in BY_NUMBER if name not in OF_TWO])
 def test_the_number_misses_by_this_finding_alone_and_by_far(name: str, tmp_path: Path) -> None:
     """On an engine that has it, its variant alone explains the scene, and the reference is far outside the bound."""
-    entry, shown = _finding(name), demonstrations()[name]
-    if not any(entry.listed(_version(engine)) for engine in ENGINES):
+    entry, shown = finding_of(name), demonstrations()[name]
+    if not any(entry.listed(version_of(engine)) for engine in ENGINES):
         assert entry.engines == KNOWN[-1:]  # the newest LAMMPS is no wheel: `make engines` puts it to this test
         return
     case = case_of(name, entry.title, shown.scene)
-    (record,) = campaign.run_cases([case], _engine(_having(entry)), 1, tmp_path / "run").cases
+    (record,) = campaign.run_cases([case], engine_of(_having(entry)), 1, tmp_path / "run").cases
     assert record.verdict == "explained"
     assert {each for field in record.fields for each in field.explained_by} == {name}
-    made = _report(name)
+    made = report_of(name)
     assert made.number is not None
     expected = report.predicted(case, made.number)
-    ending = bare.run(made.deck, _engine(_having(entry)))
+    ending = bare.run(made.deck, engine_of(_having(entry)))
     missed = abs(float(ending.printed("obtained")) - expected.value)
     assert not missed <= FAR * expected.bound  # NaN is far from everything
     assert not missed <= 1e-3 * abs(expected.value)
@@ -149,21 +104,21 @@ def test_without_the_cause_the_deck_of_walls_after_rebuild_passes() -> None:
     assert shown.number is not None
     scene = casefile.merge(shown.scene, {"engine": {"every": 100, "delay": 100}})
     made, _ = report._of_number(case_of("kept", "x", scene), shown.number)
-    assert bare.run(made, _engine("env")).verdict(made) == "PASS"
+    assert bare.run(made, engine_of("env")).verdict(made) == "PASS"
 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("moved", [0.0, 3.0, -3.0])
 def test_a_deck_sees_three_bounds(moved: float) -> None:
     """What lies outside the bound fails, the number itself passes."""
-    made = _report(next(name for name in WITH_HAND if not _finding(name).listed(_version("env")))).deck
+    made = report_of(next(name for name in WITH_HAND if not finding_of(name).listed(version_of("env")))).deck
     (at,) = (k for k, line in enumerate(made.lines) if line.startswith("variable inside"))
     found = re.fullmatch(r"variable inside equal abs\((\S+)-\((\S+)\)\)<=(\S+)", made.lines[at])
     assert found
     bound = float(found[3])
     check = Check(found[1], f"{found[2]}+({moved * bound!r})", bound)
     changed = replace(made, lines=(*made.lines[:at], check.inside, *made.lines[at + 1 :]))
-    assert bare.run(changed, _engine("env")).verdict(changed) == ("FAIL" if moved else "PASS")
+    assert bare.run(changed, engine_of("env")).verdict(changed) == ("FAIL" if moved else "PASS")
 
 
 # --- the decks
@@ -171,13 +126,13 @@ def test_a_deck_sees_three_bounds(moved: float) -> None:
 
 def test_demonstrations_are_of_findings() -> None:
     assert set(demonstrations()) <= set(IDS)
-    of_model = {entry.id for entry in LEDGER if entry.model_variant}
-    assert of_model <= set(BY_NUMBER)
+    of_model = [entry for entry in LEDGER if entry.model_variant]
+    assert all(entry.id in BY_NUMBER or report._probe(entry) for entry in of_model)
 
 
 @pytest.mark.parametrize("name", IDS)
 def test_decks_are_short_and_need_no_other_file(name: str) -> None:
-    made = _report(name).deck
+    made = report_of(name).deck
     assert all("/" not in word or not Path(word).is_absolute() for line in made.lines for word in line.split())
     limit = 60 if name in OF_TWO or "clear" in made.lines else 45  # two scenes, or one set up twice
     assert len(made.lines) < limit
@@ -200,11 +155,11 @@ def test_particles_of_a_file_are_those_of_commands(name: str, monkeypatch: pytes
 @pytest.mark.lammps
 @pytest.mark.parametrize("name", ["force-per-volume", "wall-velocity-lost", "heat-over-density"])
 def test_a_deck_with_a_file_obtains_the_same_number(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = bare.run(_report(name).deck, _engine("env")).printed("obtained")
+    plain = bare.run(report_of(name).deck, engine_of("env")).printed("obtained")
     monkeypatch.setattr(deck, "MOST_SINGLE", 0)
-    made = report.of_finding(_finding(name)).deck
+    made = report.of_finding(finding_of(name)).deck
     assert made.data
-    assert plain == bare.run(made, _engine("env")).printed("obtained") != ""
+    assert plain == bare.run(made, engine_of("env")).printed("obtained") != ""
 
 
 @pytest.mark.parametrize(
@@ -228,7 +183,7 @@ def test_word_of_a_number(
 @pytest.mark.parametrize("name", WITH_HAND)
 def test_a_deck_calculates_what_the_reference_predicts(name: str) -> None:
     """Its variables, put into one another as LAMMPS does, give the number; no line of it is that number."""
-    made = _report(name)
+    made = report_of(name)
     assert made.number is not None and made.lines
     expected = report.predicted(case_of(name, "x", demonstrations()[name].scene), made.number)
     texts = dict(re.findall(r"^variable (\w+) (?:string|equal) (.*)$", made.deck.text, re.M))
@@ -276,21 +231,23 @@ def test_verdict_of_an_ending(refused: str, code: int, output: str, verdict: str
 
 @pytest.mark.parametrize("name", IDS)
 def test_text_holds_what_the_ledger_knows(name: str) -> None:
-    entry = _finding(name)
-    text = issue.text(_report(name), Ending(0, "LAMMPS (22 Jul 2025)\nobtained 1.5\nexpected 2.5 within 1e-9\nFAIL\n"))
+    entry = finding_of(name)
+    text = issue.text(
+        report_of(name), Ending(0, "LAMMPS (22 Jul 2025)\nobtained 1.5\nexpected 2.5 within 1e-9\nFAIL\n")
+    )
     headings = ["Summary", "LAMMPS Version and Platform", "Expected Behavior", "Actual Behavior"]
     headings += ["Steps to Reproduce", "Workaround"]
     assert re.findall(r"^\*\*(.+)\*\*$", text, re.M) == headings
     for known in (entry.title, entry.documented, entry.observed, entry.argument, entry.workaround):
         assert known in text
-    assert _report(name).deck.text in text
+    assert report_of(name).deck.text in text
     assert entry.engines[0] in text
-    if _report(name).number:
+    if report_of(name).number:
         assert "1.5." in text and "2.5" in text
 
 
 def test_versions_are_told_by_their_turns() -> None:
-    entry = _finding("force-per-volume")
+    entry = finding_of("force-per-volume")
     known = ("1.0", "2.0", "3.0", "4.0")
     told = {
         ("2.0", "3.0"): "First bad version 2.0, the last good one 1.0; good again from 4.0 on.",
@@ -314,7 +271,7 @@ def test_upstream_status_is_one_of_three(entry: Finding) -> None:
 def test_report_of_a_finding(eos_ref_command: Run, tmp_path: Path) -> None:
     code, out, err = eos_ref_command("report-bug", "wall-velocity-lost", "--out", tmp_path / "bug")
     assert code == 0, err
-    verdict = "FAIL" if _finding("wall-velocity-lost").listed(_version("env")) else "PASS"
+    verdict = "FAIL" if finding_of("wall-velocity-lost").listed(version_of("env")) else "PASS"
     assert out.startswith(verdict)
     assert sorted(path.name for path in (tmp_path / "bug").iterdir()) == [deck.DECK, "issue.md"]
     assert "grad W" in (tmp_path / "bug" / "issue.md").read_text()
@@ -325,15 +282,15 @@ def test_report_of_a_red_case(eos_ref_command: Run, tmp_path: Path) -> None:
     """The first atom outside, with its component, of a case that a finding explains."""
     code, out, err = eos_ref_command("report-bug", "walls-moving.driven.quintic", "--out", tmp_path / "bug")
     assert code == 0, err
-    assert out.startswith("FAIL") and _finding("wall-velocity-lost").title in out
+    assert out.startswith("FAIL") and finding_of("wall-velocity-lost").title in out
     assert (tmp_path / "bug" / deck.DATA).exists()
 
 
 @pytest.mark.lammps
 def test_report_of_a_refused_case() -> None:
-    made = report.make("undocumented.exclude-list", _engine("env"))
+    made = report.make("undocumented.exclude-list", engine_of("env"))
     assert made.finding is not None and made.finding.id == "exclude-takes-one-range"
-    assert bare.run(made.deck, _engine("env")).verdict(made.deck) == "FAIL"
+    assert bare.run(made.deck, engine_of("env")).verdict(made.deck) == "FAIL"
 
 
 def test_unknown_names_are_refused(eos_ref_command: Run, tmp_path: Path) -> None:

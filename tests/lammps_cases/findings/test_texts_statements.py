@@ -120,6 +120,28 @@ def test_solids_summed(lammps: Engine) -> None:
     assert own.is_rounded(4 * (given - 1))
 
 
+def test_special_bonds_remove_pairs(lammps: Engine) -> None:
+    """Of two bonded particles and a third one; and of chains, whose ends are two and three bonds apart."""
+    name, default = "special-bonds-remove-pairs", "lj 0 1 1 coul 0 1 1"
+    left, all_, weighed = said(name, "argument", "have # neighbour each instead of #, .* they have #")
+
+    def neighbours(*edits: tuple[str, str]) -> list[float]:
+        return lammps.reply("bonded", *edits).arrays["q"].tolist()
+
+    bonds, one = quoted(name, "argument")
+    assert bonds == f"special_bonds {default}" and f"{bonds[:-10]}{one}" in quoted(name, "workaround")
+    assert neighbours() == [left, left, all_] and weighed == all_
+    assert neighbours((default, f"lj 0 1 1 {one}")) == [all_] * 3
+    four = (("5.5 7 0 units box", "5.5 7 0 units box\ncreate_atoms 1 single 6.5 7 0 units box"),)
+    four += (("bond 1 1 2", "bond 1 1 2\ncreate_bonds single/bond 1 2 3\ncreate_bonds single/bond 1 3 4"),)
+    four += (("extra/bond/per/atom 1 extra/special/per/atom 2", "extra/bond/per/atom 2 extra/special/per/atom 9"),)
+    chain = {"0 1 1": [2, 1, 1, 2], "1 0 1": [2, 2, 2, 2], "1 1 0": [2, 3, 3, 2], "0 0 0": [0] * 4}
+    for weights, expected in chain.items():
+        assert neighbours(*four, (default, f"lj {weights} coul {weights}")) == expected, weights
+    assert neighbours(*four, (f"special_bonds {default}", "")) == [0] * 4, "the default"
+    assert neighbours(*four, (default, "lj 0 0 0 coul 1 1 1")) == [3] * 4
+
+
 def test_wall_density_stored(lammps: Engine) -> None:
     own, fluid, after = said("wall-density-stored", "argument", "density # beside a fluid of # has # from")
     lost = shown(lammps, "solid-density-temporary")

@@ -57,6 +57,7 @@ REFUTED = {
     "rheo-kernel-wendland": "kernel-wendland-c4",
     "pair-harmonic-of-zeros": "harmonic-mean-undefined",
     "pair-harmonic-of-zero-conductivities": "harmonic-mean-undefined",
+    "pair-special-bonds": "special-bonds-remove-pairs",
     "property-nbond-shell": "nbond-shell-segfault",
     "property-component-of-three": "component-names-unchecked",
     "property-component-of-two": "component-names-unchecked",

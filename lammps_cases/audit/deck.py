@@ -169,13 +169,8 @@ class Deck:
         others = [word for word in self.pair[1:] if word[:1].isalpha() and word not in _PAIR_WORDS]
         if self.pair[:1] != ["rheo"] and others:
             return f"pair_style {others[0]} adds to it"
-<<<<<<< HEAD
         if adding := [bonds for bonds in self.bonded if not bonds.endswith(" zero")]:
             return f"{adding[0]} adds to it"
-=======
-        if bonded := next((style for style in self.bonded if not style.endswith(" zero")), ""):
-            return f"{bonded} adds to it"
->>>>>>> w-bonds
         if reason := self._other_fix(lambda style: style in _NO_FORCE or style in _FOLLOWED):
             return reason
         try:

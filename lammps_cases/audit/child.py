@@ -110,5 +110,5 @@ def audit(task: AuditTask, connection: Connection) -> DeckEnd:
     series, solution = watch.series()
     return DeckEnd(
         watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead,
-        watch.share(), series, solution, touching, lacks,
+        watch.share(), series, solution, touching, lacks, watch.kept, watch.thermo,
     )  # fmt: skip

@@ -8,11 +8,13 @@ from pathlib import Path
 import click
 
 from eos_ref.errors import InputError
-from lammps_cases.cli import shared
+from lammps_cases.cli import deck_baselines, shared
 from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import listed, unchecked
+
+BESIDE = "eos-ref-baseline"
 
 
 @click.command("audit")
@@ -38,6 +40,15 @@ from lammps_cases.records.wording import listed, unchecked
     envvar="EOS_REF_TRUST",
     help="Let the deck run programs, and read and write files with your own file permissions.",
 )
+@click.option("--accept", is_flag=True, help="Keep what the deck did as its baseline, as text for a repository.")
+@click.option("--reason", default="", metavar="TEXT", help="Why it is accepted; kept with the baseline.")
+@click.option(
+    "--baseline",
+    is_flag=False,
+    flag_value=BESIDE,
+    metavar="[FOLDER]",
+    help=f"Compare with the accepted baseline: exit 1 if anything changed.  [default: {BESIDE} beside the deck]",
+)
 @click.option("--out", type=shared.PATH, help="Report folder.  [default: reports/audit-DECK]")
 @shared.engine_option
 @shared.fail_on_option
@@ -54,12 +65,18 @@ def audit_command(
     suffix: str | None,
     budgets: bool,
     trust: bool,
+    accept: bool,
+    reason: str,
+    baseline: str | None,
     out: Path | None,
     engine: str,
     fail_on: FailOn | None,
     as_json: bool,
 ) -> int:
     """Check every atom while LAMMPS runs DECK, unchanged, in a copy of its folder, and say which known bugs affect it.
+
+    DECK may be a folder: all decks below it (in.*, *.in, *.lmp) are audited. Findings that are accepted, with reason
+    and date, and limits stand in eos-ref.toml beside the decks.
 
     It checks whatever a force evaluation computes from positions, velocities, densities, energies and phases, as used
     by the forces: the pressure by the laws that the deck defines at that moment, gradients, surfaces, forces. Loops,
@@ -73,30 +90,44 @@ def audit_command(
     Examples: eos-ref audit in.deck --every 10 --steps 1000
               eos-ref audit in.deck --fields pressure,surface,grad/v
               eos-ref audit --dump out.dump --deck in.deck
+              eos-ref audit decks --accept --reason "first baseline"
+              eos-ref audit decks --baseline
     """
     from lammps_cases.audit import AuditOptions
     from lammps_cases.audit.command import audit_into
     from lammps_cases.engine import installations
     from lammps_cases.run import provenance
 
+    if (reason and not accept) or ((accept or baseline) and (dump or restart)):
+        rule = "needs --accept" if reason and not accept else "is of a deck that runs, not of --dump or --restart"
+        raise InputError("--reason" if reason and not accept else "--accept or --baseline", rule)
     if (deck is None) == (of_deck is None):
         raise InputError("deck", "must be given once: eos-ref audit DECK, or --deck DECK")
     deck = deck or of_deck
     assert deck is not None
     chosen = installations.resolve(engine)
-    directory = out or Path("reports") / f"audit-{(dump or restart or deck).name}"
+    directory = out or Path("reports") / f"audit-{(dump or restart or deck).resolve().name}"
+    place = (deck if deck.is_dir() else deck.parent) / BESIDE if baseline in (None, BESIDE) else Path(baseline or "")
+    if baseline and not accept:
+        deck_baselines.readable(place)
     with Bar(quiet=as_json) as bar:
         names = tuple(name.strip() for name in fields.split(",") if name.strip())
         options = AuditOptions(
             every, steps, timeout, trust, chosen.site, bar, fields=names, suffix=suffix, budgets=budgets
         )
         run = audit_into(directory, deck, options, chosen, provenance.command_line(), fail_on or "new", dump, restart)
+    changes = ()
+    if accept:
+        changes = deck_baselines.accepted(directory, reason, place, prune=deck.is_dir())
+    elif baseline:
+        changes = deck_baselines.against(place, run, directory, str(deck), as_json)
     if not as_json:
-        for line in field_table(run.cases[0]):
-            click.echo(line)
-        for line in report_lines(run.cases[0]):
-            shared.show(line, "  ")
-    return shared.finish(run, directory, as_json)
+        for case in run.cases:
+            for line in field_table(case):
+                click.echo(line)
+            for line in report_lines(case):
+                shared.show(line, "  ")
+    return shared.finish(run, directory, as_json, changes)
 
 
 def known_bugs(case: CaseRecord) -> list[str]:

@@ -8,7 +8,7 @@ nothing is `EMPTY`.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -67,6 +67,7 @@ def headline(
     fail_on: FailOn = "new",
     compared: bool = True,
     whose: str = HERE,
+    allowed: Collection[str] = (),
 ) -> Headline:
     """Return the headline of something judged.
 
@@ -86,8 +87,10 @@ def headline(
         Whether anything was compared at all.
     whose : str
         Where the bugs were seen.
+    allowed : collection of str
+        Findings that do not fail.
     """
-    rejected = sum(fails(severity, fail_on) for severity in known.values())
+    rejected = sum(fails(severity, fail_on) for name, severity in known.items() if name not in allowed)
     parts = [*new, *filter(None, [differences]), *([bugs(known, whose)] if known else [])]
     if rejected:
         parts.append(f"{rejected} rejected by --fail-on {fail_on}")

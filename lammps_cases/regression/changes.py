@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 from lammps_cases.records.outcome import CHANGE_KINDS, CRASHES, NEW, SAME, CaseOutcome, ChangeKind
 from lammps_cases.records.run_record import HASH
 from lammps_cases.records.wording import INSIDE, error_text
+from lammps_cases.regression import decks
 from lammps_cases.regression.arrays import field_change
 from lammps_cases.regression.change import Policy, SideChange, closest
-from lammps_cases.regression.outcomes import Side
+from lammps_cases.regression.outcomes import Samples, Side
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,7 @@ def compare(a: Side, b: Side, policy: Policy) -> Changes:
             changes.append(SideChange(name, "", "new case" if one is None else "missing case", closer, "", verdicts))
         elif one.ended == other.ended == "answered":
             changes += _fields(one, other, a, b, policy)
+            changes += _of_deck(one, other, (a.samples(name), b.samples(name)), policy)
         else:
             changes.append(_without_numbers(one, other))
     judged = tuple(replace(change, fault=policy.faults(change)) for change in changes)
@@ -127,6 +129,31 @@ def _other_words(one: CaseOutcome, other: CaseOutcome) -> bool:
     recorded = bool(one.message and other.message)  # a baseline does not hold them
     words, others = error_text(one.message), error_text(other.message)  # the command may name a scratch folder
     return recorded and words != others and not (one.agrees and other.agrees)
+
+
+def _of_deck(
+    one: CaseOutcome, other: CaseOutcome, kept: tuple[Samples, Samples], policy: Policy
+) -> Iterator[SideChange]:
+    """Yield what changed of a deck beside its fields: its state, its thermo output, the findings that act on it."""
+    whole = SideChange(
+        one.case,
+        "",
+        "judged otherwise",
+        closest(one.agrees, other.agrees),
+        verdicts=(one.verdict, other.verdict),
+        findings=(one.explained_by, other.explained_by),
+    )
+    for name in decks.STATE if policy.bits else ():  # by another program it may be off in the last digit
+        if far := decks.first_beyond(*kept, name, every=True):
+            yield replace(whole, field=name, kind="changed", step=far.step, note=str(far))
+    if one.thermo and other.thermo:
+        kind: ChangeKind = "same bits"
+        step, note, shown = decks.thermo_parts(one, other) or (None, "", False)
+        if note:
+            kind = "changed" if shown else "within bounds"
+        yield replace(whole, field=decks.OUTPUT, kind=kind, step=step, note=note)
+    if one.explained_by != other.explained_by:
+        yield whole
 
 
 # --- a field

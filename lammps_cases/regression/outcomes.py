@@ -25,6 +25,7 @@ class Sample:
     step: int | None
     values_n: npt.NDArray[Any]
     bound_n: npt.NDArray[Any]
+    id_n: npt.NDArray[Any] | None = None
 
 
 class Samples:
@@ -78,6 +79,10 @@ class Samples:
             return None
         return Sample(None if step == -1 else step, values_n, bound_n)
 
+    def kept(self, field: str) -> list[Sample]:
+        """Return samples of a deck, the first is of its set-up; none of a case. See `regression.decks`."""
+        return []
+
 
 @dataclass(frozen=True)
 class Side:
@@ -125,9 +130,14 @@ def of_run(run: RunRecord, folder: Path, name: str = "") -> Side:
             raise InputError("case", "must be a name without slashes", record.case, str(folder))
     worst = {record.case: {field.field: field.worst_step for field in record.fields} for record in run.cases}
     natoms = {record.case: record.natoms for record in run.cases}
+    audited = {record.case for record in run.cases if record.checks}
     cases = {record.case: comparable(record) for record in run.cases}
 
     def samples(case: str) -> Samples:
+        if case in audited:
+            from lammps_cases.regression import decks  # here: it imports this module
+
+            return decks.of_report(folder, case)
         return Samples(folder / "fields" / f"{case}.npz", ".lammps", worst.get(case), natoms.get(case))
 
     return Side(name or str(folder), run.engine, dict(run.reference), cases, samples, folder)

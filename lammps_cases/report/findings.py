@@ -70,7 +70,8 @@ class Outcome:
     @cached_property
     def rejected(self) -> frozenset[str]:
         """The findings that fail the run, by what it was told."""
-        return frozenset(name for name, severity in self.known.items() if fails(severity, self.run.fail_on))
+        failing = (name for name, severity in self.known.items() if fails(severity, self.run.fail_on))
+        return frozenset(failing) - self.run.allowed.keys()
 
     @property
     def exit_code(self) -> int:
@@ -88,7 +89,7 @@ class Outcome:
             total = self.run.missing + len(self.run.cases)
             new.insert(0, f"interrupted: {self.run.missing} of {counted(total, 'case')} not judged")
         compared = any(case.verdict != "skipped" for case in self.run.cases)
-        return headline(self.known, new, fail_on=self.run.fail_on, compared=compared)
+        return headline(self.known, new, fail_on=self.run.fail_on, compared=compared, allowed=self.run.allowed)
 
     def accepted(self, case: CaseRecord) -> bool:
         """Return whether a case leaves the run green."""

@@ -77,8 +77,8 @@ def audit_folder(folder: Path, options: AuditOptions, settings: Settings) -> lis
             results[running[done]] = done.result()
             options.progress.advance(len(results), len(names), "decks")
     for name in names:
-        case = results[name].record.cases[0]
-        case.case, case.source = cases[name], str(folder / name)
+        record = results[name].record.cases[0]
+        record.case, record.source = cases[name], str(folder / name)
     return [results[name] for name in names]
 
 

@@ -17,9 +17,7 @@ MOST = 500  # particles of a sample
 CLOCKS = ("CPU", "TimeoutLeft")  # in the names of columns of thermo output that no second run has the same
 
 
-def columns(
-    now: PressureSample, others: Mapping[str, Comparison], pressure: bool
-) -> dict[str, npt.NDArray[Any]]:
+def columns(now: PressureSample, others: Mapping[str, Comparison], pressure: bool) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays of a sample by id as `PressureSample.result`: of all particles, or of evenly spaced ones."""
     order_n = np.argsort(now.arrays["id"], kind="stable")
     n = len(order_n)

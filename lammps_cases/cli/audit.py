@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -116,16 +117,16 @@ def audit_command(
             every, steps, timeout, trust, chosen.site, bar, fields=names, suffix=suffix, budgets=budgets
         )
         run = audit_into(directory, deck, options, chosen, provenance.command_line(), fail_on or "new", dump, restart)
-    changes = ()
+    changes: Iterable[str] = ()
     if accept:
         changes = deck_baselines.accepted(directory, reason, place, prune=deck.is_dir())
     elif baseline:
-        changes = deck_baselines.against(place, run, directory, str(deck), as_json)
+        changes = deck_baselines.against(place, run, directory, deck, as_json)
     if not as_json:
         for case in run.cases:
-            for line in field_table(case):
+            for line in () if deck.is_dir() else field_table(case):
                 click.echo(line)
-            for line in report_lines(case):
+            for line in report_lines(case)[-1 if deck.is_dir() else 0 :]:
                 shared.show(line, "  ")
     return shared.finish(run, directory, as_json, changes)
 

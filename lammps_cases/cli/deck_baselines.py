@@ -53,20 +53,20 @@ def accepted(directory: Path, reason: str, place: Path, prune: bool) -> list[str
     return [*changes, *dropped, f"baseline: {of.folder}{'' if of.written else ' (unchanged)'}"]
 
 
-def against(place: Path, run: RunRecord, directory: Path, deck: str, as_json: bool) -> Iterable[str]:
+def against(place: Path, run: RunRecord, directory: Path, deck: Path, as_json: bool) -> Iterable[str]:
     """Compare the audits of decks with a baseline; return lines, and keep in the run how many changes count."""
     from lammps_cases.regression import pairs
     from lammps_cases.regression.baseline import check_decks
     from lammps_cases.report.annotations import announce_changes
     from lammps_cases.run import report_files
 
-    changes = check_decks(run, directory, place)
+    changes = check_decks(run, directory, place, whole=deck.is_dir())
     run.changed = len(changes.faults)
     if run.changed:
         report_files.write_run(run, directory)
     if not as_json:
         announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
-    return pairs.checked(changes, shlex.join(["eos-ref", "audit", deck, "--accept"]))
+    return pairs.checked(changes, shlex.join(["eos-ref", "audit", str(deck), "--accept"]))
 
 
 def on(

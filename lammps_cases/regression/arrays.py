@@ -34,13 +34,12 @@ def field_change(
         samples = (mine, theirs) if mine and theirs and _comparable(mine, theirs) else None
         difference = _difference(*samples) if samples else None
         kind, step, note = _parted(one, other, samples, difference)
-        # Two runs of one deck by the same program have the same bits. Others drift apart, which rounding does as well:
-        # only where they begin have they one prediction, within the bound of which both are.
-        far = first_beyond(*kept, one.name, every=policy.bits)
-        if far is not None and (policy.bits or {one.verdict, other.verdict} <= {*INSIDE}):
+        far = first_beyond(*kept, one.name, every=not policy.drifts)
+        if far is not None and (not policy.drifts or {one.verdict, other.verdict} <= {*INSIDE}):
             kind = "changed"
         note = "; ".join(filter(None, [note, str(far or "")]))
-        change = replace(change, kind=kind, step=step, difference=difference, note=note)
+        by_deck = far is not None and not policy.drifts
+        change = replace(change, kind=kind, step=step, difference=difference, note=note, by_deck=by_deck)
         if kind == "within bounds" and change.by_chance:
             note = f"values without a bound, which depend on what memory held before: {', '.join(change.by_chance)}"
             change = replace(change, note=note)

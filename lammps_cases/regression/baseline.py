@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -129,7 +130,8 @@ def read(folder: Path, name: str = "") -> Side:
         return Samples(whole / ARRAYS / f"{case}.npz")
 
     side = name or str(whole)
-    return Side(side, identity.engine, identity.reference, cases, samples, whole, identity.machine)
+    program = outcomes.program_of(identity.engine, identity.machine)
+    return Side(side, identity.engine, identity.reference, cases, samples, whole, identity.machine, program)
 
 
 # --- verdicts.tsv
@@ -258,23 +260,36 @@ def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] 
     return replace(changes, notes=tuple(notes))
 
 
-def check_decks(run: RunRecord, folder: Path, place: Path) -> Changes:
-    """Compare the audits of decks with what was accepted of them, by whatever LAMMPS; ``place`` is that baseline.
+def check_decks(run: RunRecord, folder: Path, place: Path, whole: bool) -> Changes:
+    """Compare the audits of decks with what was accepted of them, by whatever LAMMPS.
 
     By the same library on the same kind of machine every bit has to be the same. Otherwise only where the runs begin
     do both have one prediction; from there on each is held against the reference at its own state, and only a verdict,
     a finding, or the digits of thermo output that LAMMPS prints are faults.
 
+    Parameters
+    ----------
+    run : RunRecord
+        The audits; ``folder`` is their report folder.
+    place : Path
+        The baseline.
+    whole : bool
+        Whether all decks of the baseline should be among the audits.
+
     Raises
     ------
     InputError
-        No baseline there, or a damaged one.
+        No baseline there, a damaged one, or one that holds none of the decks.
     """
     base = read(place)
     chosen = {case.case for case in run.cases}
-    a = replace(base, cases={name: case for name, case in base.cases.items() if name in chosen})
-    same = (base.machine, base.engine.library_sha256) == (machine_of(run), run.engine.library_sha256)
-    return compare(a, outcomes.of_run(run, folder, "this run"), Policy(bits=same, findings=True, news=False))
+    if not chosen & base.cases.keys():
+        raise InputError("deck", "is not in the baseline (--accept adds it)", ", ".join(sorted(chosen)), str(place))
+    a = base if whole else replace(base, cases={name: base.cases[name] for name in chosen & base.cases.keys()})
+    b = outcomes.of_run(run, folder, "this run")
+    changes = compare(a, b, Policy(bits=a.program == b.program, findings=True, news=False))
+    first = sorted(changes.fields, key=lambda change: (change.case, math.inf if change.step is None else change.step))
+    return replace(changes, fields=tuple(first))
 
 
 def machine_of(run: RunRecord) -> str:

@@ -48,6 +48,7 @@ def compare(a: Side, b: Side, policy: Policy) -> Changes:
     the bound of one and the same prediction: of the reference, or of the reference with the same findings.
     """
     changes: list[SideChange] = []
+    policy = replace(policy, drifts=not a.program or a.program != b.program)
     for name in sorted(a.cases.keys() | b.cases.keys()):
         one, other = a.cases.get(name), b.cases.get(name)
         if one is None or other is None:
@@ -55,8 +56,8 @@ def compare(a: Side, b: Side, policy: Policy) -> Changes:
             closer = closest(bool(one and one.agrees), bool(other and other.agrees))
             changes.append(SideChange(name, "", "new case" if one is None else "missing case", closer, "", verdicts))
         elif one.ended == other.ended == "answered":
-            changes += _fields(one, other, a, b, policy)
             changes += _of_deck(one, other, (a.samples(name), b.samples(name)), policy)
+            changes += _fields(one, other, a, b, policy)
         else:
             changes.append(_without_numbers(one, other))
     judged = tuple(replace(change, fault=policy.faults(change)) for change in changes)
@@ -142,8 +143,9 @@ def _of_deck(
         closest(one.agrees, other.agrees),
         verdicts=(one.verdict, other.verdict),
         findings=(one.explained_by, other.explained_by),
+        by_deck=not policy.drifts,
     )
-    for name in decks.STATE if policy.bits else ():  # by another program it may be off in the last digit
+    for name in () if policy.drifts else decks.STATE:
         if far := decks.first_beyond(*kept, name, every=True):
             yield replace(whole, field=name, kind="changed", step=far.step, note=str(far))
     if one.thermo and other.thermo:

@@ -45,7 +45,8 @@ class Beyond:
     ratio: float
 
     def __str__(self) -> str:
-        return f"atom {self.atom} at step {self.step}: {self.was:.10g}, now {self.now:.10g} ({self.ratio:.3g} x bound)"
+        off = f" ({self.ratio:.3g} x bound)" if self.ratio < np.inf else ""
+        return f"atom {self.atom} at step {self.step}: {self.was:.10g}, now {self.now:.10g}{off}"
 
 
 class DeckSamples(Samples):
@@ -81,8 +82,7 @@ def beyond(one: Sample, other: Sample) -> Beyond | None:
 
     Both values lie within their bounds of one and the same prediction only if they differ by less.
     """
-    ids = one.id_n, other.id_n
-    if ids[0] is None or ids[1] is None or one.step is None or not np.array_equal(*ids):
+    if one.id_n is None or other.id_n is None or one.step is None or not np.array_equal(one.id_n, other.id_n):
         return None
     if one.step != other.step or one.values_n.shape != other.values_n.shape:
         return None
@@ -93,7 +93,9 @@ def beyond(one: Sample, other: Sample) -> Beyond | None:
         return None
     at = int(np.argmax(outside_n))
     c = int(np.argmax(ratio_nc[at]))
-    return Beyond(int(ids[0][at]), one.step, float(one.values_n[at, c]), float(other.values_n[at, c]), ratio_nc[at, c])
+    return Beyond(
+        int(one.id_n[at]), one.step, float(one.values_n[at, c]), float(other.values_n[at, c]), ratio_nc[at, c]
+    )
 
 
 def first_beyond(ours: Samples, theirs: Samples, field: str, every: bool) -> Beyond | None:
@@ -178,13 +180,11 @@ def read(folder: Path, case: CaseOutcome) -> CaseOutcome:
 
     def look(step: int, cell: str) -> StepOutcome:
         verdict, _, bits = cell.partition(":")
-        return StepOutcome(step, VERDICTS[VERDICTS.index(verdict)], bits)  # type: ignore[arg-type]
+        return StepOutcome(step, VERDICTS[VERDICTS.index(verdict)], bits)
 
     rows = _table(folder / STEPS, lambda row: {name: cell for name, cell in row.items() if cell != NOTHING})
     try:
-        steps = {
-            name: tuple(look(int(row["step"]), row[name]) for row in rows if name in row) for name in case.fields
-        }
+        steps = {name: tuple(look(int(row["step"]), row[name]) for row in rows if name in row) for name in case.fields}
     except (ValueError, KeyError) as error:
         raise InputError("baseline", f"is damaged: {error}", where=str(folder / STEPS)) from None
     fields = {name: replace(each, by_step=steps[name]) for name, each in case.fields.items()}

@@ -95,6 +95,7 @@ class Side:
     samples : LAMMPS' arrays of a case at the worst steps of its fields, where they were kept
     folder : of a run or a baseline
     machine : of a baseline, what decides how LAMMPS rounds; see `lammps_cases.regression.baseline.Identity`
+    program : the library and such a machine, of a run as well: what gives the same bits; empty if not known
     """
 
     name: str
@@ -104,6 +105,7 @@ class Side:
     samples: Callable[[str], Samples] = lambda case: Samples()
     folder: Path = Path()
     machine: str = ""
+    program: str = ""
 
     @property
     def answered(self) -> bool:
@@ -140,7 +142,13 @@ def of_run(run: RunRecord, folder: Path, name: str = "") -> Side:
             return decks.of_report(folder, case)
         return Samples(folder / "fields" / f"{case}.npz", ".lammps", worst.get(case), natoms.get(case))
 
-    return Side(name or str(folder), run.engine, dict(run.reference), cases, samples, folder)
+    program = program_of(run.engine, run.machine.get("kind", ""))
+    return Side(name or str(folder), run.engine, dict(run.reference), cases, samples, folder, program=program)
+
+
+def program_of(engine: EngineRecord, machine: str) -> str:
+    """Return what gives the same bits of the same deck: a library on a kind of machine; empty if not known."""
+    return f"{engine.library_sha256} on {machine}" if engine.library_sha256 and machine else ""
 
 
 def read(folder: Path) -> Side:

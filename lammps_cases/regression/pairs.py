@@ -306,7 +306,7 @@ def _of_pair(pair: Pair, titled: bool) -> Iterator[str]:
     yield "\n".join(f"> **Note:** {markdown.text(note)}" for note in pair.changes.notes)
     listed = pair.changes.faults
     if listed:
-        head = ("case", "field", "change", "first step", pair.a, pair.b, "closer to the reference")
+        head = ("case", "field", "change", "first step", pair.a, pair.b, "closer to the reference", "note")
         rows = [
             (
                 markdown.code(c.case),
@@ -316,6 +316,7 @@ def _of_pair(pair: Pair, titled: bool) -> Iterator[str]:
                 markdown.text(_judgement(c, 0)),
                 markdown.text(_judgement(c, 1)),
                 pair.names.get(c.closer, c.closer),
+                markdown.text(c.note),
             )
             for c in listed[:LISTED]
         ]

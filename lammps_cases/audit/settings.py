@@ -24,7 +24,7 @@ FILE = "eos-ref.toml"
 UNTIL = re.compile(r"until (\d{4})-(\d{2})(?:-(\d{2}))?, (\S.*)")
 
 
-class Limits(BaseModel):
+class DeckLimits(BaseModel):
     """How decks are audited, as the options of the same names; None: not set here."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
@@ -36,11 +36,11 @@ class Limits(BaseModel):
 
     def values(self) -> dict[str, Any]:
         """Return what is set, as `AuditOptions` takes it."""
-        values = {name: value for name in Limits.model_fields if (value := getattr(self, name)) is not None}
+        values = {name: value for name in DeckLimits.model_fields if (value := getattr(self, name)) is not None}
         return values | ({"fields": chosen(self.fields)} if self.fields is not None else {})
 
 
-class Settings(Limits):
+class Settings(DeckLimits):
     """The content of the file.
 
     Attributes
@@ -54,7 +54,7 @@ class Settings(Limits):
     decks: list[str] = []
     skip: list[str] = []
     allow: dict[str, str] = {}
-    deck: dict[str, Limits] = {}
+    deck: dict[str, DeckLimits] = {}
 
     def options(self, name: str, options: AuditOptions) -> AuditOptions:
         """Return the options for a deck; those that are not the defaults go before the file."""

@@ -35,7 +35,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Beyond:
+class BeyondBounds:
     """The first particle at which two samples differ by more than the bounds of both."""
 
     atom: int
@@ -77,7 +77,7 @@ def _sample(step: int, arrays: Mapping[str, Array], name: str, of_type: int) -> 
     return Sample(step, values_n[rows_n], bound_n[rows_n], id_n[rows_n, 0])
 
 
-def beyond(one: Sample, other: Sample) -> Beyond | None:
+def beyond(one: Sample, other: Sample) -> BeyondBounds | None:
     """Return the first particle whose values differ by more than both bounds; None if there is none.
 
     Both values lie within their bounds of one and the same prediction only if they differ by less.
@@ -93,12 +93,12 @@ def beyond(one: Sample, other: Sample) -> Beyond | None:
         return None
     at = int(np.argmax(outside_n))
     c = int(np.argmax(ratio_nc[at]))
-    return Beyond(
+    return BeyondBounds(
         int(one.id_n[at]), one.step, float(one.values_n[at, c]), float(other.values_n[at, c]), ratio_nc[at, c]
     )
 
 
-def first_beyond(ours: Samples, theirs: Samples, field: str, every: bool) -> Beyond | None:
+def first_beyond(ours: Samples, theirs: Samples, field: str, every: bool) -> BeyondBounds | None:
     """Return the first particle beyond the bounds in the samples of the set-up, or in every sample."""
     pairs = zip(ours.kept(field), theirs.kept(field), strict=False)
     found = (beyond(one, other) for at, (one, other) in enumerate(pairs) if every or not at)

@@ -195,7 +195,7 @@ def test_a_folder_of_decks(deck: Path, eos_ref_command: Run) -> None:
     toml.write_text(toml.read_text().replace("2999-03, waiting", "2026-03, waiting"))
     code, said, _ = eos_ref_command("audit", folder, "--fail-on", "high", "--baseline")
     assert code == 1 and "1 rejected by --fail-on high" in said
-    assert "missing case: sub_b.in" in said and "changed: in.a viscosity from step 0" in said
+    assert "missing case: 1 case (sub_b.in)" in said and "changed: in.a viscosity from step 0" in said
     assert "changed: sub_start.txt" not in said
 
 

@@ -1,6 +1,6 @@
 """What README.md and docs/ type is typed here, on real LAMMPS, and their blocks of output are what is printed.
 
-Blocks ``sh`` and ``python`` are run, in one folder per document; ``lammps`` and ``yaml`` are saved under the name that
+Blocks ``sh`` and ``python`` are run, in one folder per document; ``lammps``, ``yaml`` and ``toml`` are saved under the name that
 the document gives; ``text`` is the output of the block above it, compared as by doctest: ``...`` stands for anything,
 white space for any white space. A comment ``# exit code N`` says how a command ends, else it ends with 0.
 Commands in the text are not run: their names and options have to exist.
@@ -96,7 +96,7 @@ def test_blocks_are_run_and_print_what_is_shown(page: Path, tmp_path: Path) -> N
             printed = ""
         else:
             named = NAMED.search(above)
-            assert language in ("lammps", "yaml") and named, f"what is this block?\n{block}"
+            assert language in ("lammps", "yaml", "toml") and named, f"what is this block?\n{block}"
             (tmp_path / named[1]).write_text(block, encoding="utf-8")
 
 

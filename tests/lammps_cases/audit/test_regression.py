@@ -15,7 +15,7 @@ from eos_ref import InputError
 from lammps_cases.audit import AuditOptions, settings
 from lammps_cases.records.run_record import read_run
 from lammps_cases.regression import baseline, decks
-from lammps_cases.regression.outcomes import read
+from lammps_cases.regression.outcomes import Sample, read
 from tests.support.audited_decks import FIXES, write_deck
 from tests.support.outcome import Outcome
 
@@ -135,9 +135,9 @@ def test_kept_text_is_read_as_the_same_numbers(deck: Path, eos_ref_command: Run)
         baseline.read(Path("eos-ref-baseline"))
 
 
-def sample(values: list[float], bound: float, step: int = 0) -> decks.Sample:
+def sample(values: list[float], bound: float, step: int = 0) -> Sample:
     table = np.array(values)[:, None]
-    return decks.Sample(step, table, np.full_like(table, bound), np.arange(1, len(values) + 1))
+    return Sample(step, table, np.full_like(table, bound), np.arange(1, len(values) + 1))
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,9 @@ def sample(values: list[float], bound: float, step: int = 0) -> decks.Sample:
         ([1.0], 0, None),
     ],
 )
-def test_values_part_beyond_the_bounds_of_both(now: list[float], step: int, found: tuple | None) -> None:
+def test_values_part_beyond_the_bounds_of_both(
+    now: list[float], step: int, found: tuple[int, float, float] | None
+) -> None:
     far = decks.beyond(sample([1.0, 2.0], 0.1), sample(now, 0.1 + 1e-9, step))
     assert repr(far and (far.atom, far.was, far.now)) == repr(found)
 

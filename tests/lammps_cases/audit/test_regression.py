@@ -140,6 +140,9 @@ def sample(values: list[float], bound: float, step: int = 0) -> Sample:
     return Sample(step, table, np.full_like(table, bound), np.arange(1, len(values) + 1))
 
 
+Found = tuple[int, float, float] | None
+
+
 @pytest.mark.parametrize(
     ("now", "step", "found"),
     [
@@ -151,9 +154,7 @@ def sample(values: list[float], bound: float, step: int = 0) -> Sample:
         ([1.0], 0, None),
     ],
 )
-def test_values_part_beyond_the_bounds_of_both(
-    now: list[float], step: int, found: tuple[int, float, float] | None
-) -> None:
+def test_values_part_beyond_the_bounds_of_both(now: list[float], step: int, found: Found) -> None:
     far = decks.beyond(sample([1.0, 2.0], 0.1), sample(now, 0.1 + 1e-9, step))
     assert repr(far and (far.atom, far.was, far.now)) == repr(found)
 
@@ -224,6 +225,14 @@ def test_settings_that_are_refused(text: str, line: str, tmp_path: Path) -> None
         settings.read(tmp_path)
     said = str(raised.value)
     assert said.startswith(line) and said.endswith(f"({tmp_path / settings.FILE})") and "\n" not in said
+
+
+def test_the_documented_settings_are_read(tmp_path: Path) -> None:
+    documented = (Path(__file__).parents[3] / "docs" / "audit.md").read_text()
+    (tmp_path / settings.FILE).write_text(documented.split("```toml\n")[1].split("```")[0])
+    of_file = settings.read(tmp_path)
+    assert set(settings.Settings.model_fields) - {"fields"} == of_file.model_fields_set
+    assert of_file.options("in.tank.2", AuditOptions()).fields == ("pressure", "f")
 
 
 def test_options_of_the_command_go_before_the_file(tmp_path: Path) -> None:

@@ -140,7 +140,7 @@ def compare_field(
 
 def _by_id(id_n: IntArray, values_n: FloatArray) -> FloatArray:
     """Return values in the order of the ids: that of a running LAMMPS depends on its version and on sorting."""
-    return values_n if np.all(id_n[1:] > id_n[:-1]) else values_n[np.argsort(id_n, kind="stable")]
+    return values_n if np.all(id_n[1:] > id_n[:-1]) else values_n[np.argsort(id_n)]
 
 
 def compare_pressure(

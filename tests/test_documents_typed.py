@@ -2,7 +2,8 @@
 
 Blocks ``sh`` and ``python`` are run, in one folder per document; ``lammps``, ``yaml`` and ``toml`` are saved under the
 name that the document gives; ``text`` is the output of the block above it, compared as by doctest: ``...``
-stands for anything, white space for any white space. A comment ``# exit code N`` says how a command ends, else it ends with 0.
+stands for anything, white space for any white space. A comment ``# exit code N`` says how a
+command ends, else it ends with 0.
 Commands in the text are not run: their names and options have to exist.
 """
 

@@ -1,8 +1,9 @@
 """What README.md and docs/ type is typed here, on real LAMMPS, and their blocks of output are what is printed.
 
-Blocks ``sh`` and ``python`` are run, in one folder per document; ``lammps`` and ``yaml`` are saved under the name that
-the document gives; ``text`` is the output of the block above it, compared as by doctest: ``...`` stands for anything,
-white space for any white space. A comment ``# exit code N`` says how a command ends, else it ends with 0.
+Blocks ``sh`` and ``python`` are run, in one folder per document; ``lammps``, ``yaml`` and ``toml`` are saved under the
+name that the document gives; ``text`` is the output of the block above it, compared as by doctest: ``...``
+stands for anything, white space for any white space. A comment ``# exit code N`` says how a
+command ends, else it ends with 0.
 Commands in the text are not run: their names and options have to exist.
 """
 
@@ -27,7 +28,7 @@ ROOT = Path(__file__).parents[1]
 DECKS = ROOT / "tests" / "decks"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-NAMED = re.compile(r"Save this as `([\w.]+)`[^`]*\Z")
+NAMED = re.compile(r"Save this as `([\w.-]+)`[^`]*\Z")
 GIVEN = {
     "in.deck": "in.plain",
     **{name: name for name in ("fluid.inc", "final.inc", "in.column", "in.box", "in.started", "in.vortices")},
@@ -96,7 +97,7 @@ def test_blocks_are_run_and_print_what_is_shown(page: Path, tmp_path: Path) -> N
             printed = ""
         else:
             named = NAMED.search(above)
-            assert language in ("lammps", "yaml") and named, f"what is this block?\n{block}"
+            assert language in ("lammps", "yaml", "toml") and named, f"what is this block?\n{block}"
             (tmp_path / named[1]).write_text(block, encoding="utf-8")
 
 

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import shlex
+import time
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from eos_ref.errors import InputError
+from lammps_cases.audit import settings
 from lammps_cases.audit.finished import audit_dump
+from lammps_cases.audit.folder import audit_folder
+from lammps_cases.audit.keep import arrays_of
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.restart import audit_restart
 from lammps_cases.audit.supervise import audit_deck
@@ -16,6 +21,7 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.records.checked import checked
 from lammps_cases.records.files import write_arrays
 from lammps_cases.records.run_record import Level, RunRecord
+from lammps_cases.report.findings import outcome
 from lammps_cases.run import provenance, report_files
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.run.results import Result, report_folder
@@ -76,20 +82,30 @@ def audit_into(
     dump: Path | None = None,
     restart: Path | None = None,
 ) -> RunRecord:
-    """Audit a deck, or what it has written, and write the report into a folder."""
+    """Audit a deck, all decks of a folder, or what a deck has written, and write the report into a folder.
+
+    Options that are not given, and allowances of findings, are those of `settings.FILE` beside the decks.
+    """
     if dump is not None and restart is not None:
         raise InputError("dump", "and restart must not be given together")
+    begin, of_decks = time.perf_counter(), settings.read(deck if deck.is_dir() else deck.parent)
     with output_folder(directory) as folder:
+        own = options if deck.is_dir() else of_decks.options(deck.name, options)
         if dump is not None:
-            result = audit_dump(dump, deck, options)
+            results = [audit_dump(dump, deck, own)]
         elif restart is not None:
-            result = audit_restart(restart, deck, options)
+            results = [audit_restart(restart, deck, own)]
         else:
-            result = audit_deck(deck, options)
-        run = provenance.run_record(provenance.engine_record(engine, result.who), command)
-        run.cases, run.seconds = result.record.cases, result.record.seconds
+            results = audit_folder(deck, own, of_decks) if deck.is_dir() else [audit_deck(deck, own)]
+        who = next((result.who for result in results if result.who), {})
+        run = provenance.run_record(provenance.engine_record(engine, who), command)
+        run.cases, run.seconds = [result.record.cases[0] for result in results], time.perf_counter() - begin
         run.fail_on = fail_on
-        if result.arrays:
-            write_arrays(folder / "fields" / f"{run.cases[0].case}.npz", result.arrays)
+        run.allowed, run.notes = of_decks.allowed({*outcome(run).known}, datetime.now(UTC).date())
+        for case, result in zip(run.cases, results, strict=True):
+            if result.arrays:
+                write_arrays(folder / "fields" / f"{case.case}.npz", result.arrays)
+            if result.kept:
+                write_arrays(folder / "fields" / f"{case.case}@kept.npz", arrays_of(result.kept))
         report_files.write_run(run.counted(), folder)
     return run

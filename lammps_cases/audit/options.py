@@ -177,6 +177,7 @@ class AuditResult:
     record: RunRecord
     who: dict[str, str]
     arrays: dict[str, npt.NDArray[Any]]
+    kept: dict[int, dict[str, npt.NDArray[Any]]] = field(default_factory=dict)  # by step, see `lammps_cases.audit.keep`
 
 
 @dataclass(frozen=True)
@@ -345,13 +346,14 @@ class SampleRow(NamedTuple):
     outside: int
     first_id: int | None
     explained_by: tuple[str, ...] = ()
+    digest: str = ""
 
     @classmethod
     def of(cls, natoms: int, record: FieldRecord) -> SampleRow:
         """Return the row of a comparison's record."""
         r = record
         worst = (r.max_abs or 0.0, r.max_over_bound or 0.0, r.bound or 0.0, r.worst_id or 0)
-        return cls(natoms, r.verdict, *worst, r.outside, r.first_id, tuple(r.explained_by))
+        return cls(natoms, r.verdict, *worst, r.outside, r.first_id, tuple(r.explained_by), r.digest)
 
 
 @dataclass(frozen=True)
@@ -424,3 +426,5 @@ class DeckEnd:
     broke: BreakRecord | None = None
     lost: LostRecord | None = None
     lacks: str = ""  # what this LAMMPS was built without, and the deck needs
+    kept: dict[int, dict[str, npt.NDArray[Any]]] = field(default_factory=dict)  # see `lammps_cases.audit.keep`
+    thermo: list[dict[str, float]] = field(default_factory=list)

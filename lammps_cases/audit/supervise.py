@@ -96,7 +96,8 @@ def audit_deck(deck: Path, options: AuditOptions | None = None, place: DeckPlace
         _take_share(case, findings.ended.share, options)
     case.seconds.total = time.perf_counter() - begin
     record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()
-    return AuditResult(record, findings.who, findings.ended.arrays if findings.ended else {})
+    arrays, kept = (findings.ended.arrays, findings.ended.kept) if findings.ended else ({}, {})
+    return AuditResult(record, findings.who, arrays, kept)
 
 
 def _take_share(case: CaseRecord, pairs: PairShare, options: AuditOptions) -> None:

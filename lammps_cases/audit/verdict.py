@@ -92,7 +92,7 @@ class Findings:
             derivation=facts.derivations[t - 1] if t and facts.derivations else facts.derivation,
             atom_type=t or None,
             worst_step=sample.step,
-            **{name: value for name, value in row._asdict().items() if name != "natoms"},
+            **{name: value for name, value in row._asdict().items() if name not in ("natoms", "digest")},
         )
 
     def reasons(self) -> dict[str, str]:
@@ -158,6 +158,7 @@ class Findings:
             series=self.ended.series if self.ended else [],
             closed=self.ended.closed if self.ended else None,
             checks=self.checks,
+            thermo=self.ended.thermo if self.ended else [],
             explained_by=list(dict.fromkeys(explained)),
             **({"seconds": self.ended.seconds} if self.ended else {}),
         )

@@ -23,7 +23,7 @@ from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model
 from eos_ref.numbers.rounded import value
 from eos_ref.syntax.manual import manual_of
-from lammps_cases.audit import fields, pressure, sample, share
+from lammps_cases.audit import fields, keep, pressure, sample, share
 from lammps_cases.audit.acting import Acting
 from lammps_cases.audit.budget import budget
 from lammps_cases.audit.closed import closed
@@ -113,6 +113,8 @@ class DeckWatch:
         self._harmful: set[str] = set()  # findings that change a field that steps need, in some sample
         self._judged = 0  # samples that looked so
         self._fluid = 0  # atoms in the run's samples, as long as all looked so
+        self.kept: dict[int, dict[str, Array]] = {}  # by step, the first and the last sample of the first run
+        self.thermo: list[dict[str, float]] = []
         self._broke_off: int | None = None  # step at which LAMMPS ended a run
         self._failure: BaseException | None = None
         self._shared: tuple[Any, ...] | None = None  # of the last sample that looks like a fluid; see `share`
@@ -153,6 +155,9 @@ class DeckWatch:
         finally:
             self.lammps_seconds += time.perf_counter() - begin - (self.sample_seconds - sampled)
             self.done += self._step() - first
+            keep.take_thermo(self.lmp, self.thermo)
+            if self.runs == 1 and self._last is not None:
+                self.kept[self._last[0].step] = keep.columns(*self._last)
             if self._run is not None:  # a minimization calls back too, but evaluates no pressure
                 self._run = replace(self._run, table=None)
         if self._failure is not None:
@@ -264,6 +269,7 @@ class DeckWatch:
         run = self._run
         assert run is not None
         try:
+            keep.take_thermo(self.lmp, self.thermo)
             if run.table is not None and (step % self.options.every == 0 or step in (run.first, run.stop)):
                 self._sample(run, run.table, int(step), tag_n, x_nc)
             self._previous = int(step)
@@ -299,6 +305,8 @@ class DeckWatch:
         if not finite_n.all():  # no law has a pressure for what is no density
             now, status_n = now.of(finite_n), status_n[finite_n]
         self._last = now, others, checked
+        if self.runs == 1 and step == run.first:
+            self.kept[step] = keep.columns(*self._last)
         rows = {}
         for t, (of_type, comparison) in now.compare().items():
             rho_n, p_n = now.arrays["rho"][of_type], now.arrays["p"][of_type]

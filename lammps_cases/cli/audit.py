@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import click
 
 from eos_ref.errors import InputError
-from lammps_cases.cli import shared, switches
+from lammps_cases.cli import deck_baselines, shared, switches
 from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord, CheckRecord
 from lammps_cases.records.wording import listed, size
+
+BESIDE = "eos-ref-baseline"
 
 
 @click.command("audit", cls=switches.AsLammps)
@@ -48,6 +51,15 @@ from lammps_cases.records.wording import listed, size
     metavar="[FILE]",
     help="Write DECK in the unit of length in which m/rho0 is 1.  [default: DECK.rescaled]",
 )
+@click.option("--accept", is_flag=True, help="Keep what the deck did as its baseline, as text for a repository.")
+@click.option("--reason", default="", metavar="TEXT", help="Why it is accepted; kept with the baseline.")
+@click.option(
+    "--baseline",
+    is_flag=False,
+    flag_value=BESIDE,
+    metavar="[FOLDER]",
+    help=f"Compare with the accepted baseline: exit 1 if anything changed.  [default: {BESIDE} beside the deck]",
+)
 @click.option("--out", type=shared.PATH, help="Report folder.  [default: reports/audit-DECK]")
 @shared.engine_option
 @shared.fail_on_option
@@ -58,6 +70,9 @@ def audit_command(
     dump: Path | None,
     restart: Path | None,
     rescale: Path | None,
+    accept: bool,
+    reason: str,
+    baseline: str | None,
     out: Path | None,
     engine: str,
     fail_on: FailOn | None,
@@ -67,6 +82,9 @@ def audit_command(
     """Check every atom while LAMMPS runs DECK, unchanged, in a copy of its folder, and say which known bugs affect it.
 
     It takes the switches of lmp, and runs in a copy of the current folder if the files that DECK reads lie there.
+
+    DECK may be a folder: all decks below it (in.*, *.in, *.lmp) are audited. Findings that are accepted, with reason
+    and date, and limits stand in eos-ref.toml beside the decks.
 
     It checks whatever a force evaluation computes from positions, velocities, densities, energies and phases, as used
     by the forces: the pressure by the laws that the deck defines at that moment, gradients, surfaces, forces. Loops,
@@ -81,6 +99,8 @@ def audit_command(
               eos-ref audit in.deck --fields pressure,surface,grad/v
               eos-ref audit --dump out.dump --deck in.deck
               eos-ref audit in.deck --rescale in.rescaled
+              eos-ref audit decks --accept --reason "first baseline"
+              eos-ref audit decks --baseline
     """
     from lammps_cases.audit import AuditOptions
     from lammps_cases.audit.command import audit_into
@@ -88,26 +108,38 @@ def audit_command(
     from lammps_cases.engine import installations
     from lammps_cases.run import provenance
 
+    if (reason and not accept) or ((accept or baseline) and (dump or restart)):
+        rule = "needs --accept" if reason and not accept else "is of a deck that runs, not of --dump or --restart"
+        raise InputError("--reason" if reason and not accept else "--accept or --baseline", rule)
     if (deck is None) == (of_deck is None):
         before = " before -var" if options["var"] else ""
         raise InputError("deck", f"must be given once{before}: eos-ref audit DECK, or --deck DECK")
     deck = deck or of_deck
     assert deck is not None
     chosen = installations.resolve(engine)
-    directory = out or Path("reports") / f"audit-{(dump or restart or deck).name}"
+    directory = out or Path("reports") / f"audit-{(dump or restart or deck).resolve().name}"
+    place = (deck if deck.is_dir() else deck.parent) / BESIDE if baseline in (None, BESIDE) else Path(baseline or "")
+    if baseline and not accept:
+        deck_baselines.readable(place)
     with Bar(quiet=as_json) as bar:
         how = AuditOptions.of(engine=chosen.site, progress=bar, **options)
         target = rescale if rescale and rescale.name else Path(f"{deck.name}.rescaled")
         written = [] if rescale is None else rescale_deck(deck, how, target)
         run = audit_into(directory, deck, how, chosen, provenance.command_line(), fail_on or "new", dump, restart)
+    changes: Iterable[str] = ()
+    if accept:
+        changes = deck_baselines.accepted(directory, reason, place, prune=deck.is_dir())
+    elif baseline:
+        changes = deck_baselines.against(place, run, directory, deck, as_json)
     if not as_json:
-        for line in field_table(run.cases[0]):
-            click.echo(line)
-        for line in report_lines(run.cases[0]):
-            shared.show(line, "  ")
+        for case in run.cases:
+            for line in () if deck.is_dir() else field_table(case):
+                click.echo(line)
+            for line in report_lines(case)[-1 if deck.is_dir() else 0 :]:
+                shared.show(line, "  ")
         for line in written:
             shared.show(f"rescaled: {line}", "  ")
-    return shared.finish(run, directory, as_json)
+    return shared.finish(run, directory, as_json, changes)
 
 
 def field_table(case: CaseRecord) -> list[str]:

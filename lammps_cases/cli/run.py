@@ -156,4 +156,4 @@ def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json
         report_files.write_run(run, out, past=history.past(run))
     if not as_json:
         announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
-    return pairs.checked(changes, str(out))
+    return pairs.checked(changes, f"eos-ref accept {out}")

@@ -8,7 +8,7 @@ nothing is `EMPTY`.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -71,6 +71,7 @@ def headline(
     fail_on: Level = "new",
     compared: bool = True,
     whose: str = HERE,
+    allowed: Collection[str] = (),
 ) -> Headline:
     """Return the headline of something judged.
 
@@ -90,8 +91,10 @@ def headline(
         Whether anything was compared at all.
     whose : str
         Where the bugs were seen.
+    allowed : collection of str
+        Findings that do not fail.
     """
-    rejected = sum(fails(severity, fail_on) for severity in known.values())
+    rejected = sum(fails(severity, fail_on) for name, severity in known.items() if name not in allowed)
     parts = [*new, *filter(None, [differences]), *([bugs(known, whose)] if known else [])]
     if rejected:
         parts.append(f"{rejected} rejected by --fail-on {fail_on}")
@@ -109,6 +112,7 @@ def of_decks(
     new: Sequence[str] = (),
     *,
     fail_on: Level = "new",
+    exempt: Collection[str] = (),
 ) -> Headline:
     """Return the headline of audited decks: what happens to one of them, or to which of several.
 
@@ -120,8 +124,10 @@ def of_decks(
         What is new or missing beside them, in words.
     fail_on : {"high", "medium", "low", "new"} or an effect
         What of a known finding fails.
+    exempt : collection of str
+        Findings that do not fail.
     """
-    failed = {case.case: why for case in cases if (why := _failure(case, fail_on))}
+    failed = {case.case: why for case in cases if (why := _failure(case, fail_on, exempt))}
     known = {name for case in cases if case.case not in failed for name in case.findings}
     inside = {(case.case, field.field) for case in cases for field in case.fields if field.verdict in wording.INSIDE}
     state: State = "FAIL" if new or failed else "KNOWN BUGS" if known else "PASS" if inside else "EMPTY"
@@ -141,13 +147,13 @@ def of_decks(
     return Headline(state, "; ".join(parts) or same)
 
 
-def _failure(case: CaseRecord, fail_on: Level) -> str:
+def _failure(case: CaseRecord, fail_on: Level, exempt: Collection[str]) -> str:
     """Say why a deck fails: how it ended, or the known findings that do too much to it; empty if it does not."""
     if why := deck.failure(case):
         caused = case.outlook.findings if case.outlook else []
         others = _known(case, [name for name in case.findings if name not in caused], "other " if caused else "")
         return "; ".join(filter(None, [why, others]))
-    rejected = deck.above(case, allowed(fail_on))
+    rejected = [name for name in deck.above(case, allowed(fail_on)) if name not in exempt]
     return f"{_known(case, rejected)}; rejected by --fail-on {fail_on}" if rejected else ""
 
 

@@ -5,12 +5,12 @@ Histories store outcomes, accepted baselines consist of them, and comparisons cl
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Literal, get_args
 
-from lammps_cases.records.run_record import CaseRecord, Ended, FieldRecord, Verdict
+from lammps_cases.records.run_record import CaseRecord, CheckRecord, Ended, FieldRecord, Verdict, digest, worst
 from lammps_cases.records.wording import INSIDE, field_name, listed, size, verdict_kind
 
 CRASHES: tuple[Ended, ...] = ("crashed", "timeout", "error")
@@ -41,16 +41,18 @@ class FieldOutcome:
     max_abs: float | None = None
 
     @classmethod
-    def of(cls, record: FieldRecord) -> FieldOutcome:
-        """Return the outcome that a record of a field holds."""
+    def of(cls, record: FieldRecord, looks: Sequence[CheckRecord] = ()) -> FieldOutcome:
+        """Return the outcome that a record of a field holds; of an audit the steps are those of its looks."""
+        by_step = tuple(StepOutcome(s.step, s.verdict, s.digest, s.max_abs) for s in record.steps) or _steps(looks)
+        bits = [at.digest for at in by_step]
         return cls(
             field=record.field,
             verdict=record.verdict,
             explained_by=tuple(record.explained_by),
             max_over_bound=record.max_over_bound,
-            digest=record.digest,
+            digest=digest(*bits) if looks and all(bits) else record.digest,
             stage=record.stage,
-            by_step=tuple(StepOutcome(s.step, s.verdict, s.digest, s.max_abs) for s in record.steps),
+            by_step=by_step,
             atom_type=record.atom_type,
             max_abs=record.max_abs,
         )
@@ -71,6 +73,22 @@ class FieldOutcome:
         return {"verdict": self.verdict, "bits": self.digest, "finding": listed(self.explained_by)}
 
 
+def _steps(looks: Sequence[CheckRecord]) -> tuple[StepOutcome, ...]:
+    """Return the steps of a field of an audit; runs that look at one and the same step are taken together."""
+    by_step: dict[int, list[CheckRecord]] = {}
+    for look in looks:
+        by_step.setdefault(look.step, []).append(look)
+    return tuple(
+        StepOutcome(
+            step,
+            worst([look.verdict for look in same]),
+            same[0].digest if len(same) == 1 else digest(*(look.digest for look in same)),
+            max(look.max_abs for look in same),
+        )
+        for step, same in sorted(by_step.items())
+    )
+
+
 @dataclass(frozen=True)
 class CaseOutcome:
     """Outcome of a case, and its fields by name.
@@ -81,6 +99,7 @@ class CaseOutcome:
     expects : text of the refusal that the case tests; empty: none, or not stored (history)
     message : LAMMPS' error message, or the first deviation; empty in a baseline
     seconds : wall time of LAMMPS; 0 where it is not recorded, as in a history, whose runs share outcomes
+    thermo : rows of thermo output of an audited deck, each by column
     worst, worst_field : largest difference in units of the bound, and its field (empty: no difference)
     id : key of the outcome in a history
     """
@@ -99,11 +118,15 @@ class CaseOutcome:
     worst: float | None = None
     worst_field: str = ""
     id: int = 0
+    thermo: tuple[Mapping[str, float], ...] = ()
 
     @classmethod
     def of(cls, record: CaseRecord) -> CaseOutcome:
         """Return the outcome that a record of a case holds."""
-        outcomes = [FieldOutcome.of(each) for each in record.fields]
+        looks: dict[tuple[str, int], list[CheckRecord]] = {}
+        for look in record.checks:
+            looks.setdefault((look.field, look.type), []).append(look)
+        outcomes = [FieldOutcome.of(each, looks.get((each.field, each.atom_type or 0), ())) for each in record.fields]
         outcome = cls(
             case=record.case,
             verdict=record.verdict,
@@ -116,6 +139,7 @@ class CaseOutcome:
             fields={each.name: each for each in outcomes},
             natoms=record.natoms,
             steps=record.steps,
+            thermo=tuple(record.thermo),
         )
         return outcome.with_worst()
 

@@ -115,6 +115,7 @@ class CheckRecord(Record):
     max_abs: float
     max_over_bound: float
     worst_id: int
+    digest: str = Field("", description="of the bits of the engine's array, by id; see `digest`")
 
 
 class Seconds(Record):
@@ -255,6 +256,9 @@ class CaseRecord(Record):
     series: list[SeriesRecord] = Field([], description="runs of the reference like an audited deck's last one")
     closed: ClosedRecord | None = Field(None, description="what a closed solution says of an audited deck")
     checks: list[CheckRecord] = Field([], description="every look of an audit")
+    thermo: list[dict[str, float]] = Field(
+        [], description="thermo output of an audited deck: the latest row at every sample, and the last of every run"
+    )
     not_checked: list[str] = Field([], description="fields that an audit was asked for and could not check, and why")
     unchecked: dict[str, str] = Field({}, description="the same as data: reasons by field")
     out_of_scope: list[str] = Field([], description="those of them that the deck does not have, or no audit checks")
@@ -404,6 +408,7 @@ class RunRecord(Record):
         "new", description="known findings of at least this severity, or of a larger effect on a deck, fail; new: none"
     )
     changed: int = Field(0, description="changes against an accepted baseline that count")
+    allowed: dict[str, str] = Field({}, description="findings that fail nothing, with the reason (eos-ref.toml)")
     shard: str = Field("", description="i/n, if this is a part of a run", pattern=f"^({SHARD})?$")
     divided: str = Field("", description="hash of the names of all cases of the run that this is a part of")
     missing: int = Field(0, description="cases that were not judged when the run was interrupted")

@@ -15,7 +15,7 @@ from lammps_cases.records import folders
 from lammps_cases.records.files import write_arrays, write_atomically
 from lammps_cases.records.outcome import CaseOutcome
 from lammps_cases.records.run_record import RunRecord, read_run
-from lammps_cases.regression import baseline, outcomes
+from lammps_cases.regression import baseline, decks, outcomes
 from lammps_cases.regression.baseline import ARRAYS, IDENTITY, REASONS, VERDICT_LINES, Identity
 from lammps_cases.regression.change import Policy
 from lammps_cases.regression.changes import Changes, compare
@@ -59,8 +59,30 @@ def accept(
         raise InputError("reason", "must say why", reason)
     run = read_run(folder)
     _acceptable(run, folder, with_failures)
+    return _take(run, folder, reason, baselines / baseline.engine_name(run.engine), command, prune)
+
+
+def accept_decks(folder: Path, reason: str, target: Path, command: str = "", prune: bool = False) -> Accepted:
+    """Take the audits of a report folder, however they ended, as the baseline of their decks.
+
+    There is one baseline, whatever the engine, so that a deck is compared from one to the next.
+
+    Raises
+    ------
+    InputError
+        As `accept`; a deck that was not audited.
+    """
+    run = read_run(folder)
+    for case in run.cases:
+        if case.verdict == "error":
+            raise InputError("deck", f"cannot be accepted: {case.message}", where=case.source)
+    if target.exists() and any(target.iterdir()) and not (target / IDENTITY).exists():
+        raise InputError("baseline", "must be a new folder, or hold an earlier baseline", str(target))
+    return _take(run, folder, reason, target, command, prune)
+
+
+def _take(run: RunRecord, folder: Path, reason: str, target: Path, command: str, prune: bool) -> Accepted:
     side = outcomes.of_run(run, folder)
-    target = baselines / baseline.engine_name(run.engine)
     with folders.exclusive(target, "baseline", BUSY), folders.replacement(target) as partial:
         old = baseline.read(target) if (target / IDENTITY).exists() else None
         kept = {} if old is None or prune else {n: c for n, c in old.cases.items() if n not in side.cases}
@@ -69,8 +91,8 @@ def accept(
         changes = None if old is None else _changes(old, side, set(kept))
         dropped = () if old is None else tuple(sorted(old.cases.keys() - side.cases.keys() - kept.keys()))
         cases = {**kept, **side.cases}
-        _write(partial, run, cases)
         _arrays(partial, run, side, old, set(kept))
+        _write(partial, run, cases)
         written = old is None or not _same(partial, target)
         if written:
             _reason(partial, target, " ".join(reason.split()), run, command, changes, dropped)
@@ -117,12 +139,15 @@ def _write(folder: Path, run: RunRecord, cases: dict[str, CaseOutcome]) -> None:
     )
     # What the engine was called, and where it lay, is not the baseline's.
     baseline.DOCUMENT.write(folder / IDENTITY, identity, {"engine": {"name", "library"}})
-    write_atomically(folder / VERDICT_LINES, baseline.lines(cases))
+    audited = {path.name for path in folder.glob(f"{decks.FOLDER}/*")}
+    write_atomically(folder / VERDICT_LINES, baseline.lines(cases, audited))
 
 
 def _arrays(folder: Path, run: RunRecord, side: Side, old: Side | None, kept: set[str]) -> None:
     """Write the arrays of the quick cases of the run; those of kept cases stay as they were."""
     for record in run.cases:
+        if record.checks:
+            decks.write(folder / decks.FOLDER / record.case, side.cases[record.case], side.folder)
         samples, arrays = side.samples(record.case), {}
         for field in record.fields if QUICK in record.tags else ():
             sample = samples.of(field.field)
@@ -137,6 +162,9 @@ def _arrays(folder: Path, run: RunRecord, side: Side, old: Side | None, kept: se
     for path in sorted((old.folder / ARRAYS).glob("*.npz")) if old else ():
         if path.stem in kept:
             write_atomically(folder / ARRAYS / path.name, path.read_bytes())
+    for path in sorted((old.folder / decks.FOLDER).glob("*/*.tsv")) if old else ():
+        if path.parent.name in kept:
+            write_atomically(folder / decks.FOLDER / path.parent.name / path.name, path.read_bytes())
 
 
 def _reason(

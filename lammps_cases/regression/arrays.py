@@ -11,6 +11,7 @@ from lammps_cases.comparison.compare import excess
 from lammps_cases.records.outcome import ChangeKind, FieldOutcome, StepOutcome
 from lammps_cases.records.wording import INSIDE
 from lammps_cases.regression.change import Closer, Policy, SideChange, closest, judged
+from lammps_cases.regression.decks import first_beyond
 from lammps_cases.regression.outcomes import Sample, Samples
 
 
@@ -33,7 +34,12 @@ def field_change(
         samples = (mine, theirs) if mine and theirs and _comparable(mine, theirs) else None
         difference = _difference(*samples) if samples else None
         kind, step, note = _parted(one, other, samples, difference)
-        change = replace(change, kind=kind, step=step, difference=difference, note=note)
+        far = first_beyond(*kept, one.name, every=not policy.drifts)
+        if far is not None and (not policy.drifts or {one.verdict, other.verdict} <= {*INSIDE}):
+            kind = "changed"
+        note = "; ".join(filter(None, [note, str(far or "")]))
+        by_deck = far is not None and not policy.drifts
+        change = replace(change, kind=kind, step=step, difference=difference, note=note, by_deck=by_deck)
         if kind == "within bounds" and change.by_chance:
             note = f"values without a bound, which depend on what memory held before: {', '.join(change.by_chance)}"
             change = replace(change, note=note)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +25,7 @@ from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
 from lammps_cases.records.run_record import VERDICTS, Ended, EngineRecord, RunRecord, Verdict, as_expected
 from lammps_cases.records.schema1 import finding_ids
 from lammps_cases.records.wording import folder_name, listed
-from lammps_cases.regression import outcomes
+from lammps_cases.regression import decks, outcomes
 from lammps_cases.regression.change import Policy
 from lammps_cases.regression.changes import Changes, compare
 from lammps_cases.regression.outcomes import Samples, Side
@@ -116,30 +117,36 @@ def read(folder: Path, name: str = "") -> Side:
         raise InputError("baseline", f"must be a folder with {IDENTITY}", str(folder))
     identity = DOCUMENT.read(whole / IDENTITY)
     cases = _cases(whole / VERDICT_LINES)
+    audited = {name: whole / decks.FOLDER / name for name in cases if (whole / decks.FOLDER / name).is_dir()}
+    cases |= {name: decks.read(folder, cases[name]) for name, folder in audited.items()}
     counted = (len(cases), sum(len(case.fields) for case in cases.values()))
     if counted != (identity.cases, identity.fields):
         rule = f"must hold {identity.cases} cases with {identity.fields} fields, as {IDENTITY} says"
         raise InputError("baseline", rule, "{} and {}".format(*counted), str(whole / VERDICT_LINES))
 
     def samples(case: str) -> Samples:
+        if case in audited:
+            return decks.of_baseline(audited[case])
         return Samples(whole / ARRAYS / f"{case}.npz")
 
     side = name or str(whole)
-    return Side(side, identity.engine, identity.reference, cases, samples, whole, identity.machine)
+    program = outcomes.program_of(identity.engine, identity.machine)
+    return Side(side, identity.engine, identity.reference, cases, samples, whole, identity.machine, program)
 
 
 # --- verdicts.tsv
 
 
-def lines(cases: Mapping[str, CaseOutcome]) -> str:
-    """Return the content of ``verdicts.tsv``."""
+def lines(cases: Mapping[str, CaseOutcome], audited: Collection[str] = ()) -> str:
+    """Return the content of ``verdicts.tsv``; the steps of audited decks have a file of their own."""
     rows: list[Iterable[str]] = [COLUMNS]
     for name in sorted(cases):
         case = cases[name]
         findings = listed(case.explained_by)
         rows.append(_filled(name, CASE, case.ended, case.verdict, findings, "", "", case.expects))
         for field in sorted(case.fields.values(), key=lambda f: f.name):
-            detail = " ".join(f"{at.step}:{at.verdict}:{at.digest}" for at in field.by_step)
+            by_step = () if name in audited else field.by_step
+            detail = " ".join(f"{at.step}:{at.verdict}:{at.digest}" for at in by_step)
             ratio = "" if field.max_over_bound is None else f"{field.max_over_bound:.3g}"
             findings = listed(field.explained_by)
             rows.append(_filled(name, field.name, field.stage, field.verdict, findings, ratio, field.digest, detail))
@@ -251,6 +258,38 @@ def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] 
         rule = "no case file defines these cases of the baseline any more (eos-ref accept --prune drops them)"
         notes.append(f"{rule}: {', '.join(absent)}")
     return replace(changes, notes=tuple(notes))
+
+
+def check_decks(run: RunRecord, folder: Path, place: Path, whole: bool) -> Changes:
+    """Compare the audits of decks with what was accepted of them, by whatever LAMMPS.
+
+    By the same library on the same kind of machine every bit has to be the same. Otherwise only where the runs begin
+    do both have one prediction; from there on each is held against the reference at its own state, and only a verdict,
+    a finding, or the digits of thermo output that LAMMPS prints are faults.
+
+    Parameters
+    ----------
+    run : RunRecord
+        The audits; ``folder`` is their report folder.
+    place : Path
+        The baseline.
+    whole : bool
+        Whether all decks of the baseline should be among the audits.
+
+    Raises
+    ------
+    InputError
+        No baseline there, a damaged one, or one that holds none of the decks.
+    """
+    base = read(place)
+    chosen = {case.case for case in run.cases}
+    if not chosen & base.cases.keys():
+        raise InputError("deck", "is not in the baseline (--accept adds it)", ", ".join(sorted(chosen)), str(place))
+    a = base if whole else replace(base, cases={name: base.cases[name] for name in chosen & base.cases.keys()})
+    b = outcomes.of_run(run, folder, "this run")
+    changes = compare(a, b, Policy(bits=a.program == b.program, findings=True, news=False))
+    first = sorted(changes.fields, key=lambda change: (change.case, math.inf if change.step is None else change.step))
+    return replace(changes, fields=tuple(first))
 
 
 def machine_of(run: RunRecord) -> str:

@@ -39,11 +39,14 @@ class Policy:
     bits : other bits within bounds, and an exact field that is only within its bound
     findings : the same bits explained by other findings (those of the case, which other fields may have brought in)
     news : cases and fields that side A does not hold
+    drifts : audits of decks by two programs, which drift apart by rounding: only where they begin do both have one
+        prediction; by the same program all samples count
     """
 
     bits: bool = False
     findings: bool = False
     news: bool = True
+    drifts: bool = True
 
     def alike(self, one: FieldOutcome, other: FieldOutcome) -> bool:
         """Return whether the same bits were judged the same."""
@@ -76,6 +79,7 @@ class SideChange:
     verdicts, findings, over_bound : of A and of B; a verdict is empty where a side has none
     step : the first at which the bits part
     fault : whether it is held against B
+    by_deck : the same program gives other numbers of an audited deck: the deck is another one
     difference : largest difference of the two LAMMPS arrays, over the bound, at the worst step if both kept that
     """
 
@@ -91,6 +95,7 @@ class SideChange:
     difference: float | None = None
     note: str = ""
     fault: bool = False
+    by_deck: bool = False
 
     @property
     def known(self) -> bool:
@@ -100,7 +105,7 @@ class SideChange:
             verdict in INSIDE or bool(findings) or (not self.field and agreeing)
             for verdict, findings, agreeing in zip(self.verdicts, self.findings, agrees, strict=True)
         )
-        return all(accounted) and any(self.findings)
+        return all(accounted) and any(self.findings) and not self.by_deck
 
     @property
     def by_chance(self) -> list[str]:

@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 from lammps_cases.records.outcome import CHANGE_KINDS, CRASHES, NEW, SAME, CaseOutcome, ChangeKind
 from lammps_cases.records.run_record import HASH
 from lammps_cases.records.wording import INSIDE, error_text
+from lammps_cases.regression import decks
 from lammps_cases.regression.arrays import field_change
 from lammps_cases.regression.change import Policy, SideChange, closest
-from lammps_cases.regression.outcomes import Side
+from lammps_cases.regression.outcomes import Samples, Side
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,7 @@ def compare(a: Side, b: Side, policy: Policy) -> Changes:
     the bound of one and the same prediction: of the reference, or of the reference with the same findings.
     """
     changes: list[SideChange] = []
+    policy = replace(policy, drifts=not a.program or a.program != b.program)
     for name in sorted(a.cases.keys() | b.cases.keys()):
         one, other = a.cases.get(name), b.cases.get(name)
         if one is None or other is None:
@@ -54,6 +56,7 @@ def compare(a: Side, b: Side, policy: Policy) -> Changes:
             closer = closest(bool(one and one.agrees), bool(other and other.agrees))
             changes.append(SideChange(name, "", "new case" if one is None else "missing case", closer, "", verdicts))
         elif one.ended == other.ended == "answered":
+            changes += _of_deck(one, other, (a.samples(name), b.samples(name)), policy)
             changes += _fields(one, other, a, b, policy)
         else:
             changes.append(_without_numbers(one, other))
@@ -127,6 +130,32 @@ def _other_words(one: CaseOutcome, other: CaseOutcome) -> bool:
     recorded = bool(one.message and other.message)  # a baseline does not hold them
     words, others = error_text(one.message), error_text(other.message)  # the command may name a scratch folder
     return recorded and words != others and not (one.agrees and other.agrees)
+
+
+def _of_deck(
+    one: CaseOutcome, other: CaseOutcome, kept: tuple[Samples, Samples], policy: Policy
+) -> Iterator[SideChange]:
+    """Yield what changed of a deck beside its fields: its state, its thermo output, the findings that act on it."""
+    whole = SideChange(
+        one.case,
+        "",
+        "judged otherwise",
+        closest(one.agrees, other.agrees),
+        verdicts=(one.verdict, other.verdict),
+        findings=(one.explained_by, other.explained_by),
+        by_deck=not policy.drifts,
+    )
+    for name in () if policy.drifts else decks.STATE:
+        if far := decks.first_beyond(*kept, name, every=True):
+            yield replace(whole, field=name, kind="changed", step=far.step, note=str(far))
+    if one.thermo and other.thermo:
+        kind: ChangeKind = "same bits"
+        step, note, shown = decks.thermo_parts(one, other) or (None, "", False)
+        if note:
+            kind = "changed" if shown else "within bounds"
+        yield replace(whole, field=decks.OUTPUT, kind=kind, step=step, note=note)
+    if one.explained_by != other.explained_by:
+        yield whole
 
 
 # --- a field

@@ -25,6 +25,7 @@ class Sample:
     step: int | None
     values_n: npt.NDArray[Any]
     bound_n: npt.NDArray[Any]
+    id_n: npt.NDArray[Any] | None = None
 
 
 class Samples:
@@ -78,6 +79,10 @@ class Samples:
             return None
         return Sample(None if step == -1 else step, values_n, bound_n)
 
+    def kept(self, field: str) -> list[Sample]:
+        """Return samples of a deck, the first is of its set-up; none of a case. See `regression.decks`."""
+        return []
+
 
 @dataclass(frozen=True)
 class Side:
@@ -90,6 +95,7 @@ class Side:
     samples : LAMMPS' arrays of a case at the worst steps of its fields, where they were kept
     folder : of a run or a baseline
     machine : of a baseline, what decides how LAMMPS rounds; see `lammps_cases.regression.baseline.Identity`
+    program : the library and such a machine, of a run as well: what gives the same bits; empty if not known
     """
 
     name: str
@@ -99,6 +105,7 @@ class Side:
     samples: Callable[[str], Samples] = lambda case: Samples()
     folder: Path = Path()
     machine: str = ""
+    program: str = ""
 
     @property
     def answered(self) -> bool:
@@ -125,12 +132,23 @@ def of_run(run: RunRecord, folder: Path, name: str = "") -> Side:
             raise InputError("case", "must be a name without slashes", record.case, str(folder))
     worst = {record.case: {field.field: field.worst_step for field in record.fields} for record in run.cases}
     natoms = {record.case: record.natoms for record in run.cases}
+    audited = {record.case for record in run.cases if record.checks}
     cases = {record.case: comparable(record) for record in run.cases}
 
     def samples(case: str) -> Samples:
+        if case in audited:
+            from lammps_cases.regression import decks  # here: it imports this module
+
+            return decks.of_report(folder, case)
         return Samples(folder / "fields" / f"{case}.npz", ".lammps", worst.get(case), natoms.get(case))
 
-    return Side(name or str(folder), run.engine, dict(run.reference), cases, samples, folder)
+    program = program_of(run.engine, run.machine.get("kind", ""))
+    return Side(name or str(folder), run.engine, dict(run.reference), cases, samples, folder, program=program)
+
+
+def program_of(engine: EngineRecord, machine: str) -> str:
+    """Return what gives the same bits of the same deck: a library on a kind of machine; empty if not known."""
+    return f"{engine.library_sha256} on {machine}" if engine.library_sha256 and machine else ""
 
 
 def read(folder: Path) -> Side:

@@ -104,7 +104,7 @@ class SideComparison:
             unknown = [change.case for change in pair.changes.faults if not change.known]
             if unknown:
                 of_both = all(unknown[0] in side.cases for side in sides)
-                leads_on = of_both and len(sides[0].cases) > 1 and "--cases" not in self.command
+                leads_on = of_both and len(sides[0].cases) > 1 and not {"--cases", "--deck"} & {*self.command.split()}
                 return (
                     ""
                     if not leads_on
@@ -236,14 +236,14 @@ def faults(changes: Changes) -> Iterator[str]:
         yield f"  ... and {len(listed) - SAID} more"
 
 
-def checked(changes: Changes, report: str) -> Iterator[str]:
-    """Yield the lines that ``eos-ref run --baseline`` prints; ``report`` is the run's folder."""
+def checked(changes: Changes, accept: str) -> Iterator[str]:
+    """Yield the lines that ``eos-ref run --baseline`` prints; ``accept`` is what to type for another baseline."""
     first, *rest = lines(changes, "the baseline", "this run")
     yield f"baseline {changes.a.name}: {first}"
     yield from rest
     yield from faults(changes)
     if changes.faults:
-        yield f"  if this is intended: eos-ref accept {report} --reason TEXT"
+        yield f"  if this is intended: {accept} --reason TEXT"
 
 
 def fault(change: SideChange) -> str:
@@ -306,7 +306,7 @@ def _of_pair(pair: Pair, titled: bool) -> Iterator[str]:
     yield "\n".join(f"> **Note:** {markdown.text(note)}" for note in pair.changes.notes)
     listed = pair.changes.faults
     if listed:
-        head = ("case", "field", "change", "first step", pair.a, pair.b, "closer to the reference")
+        head = ("case", "field", "change", "first step", pair.a, pair.b, "closer to the reference", "note")
         rows = [
             (
                 markdown.code(c.case),
@@ -316,6 +316,7 @@ def _of_pair(pair: Pair, titled: bool) -> Iterator[str]:
                 markdown.text(_judgement(c, 0)),
                 markdown.text(_judgement(c, 1)),
                 pair.names.get(c.closer, c.closer),
+                markdown.text(c.note),
             )
             for c in listed[:LISTED]
         ]

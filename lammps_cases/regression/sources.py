@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import string
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -14,6 +14,7 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine import forkserver, installations
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records.progress import SILENT, Progress
+from lammps_cases.records.run_record import RunRecord
 from lammps_cases.regression import baseline, outcomes
 from lammps_cases.regression.outcomes import Side
 from lammps_cases.run import campaign, provenance
@@ -22,6 +23,7 @@ from lammps_cases.scene.casefile import Case
 
 FORMS = "must be an engine (env, pypi:VERSION, path:DIR), a report folder with run.json, or a baseline"
 LABELS = string.ascii_uppercase  # of the sides, in the order given
+Judge = Callable[[Engine, Path], RunRecord]
 WRITTEN = ("compare.json", "compare.html", "summary.md", "bisect.json")
 
 
@@ -83,6 +85,7 @@ class RunOptions:
     store: Store | None = None
     progress: Progress = SILENT
     command: str = ""
+    judge: Judge | None = None  # instead of running cases
 
 
 def run_options(
@@ -115,6 +118,8 @@ class Sources:
         if isinstance(engine, Side):
             return engine
         folder, how = self.folder / LABELS[at], self.options
+        if how.judge is not None:
+            return outcomes.of_run(how.judge(engine, folder), folder, engine.name)
         run = campaign.run_cases(
             self.cases, engine, how.jobs, folder, how.command, progress=how.progress, store=how.store
         )
@@ -138,7 +143,8 @@ def select(
     """
     each = [source(name) for name in names]
     engines = [at for at, one in enumerate(each) if not isinstance(one, Side)]
-    chosen = casefile.select(casefile.load(paths), cases, tag) if tag is not None or engines else []
+    of_cases = options.judge is None and (tag is not None or engines)
+    chosen = casefile.select(casefile.load(paths), cases, tag) if of_cases else []
     tagged = {case.name for case in chosen} if tag is not None else None
     each = [narrowed(one, cases, tagged) if isinstance(one, Side) else one for one in each]
     saved = [one for one in each if isinstance(one, Side)]

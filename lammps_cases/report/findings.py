@@ -98,7 +98,8 @@ class Outcome:
         """The findings that fail the run, by what it was told."""
         if self.of_decks:
             return frozenset(name for case in self.run.cases for name in self._rejected_of(case))
-        return frozenset(name for name, severity in self.known.items() if fails(severity, self.run.fail_on))
+        failing = (name for name, severity in self.known.items() if fails(severity, self.run.fail_on))
+        return frozenset(failing) - self.run.allowed.keys()
 
     @property
     def exit_code(self) -> int:
@@ -113,19 +114,23 @@ class Outcome:
             total = self.run.missing + len(self.run.cases)
             new.insert(0, f"interrupted: {self.run.missing} of {counted(total, 'case')} not judged")
         if self.of_decks:
-            return of_decks(self.run.cases, new, fail_on=self.run.fail_on)
+            return of_decks(self.run.cases, new, fail_on=self.run.fail_on, exempt=self.run.allowed)
         wrong = Counter(wording.kind(case) for case in self.run.cases if not case.as_expected)
         each = ", ".join(f"{count} {name}" for name, count in wording.by_severity(wrong).items())
         ended = [f"{counted(wrong.total(), 'case')} not as expected: {each}"] if wrong else []
         compared = any(case.verdict != "skipped" for case in self.run.cases)
-        return headline(self.known, [*ended, *new], fail_on=self.run.fail_on, compared=compared)
+        return headline(
+            self.known, [*ended, *new], fail_on=self.run.fail_on, compared=compared, allowed=self.run.allowed
+        )
 
     def accepted(self, case: CaseRecord) -> bool:
         """Return whether a case leaves the run green."""
         return case.accepted(self._rejected_of(case))
 
     def _rejected_of(self, case: CaseRecord) -> Collection[str]:
-        return deck_wording.above(case, allowed(self.run.fail_on)) if self.of_decks else self.rejected
+        if not self.of_decks:
+            return self.rejected
+        return set(deck_wording.above(case, allowed(self.run.fail_on))) - self.run.allowed.keys()
 
     def rank(self, case: CaseRecord) -> int:
         """Return the place of a case in a list by severity; all that is not accepted comes after all that is."""
@@ -134,7 +139,7 @@ class Outcome:
     def sentence(self, case: CaseRecord) -> str:
         """Say in one sentence why a case is not accepted, or what it is: of a deck as its headline does."""
         if "audit" in case.tags:
-            return of_decks([case], fail_on=self.run.fail_on).sentence
+            return of_decks([case], fail_on=self.run.fail_on, exempt=self.run.allowed).sentence
         return case.message or wording.kind(case)
 
     @property

@@ -35,12 +35,20 @@ while IFS= read -r pattern; do
     found=0
     IFS='' # a pattern may hold spaces
     for deck in $pattern; do
-        [[ -f "$deck" ]] || continue
+        [[ -f "$deck" || (-d "$deck" && "$deck" == "$pattern") ]] || continue
         found=1
         name="${deck//\//-}"
+        out="$reports/audit-${name// /-}"
         echo "::group::audit of $deck"
-        eos-ref audit "$deck" "${shared[@]}" "${audit_options[@]}" --out "$reports/audit-${name// /-}"
+        summary="$(mktemp)"
+        GITHUB_STEP_SUMMARY="$summary" eos-ref audit "$deck" "${shared[@]}" "${audit_options[@]}" --out "$out"
         keep $?
+        before="${EOS_REF_TARGET:-}/$deck/eos-ref-baseline"
+        if [[ -n "${EOS_REF_TARGET:-}" && -f "$before/baseline.json" && -f "$out/run.json" ]]; then
+            eos-ref compare "$before" "$out" --out "$out-since-target" # what changed is news, not a failure
+            cat "$out-since-target/summary.md" >> "${GITHUB_STEP_SUMMARY:-/dev/null}"
+        fi
+        cat "$summary" >> "${GITHUB_STEP_SUMMARY:-/dev/null}"
         echo "::endgroup::"
     done
     if ((!found)); then

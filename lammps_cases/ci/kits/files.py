@@ -60,7 +60,11 @@ KITS = (
         "a build of LAMMPS in, a verdict out: a script and a workflow for LAMMPS' own repository",
         {"verdict.sh": "tools/eos-ref/eos-ref.sh", "lammps.yml": ".github/workflows/eos-ref.yml"},
     ),
-    Kit("decks", "an audit of every input deck of a repository", {"decks.yml": ".github/workflows/eos-ref-decks.yml"}),
+    Kit(
+        "decks",
+        "your own input decks as a regression test, in GitHub Actions and GitLab CI",
+        {"decks.yml": ".github/workflows/eos-ref-decks.yml", "decks-gitlab.yml": "eos-ref-decks.gitlab-ci.yml"},
+    ),
     Kit(
         "pre-commit",
         "the cases that a commit changes, before it is made",

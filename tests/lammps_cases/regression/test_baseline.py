@@ -425,7 +425,7 @@ def test_accept_on_the_command_line(
 
 def test_lines_of_a_check_say_what_to_do(changed_run: Change, accepted: Path) -> None:
     run = changed_run(of_field("f", digest=OTHER, verdict="differs", explained_by=[]), "images.quintic.two")
-    said = list(pairs.checked(check(run, accepted), "reports/latest"))
+    said = list(pairs.checked(check(run, accepted), "eos-ref accept reports/latest"))
     assert said[0].startswith(f"baseline {_folder(accepted)}: ")
     assert "1 changed" in said[0]
     assert any("unexplained in this run only: f in 1 case" in line for line in said)

@@ -347,6 +347,37 @@ def test_action_with_a_fault_and_decks(case_file: Write, faulty: Path, tmp_path:
     assert done.summary.startswith("## eos-ref: 🔴 FAIL") and "::error file=mine.yaml,line=" in done.out
 
 
+@pytest.mark.lammps
+@pytest.mark.slow
+def test_summary_leads_with_what_decks_do_otherwise_than_on_the_target_branch(tmp_path: Path) -> None:
+    decks = tmp_path / "decks"
+    decks.mkdir()
+    shutil.copy(ROOT / "tests" / "decks" / "fluid.inc", decks)
+    fixes = "fix 1 all rheo 3.0 quintic 0\nfix 2 all rheo/viscosity * constant 0.1\nfix 3 all rheo/pressure * linear\n"
+    deck = decks / "in.one"
+    deck.write_text(f"variable style string rheo\ninclude fluid.inc\n{fixes}run 2\n")
+    accept = [
+        BIN / "python",
+        "-m",
+        "lammps_cases.cli.main",
+        "audit",
+        "decks",
+        "--accept",
+        "--out",
+        tmp_path / "accepted",
+    ]
+    subprocess.run(accept, cwd=tmp_path, check=True, capture_output=True)
+    shutil.copytree(decks, tmp_path / "target" / "decks")
+    deck.write_text(deck.read_text().replace("constant 0.1", "constant 0.2"))
+    subprocess.run(accept, cwd=tmp_path, check=True, capture_output=True)  # intended: the job stays green
+    given = {"decks": "decks", "target": "target", "audit-options": "--baseline"}
+    done = run_action(ACTION, given, tmp_path, BIN)
+    assert done.outputs["exit-code"] == "0", done.out
+    first, *rest = [line for line in done.summary.splitlines() if line.startswith("## ")]
+    assert first.startswith("## eos-ref compare: 🔴 FAIL") and rest[0].startswith("## eos-ref: 🟠 KNOWN BUGS")
+    assert "| `in.one` | viscosity | changed | 0 |" in done.summary and "atom 1 at step 0: 0.1, now 0.2" in done.summary
+
+
 def test_action_left_green_and_decks_that_are_missing(stub: Path, tmp_path: Path) -> None:
     given = {"decks": "nowhere/in.*\nelsewhere/*", "fail": "false", "artifact": ""}
     done = run_action(ACTION, given, tmp_path, stub)

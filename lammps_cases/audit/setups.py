@@ -142,5 +142,6 @@ class SetupWatch(DeckWatch):
             solid_n=(gather.atoms(lmp, "rheo_status", n) & SOLID != 0) if status else np.zeros(n, bool),
             members={group: gather.members(lmp, group, n) for group in groups},
             newton=(bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))),
+            ranks=gather.ranks(lmp),
             **{field.name: getattr(deck, field.name) for field in dataclasses.fields(Deck)},
         )

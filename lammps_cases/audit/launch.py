@@ -23,6 +23,8 @@ START = "import pickle, sys; sys.path[:], run = pickle.load(open(sys.argv[1], 'r
 # What a deck may read of the user's environment, and what Python, numba and MPI need of it.
 KEPT = ("PATH", "LD_LIBRARY_PATH", "LANG", "TZ", "PYTHONHOME", "LAMMPS_POTENTIALS")
 KEPT_BEGINNINGS = ("LC_", "OMP_", "KMP_", "NUMBA_", "MPICH_", "OMPI_MCA_", "UCX_", "FI_", "COVERAGE_")
+# Contained ranks may neither read one another's memory, as MPICH's CMA does, nor open files of one another.
+APART = {"MPIR_CVAR_CH4_CMA_ENABLE": "0", "UCX_TLS": "self,sysv"}
 
 
 def run_child(task: AuditTask, connection: Connection) -> None:
@@ -57,6 +59,7 @@ def environment(task: AuditTask) -> dict[str, str]:
         "XDG_CACHE_HOME": platformdirs.user_cache_dir(),
         "OPENBLAS_NUM_THREADS": "1",  # Landlock holds for threads that start after it
         "OMPI_MCA_ess_singleton_isolated": "1",  # Open MPI otherwise starts a program of its own
+        **(APART if several else {}),
     }
 
 

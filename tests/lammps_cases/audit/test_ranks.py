@@ -51,7 +51,7 @@ def verdicts(case: CaseRecord) -> dict[str, tuple[str, list[str]]]:
 
 
 def judged(result: AuditResult) -> dict[str, Any]:
-    """Positions, and whether each value of a field lies in its bound, in the order of positions: ids depend on ranks."""
+    """Positions, and whether each value of a field lies in its bound, sorted by position, as ids depend on ranks."""
     a = result.arrays
     x_nc = a["x"].round(6)
     order_n = np.lexsort(x_nc.T)

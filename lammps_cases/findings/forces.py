@@ -89,7 +89,7 @@ FORCE_PER_VOLUME = Finding(
     ended="answered",
     differing="speed of sound",
     model_variant=Variant(has_forces, ForcePerVolume),
-    acts=lambda setting: multiplied("forces of pairs are", force_factors(setting.problem)),
+    acts=lambda setting: multiplied("forces of pairs", force_factors(setting.problem)),
     replaces=("collecting_volume",),
     expected_in_maps=(
         MapDifference("tension", _VOLUME, "shift"),

@@ -193,6 +193,7 @@ WALLS_SUMMED_AFTER_SETUP = Finding(
         ),
     ),
     model_variant=Variant(sums_walls, stepping=WallsSummedAfterSetup),
+    acts=lambda setting: sums_walls(setting.problem),
 )
 
 

@@ -233,6 +233,7 @@ CREATED_WITH_FORCES_OF_OTHERS = Finding(
     model_variant=Variant(
         creates_beside_walls, FollowingLists, LeftInMemory, lists_of_neighbours, lists=True, changes=("rho_wall",)
     ),
+    acts=lambda setting: setting.again and setting.created and bool(walls(setting.problem).any()),
 )
 
 ENTRIES = (WALLS_BEGIN_WITH_PRESSURE, WALLS_BEGIN_WITH_PARTS, CREATED_WITH_FORCES_OF_OTHERS)

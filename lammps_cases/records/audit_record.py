@@ -26,7 +26,8 @@ class ActingRecord(Record):
     """A finding that acts on an audited deck by its definitions, whether or not a compared field shows it."""
 
     finding: str
-    does: str = Field(description="its effect on this deck: every force is divided by 10 (m/rho0 = 10)")
+    does: str = Field(description="what it does there")
+    own: bool = Field(False, description="whether these words are of this deck, and not those of the finding")
     fields: list[str] = Field([], description="those that it changes and that cannot be predicted here")
 
 

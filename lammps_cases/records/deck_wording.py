@@ -93,8 +93,11 @@ def what(case: CaseRecord, finding: str) -> str:
     """Say in a few words, with its name, what a finding does to a deck."""
     records = [of for of in case.effects if of.finding == finding]
     acts = [of.does for of in case.acting if of.finding == finding]
+    own = [of.does for of in case.acting if of.finding == finding and of.own]
     fields = [field.field for field in case.fields if finding in field.explained_by]
-    if records:
+    if own:
+        said = own[0]
+    elif records:
         said = in_brief(max(records, key=lambda of: -1.0 if of.relative is None else of.relative))
     else:
         said = acts[0] if acts else f"{plural(fields[0])} are wrong" if fields else ""

@@ -158,7 +158,7 @@ def _failure(case: CaseRecord, fail_on: Level, exempt: Collection[str]) -> str:
 
 
 def _known(case: CaseRecord, names: Sequence[str], other: str = "") -> str:
-    """Name findings with what they do to a deck: 1 known bug: forces are 100 times too large (force-per-volume)."""
+    """Name findings with what they do to a deck: 1 known bug: forces are 100 times too large."""
     said = [deck.what(case, name) for name in deck.bugs(case) if name in names]
     return f"{counted(len(said), f'{other}known bug')}: {_first(said)}" if said else ""
 

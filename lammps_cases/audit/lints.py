@@ -102,7 +102,7 @@ def _close(sample: ParticleSample, id_n: Array, spacing: float) -> Iterator[Lint
     if r[at] == 0:
         brief = f"{pair} lie at the same place"
         more = f" ({counted(int((r == 0).sum()), 'such pair')})" if (r == 0).sum() > 1 else ""
-        yield Lint("close", f"{brief}{more}: forces between them are not defined (delete_atoms overlap)", 1.0, brief)
+        yield Lint("place", f"{brief}{more}: forces between them are not defined (delete_atoms overlap)", 1.0, brief)
         return
     boundary = " across a boundary" if across[at] else ""
     yield Lint(

@@ -19,7 +19,7 @@ from lammps_cases.audit.options import (
 )
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import finding
-from lammps_cases.records import wording
+from lammps_cases.records import deck_wording, wording
 from lammps_cases.records.audit_record import ActingRecord, BreakRecord, BudgetRecord, EffectRecord
 from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, FieldRecord, worst
 
@@ -166,7 +166,7 @@ class Findings:
         )
         leave_unchecked(case, self.reasons())
         case.out_of_scope = out_of_scope(self.unchecked)
-        case.message = wording.message(case)
+        case.message = wording.message(case) or (deck_wording.broke_at_length(broke) if broke else "")
         return case
 
     def _acting(self) -> list[ActingRecord]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.findings import Finding, applicable
-from lammps_cases.findings.entry import Setting
+from lammps_cases.findings.entry import DeckRun
 from lammps_cases.findings.variants import combined
 
 Explained = dict[str, list[Finding]]  # by field
@@ -27,7 +27,7 @@ Outside = Callable[[type[ArrayEvaluator], bool], Left]
 
 
 @dataclass(frozen=True)
-class Explanation:
+class SampleExplanation:
     """The findings by which fields are inside their bounds, and those by which other fields cannot be predicted."""
 
     explained: Explained = field(default_factory=dict)
@@ -41,7 +41,7 @@ def explain(
     before: frozenset[str],
     outside: Outside,
     last: Explained,
-) -> Explanation:
+) -> SampleExplanation:
     """Return the findings that bring fields back inside their bounds, and for the others those that reach them.
 
     Of the findings that apply, those whose variants can be fitted to the sample explain; they explain nothing if they
@@ -56,7 +56,12 @@ def explain(
     last : what explained fields of earlier samples, tried first
     """
     problem = sample.problem(tuple(name for name in snapshot if name != "lists"))
-    acting = [e for e in applicable(problem, lists=True) if e in listed and e.model_variant and e.model_variant.stages]
+    setting = DeckRun(problem, sample.newton)
+    of_stages = [
+        e for e in applicable(problem, lists=True) if e in listed and e.model_variant and e.model_variant.stages
+    ]
+    # What follows lists says by its own rule whether it acts, and must not be tried where it does not.
+    acting = [e for e in of_stages if not (e.model_variant and e.model_variant.lists) or e.acting(setting)]
     fitting = [e for e in acting if e.model_variant and combined([e.model_variant], problem, dict(snapshot))]
     known: dict[tuple[str, ...], Left] = {(): Left(before)}
 
@@ -71,20 +76,19 @@ def explain(
     if before <= last.keys():
         entries = list(dict.fromkeys(entry for name in before for entry in last[name] if entry in fitting))
         if not after(entries).outside and not before & after(entries).unbounded:
-            return Explanation({name: last[name] for name in before})
+            return SampleExplanation({name: last[name] for name in before})
     needed = _necessary(fitting, after)
     left = after(needed)
     if not left.outside <= before:
         needed, left = [], Left(before)
     explained = {name: _without(name, needed, after) for name in before - left.outside - left.unbounded}
-    setting = Setting(problem, sample.newton)
     open_ = [e for e in acting if e not in fitting and e.acting(setting)]
     open_ += [e for e in needed if e.model_variant and e.model_variant.undefined]
     unpredictable = {
         name: [e for e in open_ if e.model_variant and e.model_variant.reaches(sample.model, name)]
         for name in before - explained.keys()
     }
-    return Explanation(explained, {name: entries for name, entries in unpredictable.items() if entries})
+    return SampleExplanation(explained, {name: entries for name, entries in unpredictable.items() if entries})
 
 
 def _necessary(entries: Sequence[Finding], after: Callable[[Sequence[Finding]], Left]) -> list[Finding]:

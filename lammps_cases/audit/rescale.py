@@ -1,4 +1,4 @@
-"""A deck written again in the unit of length in which m/rho0 is 1, which avoids the finding force-per-volume.
+"""A deck written again in the unit of length in which m/rho0 is 1, which avoids a known bug in the forces of pairs.
 
 LAMMPS leaves the volume out of the forces of pairs, so that accelerations are rho/m times what they should be. In d
 dimensions a unit of length of (m/rho0)^(1/d) makes that rho/rho0; no physics depends on the unit.

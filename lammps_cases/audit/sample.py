@@ -28,6 +28,7 @@ from lammps_cases.comparison.compare import Comparison, compare_field, excess
 from lammps_cases.engine.session import read_list
 from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.findings.neighbour_lists import NeighbourList
+from lammps_cases.records.run_record import FieldRecord
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.model_fields import derived
 
@@ -38,7 +39,7 @@ NOT_PRINTED: Mapping[str, Array] = {}
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedSample:
     """A sample compared with the reference.
 
     Attributes
@@ -110,13 +111,20 @@ class Sampler:
         self.last = replace(self.last, summed=summed, unlists_bonded=self.unlists_bonded)
         return self.last
 
-    def compare(self, tag_n: Array, shown: Mapping[str, Array]) -> Judged:
+    def compare(self, tag_n: Array, shown: Mapping[str, Array]) -> JudgedSample:
         """Compare all fields of the sample taken last with those that LAMMPS shows."""
         assert self.last is not None
         found = judged(self.last, self.fields, tag_n, shown, self.listed, self.explained, lists=self._lists)
         self.explained = found.explained
         self.tilted = max(self.tilted, int(found.reference.tilted().sum()))
         return found
+
+    def explain_pressure(self, tag_n: Array, pressure_n: Array, record: FieldRecord) -> None:
+        """Explain pressures outside their bounds, with those of all types; others follow from these."""
+        assert self.last is not None
+        found = judged(self.last, ("pressure",), tag_n, {"pressure": pressure_n}, self.listed, {})
+        if entries := found.explained.get("pressure"):
+            record.verdict, record.explained_by = "explained", [entry.id for entry in entries]
 
     def _lists(self, tag_n: Array) -> tuple[NeighbourList, ...]:
         """Return LAMMPS' neighbour list, whose particles are counted as in the sample; nothing on several ranks."""
@@ -151,7 +159,7 @@ def judged(
     evaluation: type[SampleEvaluation] = SampleEvaluation,
     printed: Mapping[str, Array] = NOT_PRINTED,
     lists: Callable[[Array], tuple[NeighbourList, ...]] = lambda tag_n: (),
-) -> Judged:
+) -> JudgedSample:
     """Compare fields of a sample with the reference, and explain those that lie outside their bounds.
 
     Particles for which neither side has a number are left out.
@@ -183,7 +191,7 @@ def judged(
     }
     before = frozenset(field for field, c in comparisons.items() if c.record.verdict == "differs")
     if not before:
-        return Judged(comparisons, reference, earlier, {})
+        return JudgedSample(comparisons, reference, earlier, {})
 
     def outside(stages: type[ArrayEvaluator], undefined: bool) -> Left:
         by = evaluation(sample, fields, stages)
@@ -201,7 +209,7 @@ def judged(
         record.verdict, record.explained_by = "explained", [entry.id for entry in entries]
     for field in found.unpredictable:
         del comparisons[field]
-    return Judged(comparisons, reference, earlier | found.explained, found.unpredictable)
+    return JudgedSample(comparisons, reference, earlier | found.explained, found.unpredictable)
 
 
 def known(engine: str) -> list[Finding]:

@@ -144,6 +144,7 @@ class DeckWatch:
         self.runs += 1
         first = self._step()
         if self.lmp.extract_setting("box_exist"):
+            self.health.begin(int(self.lmp.get_natoms()))
             self.begin(values)
         sampled, begin = self.sample_seconds, time.perf_counter()
         try:
@@ -238,11 +239,14 @@ class DeckWatch:
         return None if self._shared is None else share.share(*self._shared)
 
     def _model(self, table: EOSTable, mass_t: Array | None) -> Model | InputError:
-        mass = [1.0] * len(table) if mass_t is None else mass_t[1:].tolist()
+        of_types = self.lmp.numpy.extract_atom("mass") if mass_t is None else mass_t  # some laws of LAMMPS use these
+        mass = [1.0] * len(table) if of_types is None else [m or 1.0 for m in of_types[1:].tolist()]
         try:
             manual = manual_of(str(self.lmp.version()))
             return self.deck.model(int(self.lmp.extract_setting("dimension")), len(table), mass, table, manual)
         except InputError as error:
+            if table.needs_energy:
+                self.acting.gas()
             return self.acting.accepted(error)
 
     def _facts(self, run: WatchedRun) -> RunFacts:
@@ -300,8 +304,8 @@ class DeckWatch:
             units = str(self.lmp.extract_global("units"))
             self._shared = run.deck, sampler.last, tag_n.copy(), now.box_c, units, run.shared, self.runs, step
         checked = "pressure" in run.choice.fields
-        finite_n = np.isfinite(now.arrays["rho"])
-        if not finite_n.all():  # no law has a pressure for what is no density
+        finite_n = np.isfinite(now.arrays["rho"]) & np.isfinite(now.arrays.get("energy", 0.0))
+        if not finite_n.all():  # no law has a pressure for what is no number
             now, status_n = now.of(finite_n), status_n[finite_n]
         self._last = now, others, checked
         if self.runs == 1 and step == run.first:
@@ -311,6 +315,8 @@ class DeckWatch:
             rho_n, p_n = now.arrays["rho"][of_type], now.arrays["p"][of_type]
             self.questions.take(t, table[t], status_n[of_type], rho_n, p_n)
             if checked:
+                if comparison.record.verdict == "differs" and sampler is not None and taken is not None:
+                    sampler.explain_pressure(tag_n, self.lmp.numpy.extract_atom("pressure")[:n], comparison.record)
                 rows["pressure", t] = SampleRow.of(rho_n.size, comparison.record)
         rows |= {(field, 0): SampleRow.of(len(c.bound_n), c.record) for field, c in others.items()}
         order = fields.offered()
@@ -336,7 +342,7 @@ class DeckWatch:
         first = step == run.first
         self.health.fluid(self.runs, step, tag_n, taken.model, taken.state, bool(run.deck.adds_heat()), first)
         if first and fields.ALL in self.options.fields:
-            self.acting.begin(self.lmp, run.deck, taken, run.steps, not run.continued)
+            self.acting.begin(self.lmp, self.deck, taken, run.steps, not run.continued)
         if mach(taken.model, taken.state) <= RUNAWAY:
             timestep = float(self.lmp.extract_global("dt"))
             self.questions.look(Kept(self.runs, step, timestep, taken, tag_n.copy()))

@@ -16,7 +16,7 @@ from lammps_cases.findings.engines import nearest, since
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.levels import Severity
 from lammps_cases.records.run_record import CaseRecord, Ended, Verdict
-from lammps_cases.records.wording import number
+from lammps_cases.records.wording import FACTOR, times
 
 if TYPE_CHECKING:
     from lammps_cases.scene import Scene
@@ -27,7 +27,7 @@ Law = Callable[[EOSTable, EosState], FloatArray]
 
 
 @dataclass(frozen=True)
-class Setting:
+class DeckRun:
     """A run of a user's deck by its definitions, before its first step.
 
     Attributes
@@ -36,23 +36,30 @@ class Setting:
     newton : the flags of pairs and of bonds
     again : whether the state comes from a run, or a file, before
     reacts : whether particles that freeze are bonded (rheo/thermal, react)
-    shown : computes and thermo keywords that the deck prints
+    created : whether particles were created after a run
+    deforms : whether the box changes while periodic images stay behind (fix deform without remap v)
+    shown : what the deck computes and prints: styles of computes, attributes, keywords of thermo_style
     """
 
     problem: Problem
     newton: tuple[bool, bool] = (True, True)
     again: bool = False
     reacts: bool = False
+    created: bool = False
+    deforms: bool = False
     shown: frozenset[str] = frozenset()
 
 
 def multiplied(what: str, factor_t: Sequence[float]) -> str:
-    """Return by how much something is multiplied for the particles of each type; nothing where all factors are 1."""
-    wrong = {t: number(factor) for t, factor in enumerate(factor_t, 1) if abs(factor - 1) > DECK_ROUNDING}
-    if len(set(wrong.values())) == 1 and len(wrong) == len(factor_t):
-        return f"{what} {wrong[1]} times what it should be"
-    parts = [f"{factor} times for type {t}" for t, factor in wrong.items()]
-    return f"{what} {', '.join(parts)} what it should be" if parts else ""
+    """Return by how much values are multiplied for the particles of each type; nothing where all factors are 1."""
+    wrong = {t: _how_often(factor) for t, factor in enumerate(factor_t, 1) if abs(factor - 1) > DECK_ROUNDING}
+    every = len(wrong) == len(factor_t) and len(set(wrong.values())) == 1
+    parts = [f"{how} what they should be{'' if every else f' for type {t}'}" for t, how in wrong.items()]
+    return f"{what} are {parts[0] if every else ', '.join(parts)}" if parts else ""
+
+
+def _how_often(factor: float) -> str:
+    return f"1/{times(1 / factor)} of" if 0 < factor <= 1 / FACTOR else f"{times(factor)} times"
 
 
 @dataclass(frozen=True)
@@ -142,7 +149,7 @@ class Finding:
     expected_in_maps: tuple[MapDifference, ...] = ()
     expected_in_alarms: tuple[AlarmDifference, ...] = ()
     gaps: tuple[Gap, ...] = ()
-    acts: Callable[[Setting], str | bool] = lambda setting: False
+    acts: Callable[[DeckRun], str | bool] = lambda setting: False
     accepts: tuple[str, ...] = ()
     expected_inputs: tuple[str, ...] = ()
 
@@ -174,7 +181,7 @@ class Finding:
         text = self.ends(scene)
         return bool(text) and self.outcome == record.verdict == record.ended and text in record.engine_error
 
-    def acting(self, setting: Setting) -> str:
+    def acting(self, setting: DeckRun) -> str:
         """Return what it does to a run of a deck by the deck's definitions; nothing if it does not act."""
         does = self.acts(setting)
         return self.effect if does is True else does or ""

@@ -253,6 +253,7 @@ IMAGES_LEFT_BEHIND = Finding(
     model_variant=Variant(
         grows, ImagesLeftBehind, CountingLate, lists_of_neighbours, lists=True, changes=("coordination", "x")
     ),
+    acts=lambda setting: setting.deforms and any(setting.problem.box.periodic) and setting.problem.steps[-1] > 0,
 )
 
 ALIGNED_PAIRS_TWICE = Finding(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from eos_ref.model.quantities import QUANTITIES
 from lammps_cases.findings.entry import Finding
 
 NBOND_SHELL_SEGFAULT = Finding(
@@ -23,6 +24,14 @@ NBOND_SHELL_SEGFAULT = Finding(
     engine_error="SIGSEGV",
 )
 
+
+def is_misspelt(attribute: str) -> bool:
+    """Return whether an attribute has more letters for a component than the quantity has axes."""
+    stem, _, component = attribute.rpartition("/")
+    rank = QUANTITIES[stem].rank if stem in QUANTITIES else 0
+    return rank > 0 and component != "*" and len(component) > rank
+
+
 COMPONENT_NAMES = Finding(
     id="component-names-unchecked",
     number=39,
@@ -35,6 +44,7 @@ COMPONENT_NAMES = Finding(
     "stored as fewer: memory is overwritten, and the process crashes then or later.",
     argument="Other invalid names are refused ('grad/v/x'). A row of a tensor, 'grad/v/x*', is a plausible thing to "
     "try; a run that survives it has overwritten other data.",
+    acts=lambda setting: any(is_misspelt(word) for word in setting.shown),
     workaround="Name components by one axis, by two axes, or by * alone.",
     applies_to=("probes.property-component-of-three", "probes.property-component-of-two"),
     expected_inputs=("compute-*.one-component-more",),

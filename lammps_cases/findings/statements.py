@@ -20,6 +20,13 @@ def corrects_nothing(problem: Problem) -> bool:
     return fix.kernel == "RK0" or (problem.model.corrects_gradients and fix.rho_sum)
 
 
+def pulls_walls(problem: Problem) -> bool:
+    """Return whether solids are reconstructed beside fluid of less than its equilibrium density."""
+    state, model = problem.state, problem.model
+    rare_n = (state.rho_n < model.rho0[state.type_n - 1]) & ~state.solid_n
+    return model.fix.interface_reconstruct and bool(state.solid_n.any() and rare_n.any())
+
+
 def sums_solids(problem: Problem) -> bool:
     """Return whether the densities of solids are summed, which should stay as they are."""
     fix = problem.model.fix
@@ -128,6 +135,7 @@ WALL_DENSITY_STORED = Finding(
     "forces use the density.",
     argument="A solid of density 1.7 beside a fluid of 1.2 has 1.2 from then on, even without the keyword. Beside a "
     "fluid of 0.8 it reports 0.8 and the corresponding pressure, where 1 and the pressure 0 act.",
+    acts=lambda setting: pulls_walls(setting.problem),
     workaround="Set the densities of solids again before a run without the keyword; in output use the larger of the "
     "density and rho0.",
     engines=WHEELS + NEWER,
@@ -151,6 +159,7 @@ WALLS_ATTRACT = Finding(
     argument="The force of a pair is proportional to the sum of both pressures. With the density 0.8 (linear law, "
     "rho0 = 1, c = 2) the fluid has -0.8 and the solid, by the limit, 0: the sum is negative, half of what it is "
     "without the limit.",
+    acts=lambda setting: pulls_walls(setting.problem),
     workaround="Add a background pressure that keeps the fluid's pressure above 0.",
     engines=WHEELS + NEWER,
     applies_to=("probes.walls-do-not-attract",),

@@ -68,6 +68,7 @@ LAYER_DEPENDS_ON_PAIR_ORDER = Finding(
         lists=True,
         changes=("status",),
     ),
+    acts=lambda setting: "status" in setting.shown and setting.problem.model.fix.surface_detection is not None,
     expected_in_alarms=(
         AlarmDifference(
             ("relabelled", "reordered", "unsorted", "newton", "skin", "rebuilt", "ranks", "seed"),

@@ -84,7 +84,7 @@ HEAT_IS_TEMPERATURE_RATE = Finding(
     workaround="Multiply the conductivity by m cv, with the same m/rho0 for every type; the factor rho/rho0 remains.",
     scene="two particles of different temperature and volume, cv different from 1",
     model_variant=Variant(has_heat, HeatAsTemperatureRate),
-    acts=lambda setting: multiplied("heat flows are", heat_factors(setting.problem)),
+    acts=lambda setting: multiplied("heat flows", heat_factors(setting.problem)),
     replaces=("heated_volume",),
 )
 
@@ -105,7 +105,7 @@ HEAT_OVER_DENSITY = Finding(
     "density of the pair remains.",
     scene="two particles of different temperature and a density different from 1",
     model_variant=Variant(has_heat, HeatOverDensity),
-    acts=lambda setting: multiplied("heat flows are", density_factors(setting.problem)),
+    acts=lambda setting: multiplied("heat flows", density_factors(setting.problem)),
 )
 
 
@@ -125,7 +125,7 @@ TEMPERATURE_WITHOUT_MASS = Finding(
     workaround="Multiply the specific heat by the mass of a particle, or use 2025.7.22.2.0 or newer.",
     scene="one particle of a mass different from 1",
     model_variant=Variant(has_heat, TemperatureWithoutMass),
-    acts=lambda setting: multiplied("temperatures are", heated_masses(setting.problem)),
+    acts=lambda setting: multiplied("temperatures", heated_masses(setting.problem)),
 )
 
 
@@ -193,7 +193,7 @@ GAS_OF_MASS_OF_TYPE = Finding(
             "for an equation of state alone, the law is evaluated with the per-particle masses",
         ),
     ),
-    model_variant=Variant(has_gas_of_masses, GasOfType),
+    model_variant=Variant(has_gas_of_masses, GasOfType, changes=("pressure",)),
 )
 
 SOUND_OF_MASS_OF_TYPE = Finding(

@@ -49,8 +49,8 @@ class Variant:
         return self.undefined or not self.lists
 
     def reaches(self, model: Model, field: str) -> bool:
-        """Return whether a field of a model depends on a quantity that it changes."""
-        return not dependencies(model, field).isdisjoint(self.changes)
+        """Return whether a field of a model depends on a quantity that it changes; always if these are not known."""
+        return not self.changes or not dependencies(model, field).isdisjoint(self.changes)
 
     def within(self, other: Variant) -> bool:
         """Return whether another variant builds on this one, so that beside it this one changes nothing."""

@@ -116,6 +116,7 @@ VIRIAL_OF_PLACES = Finding(
     workaround="Compare only pressures computed with the same origin, or use the quintic kernel.",
     scene="disordered particles in an open box, RK1",
     model_variant=Variant(shows_sums, VirialOfPlaces, CountingSteps, lists_of_neighbours, lists=True, changes=OVERALL),
+    acts=lambda setting: setting.newton[0] and not setting.shown.isdisjoint(("thermo_style press", "pressure")),
 )
 
 ENTRIES = (VIRIALS_CANCEL, VIRIAL_OF_PLACES)

@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from lammps_cases.records.documents import Record
+from lammps_cases.records.levels import Severity
 
 
 class EffectRecord(Record):
@@ -26,7 +27,9 @@ class ActingRecord(Record):
     """A finding that acts on an audited deck by its definitions, whether or not a compared field shows it."""
 
     finding: str
-    does: str = Field(description="its effect on this deck: every force is divided by 10 (m/rho0 = 10)")
+    does: str = Field(description="what it does there")
+    own: bool = Field(False, description="whether these words are of this deck, and not those of the finding")
+    severity: Severity = Field("high", description="of the finding; on a deck where nobody knows by how much it acts")
     fields: list[str] = Field([], description="those that it changes and that cannot be predicted here")
 
 

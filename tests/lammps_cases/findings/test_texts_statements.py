@@ -126,7 +126,7 @@ def test_special_bonds_remove_pairs(lammps: Engine) -> None:
     left, all_, weighed = said(name, "argument", "have # neighbour each instead of #, .* they have #")
 
     def neighbours(*edits: tuple[str, str]) -> list[float]:
-        return lammps.reply("bonded", *edits).arrays["q"].tolist()
+        return [float(count) for count in lammps.reply("bonded", *edits).arrays["q"]]
 
     bonds, one = quoted(name, "argument")
     assert bonds == f"special_bonds {default}" and f"{bonds[:-10]}{one}" in quoted(name, "workaround")

@@ -107,12 +107,12 @@ def test_a_deck_for_more_ranks_says_so(tmp_path: Path) -> None:
 
 
 def test_an_error_on_one_rank_ends_all(tmp_path: Path) -> None:
-    """Atom 24 of those that move lies in the right half, whose rank alone sees that it has no place any more."""
-    far = "group far id 24\nvelocity far set 1e305 0 0\ntimestep 1e5\nrun 20"
-    edits = (("block 1 7 1 5", "block 1 25 1 5"), ("run             20", far))
+    """An atom far in the right half has no place any more, which only the rank there sees; the other waits for it."""
+    far = "region far block 22.5 23.5 1.5 2.5 -0.5 0.5 units box\ngroup far region far\nvelocity far set 1e305 0 0\n"
+    edits = (("block 1 7 1 5", "block 1 25 1 5"), ("run             20", f"{far}timestep 1e5\nrun 20"))
     case = case_of(audited(deck_of("halves", tmp_path, *edits), 2))
     assert case.verdict == "refused" and "ERROR on proc 1: Non-numeric atom coords" in case.engine_error
-    assert case.broke is not None and case.broke.atom == 24
+    assert case.broke is not None and case.broke.particles == 1
 
 
 def _segfault(task: AuditTask, connection: Connection) -> None:

@@ -14,7 +14,7 @@ from lammps_cases.findings import KNOWN, LEDGER, Finding, severities
 from lammps_cases.findings.engines import nearest
 from lammps_cases.records import deck_wording, wording
 from lammps_cases.records.headline import Headline, headline, how_severe, of_decks
-from lammps_cases.records.levels import SEVERITIES, Severity, fails, severity_of
+from lammps_cases.records.levels import SEVERITIES, Severity, fails
 from lammps_cases.records.run_record import CarriedOver, CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
 

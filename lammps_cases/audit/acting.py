@@ -33,7 +33,7 @@ class Acting:
         """Take a command that LAMMPS has executed."""
         match values:
             case ["compute", _, _, style, *words]:
-                self._shown |= {style, *(words if style == "rheo/property/atom" else ())}
+                self._shown |= {f"compute {style}", *(words if style == "rheo/property/atom" else ())}
             case ["thermo_style", style, *columns]:
                 self._shown.discard("press")
                 self._shown |= {"press"} if style in ("one", "multi") else {*columns}

@@ -180,4 +180,4 @@ class SampleEvaluation:
         z_n = self.sample.z_n
         if z_n is None or "pairs" not in self.simulation.plan:
             return np.zeros(len(self.sample.state.solid_n), bool)
-        return self.stages.any_neighbour(np.not_equal, z_n)
+        return self.stages.any_neighbour(lambda own, other: (own - other) ** 2 > 0, z_n)  # which may underflow

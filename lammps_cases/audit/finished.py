@@ -21,6 +21,7 @@ from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import fields, frames, printed
 from lammps_cases.audit.deck import Deck
+from lammps_cases.audit.effects import effects
 from lammps_cases.audit.explanation import Explained
 from lammps_cases.audit.frames import FrameEvaluation, FrameSample
 from lammps_cases.audit.options import (
@@ -233,7 +234,7 @@ class _Audit:
         shown = {name: held[name].value for name in names}
         found = judged(
             sample, names, id_n, shown, self.listed, self.explained, FrameEvaluation,
-            {name: held[name].error for name in names},
+            {name: held[name].error for name in names}, finite_only=True,
         )  # fmt: skip
         compared, self.explained = found.comparisons, found.explained
         open_ = {name: tuple(entry.id for entry in entries) for name, entries in found.unpredictable.items()}
@@ -246,7 +247,12 @@ class _Audit:
                 self.reasons.setdefault((name, reason), []).append(snapshot.step)
         if self.findings.blame is None:  # of the first snapshot in which a field differs, or the last one
             self.arrays = _arrays(sample, snapshot, id_n, compared)
-        self.findings.take(SampleRows(snapshot.step, run.number, snapshot.step, rows, unpredictable=open_))
+        known = {"x", "v", "rho"} | ({"energy"} if sample.model.thermal else set())
+        looked = len(self.steps) & (len(self.steps) - 1) == 0 and held.keys() >= known  # at the 1st, 2nd, 4th, ...
+        found_here = effects(sample, self.findings.who["distribution"], run.number, snapshot.step) if looked else []
+        self.findings.take(
+            SampleRows(snapshot.step, run.number, snapshot.step, rows, tuple(found_here), unpredictable=open_)
+        )
 
     def _choice(self, frame: Frame, held: dict[str, Any]) -> tuple[list[str], dict[str, str]]:
         names, unchecked = [], {}
@@ -301,7 +307,8 @@ class _Audit:
             why = f"it lacks {', '.join(missing)}: see compute rheo/property/atom" if missing else "; ".join(others[:3])
             raise InputError("dump", f"must hold columns that can be checked against each other; {why}", where=file)
         runs = len({check.run for check in self.findings.checks})
-        self.findings.take(DeckEnd(max(self.steps), runs, Seconds(), list(rest), [], {}, {}))
+        acting = self.findings.ended.acting if self.findings.ended else []
+        self.findings.take(DeckEnd(max(self.steps), runs, Seconds(), list(rest), [], {}, {}, acting=acting))
 
 
 def _broke(snapshot: FileSnapshot, run: int) -> BreakRecord | None:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from eos_ref.model.parameters import Model
 from eos_ref.model.state import State
+from lammps_cases.comparison.compare import components
 from lammps_cases.records.audit_record import BreakRecord, LostRecord
 from lammps_cases.verdict.runaway import RUNAWAY, fastest
 
@@ -51,12 +52,15 @@ class Health:
         """Take the number of particles with which a run begins."""
         self._count = natoms
 
-    def state(self, run: int, step: int, id_n: Array, columns: Mapping[str, Array]) -> bool:
-        """Take the state of a sample as LAMMPS has it, by column; return whether all its numbers are finite."""
-        if len(id_n) < self._count and self.ignores and not self.changes:
-            at = step if self.lost is None else self.lost.step
-            self.lost = LostRecord(lost=self._count - len(id_n), of=self._count, run=run, step=at, ignored=True)
-        return self._all_finite(run, step, id_n, columns)
+    def state(self, run: int, step: int, id_n: Array, columns: Mapping[str, Array], first: bool) -> bool:
+        """Take the state of a sample as LAMMPS has it, by column; return whether all its numbers are finite.
+
+        That of the ``first`` sample of a run is given to the run.
+        """
+        lost = 0 if self.changes else self._count - len(id_n)
+        if lost > (self.lost.lost if self.lost else 0):
+            self.lost = LostRecord(lost=lost, of=self._count, run=run, step=step, ignored=self.ignores)
+        return self._all_finite(run, step, id_n, columns, given=first)
 
     def fields(
         self, run: int, step: int, id_n: Array, lammps: Mapping[str, Array], reference: Mapping[str, Array]
@@ -88,9 +92,11 @@ class Health:
             of, left = int(match[1]), int(match[2])
             self.lost = LostRecord(lost=of - left, of=of, run=run, step=step, ignored=False)
 
-    def _all_finite(self, run: int, step: int, id_n: Array, columns: Mapping[str, Array], both: bool = False) -> bool:
+    def _all_finite(
+        self, run: int, step: int, id_n: Array, columns: Mapping[str, Array], both: bool = False, given: bool = False
+    ) -> bool:
         for name, values in columns.items():
-            wrong_nk = ~np.isfinite(np.asarray(values, float)).reshape(len(id_n), -1)
+            wrong_nk = ~np.isfinite(components(np.asarray(values, float)))
             if not wrong_nk.any():
                 continue
             if self.broke is None:
@@ -99,8 +105,8 @@ class Health:
                 component = int(np.argmax(wrong_nk[row]))
                 self.broke = BreakRecord(
                     kind="not a number", run=run, step=step, column=component_name(name, values.shape[1:], component),
-                    atom=int(id_n[row]), value=float(values.reshape(len(id_n), -1)[row, component]),
-                    particles=len(rows), of=len(id_n), both=both,
+                    atom=int(id_n[row]), value=float(components(values)[row, component]),
+                    particles=len(rows), of=len(id_n), both=both, given=given,
                 )  # fmt: skip
             return False
         return True

@@ -161,7 +161,7 @@ def _mass(t: int, law: EOS, mass_n: Array, n_n: Array, rho_n: Array, far: bool) 
 def _speed(t: int, law: EOS, v_nc: Array) -> Iterator[Lint]:
     """Judge the speed of sound of a type by its fastest particle."""
     speed = float(np.sqrt((v_nc**2).sum(axis=1)).max())
-    if law.cs < SLOW * speed:
+    if speed and float(f"{law.cs / speed:.3g}") < SLOW:  # as it is printed
         line = (
             f"type {t}: speed of sound {law.cs:g} is {law.cs / speed:.3g} times the largest speed of its fluid, "
             f"{speed:.3g}: its density will vary by about {100 * (speed / law.cs) ** 2:.2g} %; a ratio of {SLOW:g} "
@@ -184,7 +184,7 @@ def _weight(sample: ParticleSample) -> Iterator[Lint]:
         c = min((law.cs for law in laws if not law.needs_energy), default=math.inf)
         height = float(np.ptp(state.x_nc[fluid_n] @ g_c)) / g if g > 0 else 0.0
         fall = math.sqrt(g * height)
-        if c < SLOW * fall:
+        if fall and float(f"{c / fall:.3g}") < SLOW:  # as it is printed
             line = (
                 f"speed of sound {c:g} is {c / fall:.3g} times sqrt(g h) = {fall:.3g} (g = {g:.4g}, fluid of height "
                 f"{height:.4g}): its weight will compress it by about {100 * (fall / c) ** 2:.2g} %; a ratio "

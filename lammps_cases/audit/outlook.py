@@ -71,7 +71,7 @@ def _limit(good: Good) -> str:
     """Return how many times its limit by theory the time step is, and of what that is."""
     step = numbers(good.sample.model, good.sample.state, good.timestep)
     of = "sound" if step.viscous <= step.acoustic else "conduction" if step.conducts else "viscosity"
-    return f"time step is {step.fraction:.3g} times the limit of {of}"
+    return f"time step is {step.fraction:.3g} times the limit of {of} at step {good.step}"
 
 
 def boxed(sample: ParticleSample) -> ParticleSample:

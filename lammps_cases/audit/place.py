@@ -63,11 +63,13 @@ class DeckPlace:
     root : the folder that is copied, and may be read
     working : that in which LAMMPS runs, within it
     current : the user's
+    own : that of the deck
     """
 
     root: Path = Path("/")
     working: Path = Path("/")
     current: Path = field(default_factory=Path.cwd)
+    own: Path | None = None
 
     @property
     def within(self) -> Path:
@@ -88,7 +90,7 @@ class DeckPlace:
     def refusal(self, words: Sequence[str], command: str, found: str, where: str) -> InputError:
         """Return the complaint about such paths, with what to type."""
         targets = [Path(os.path.normpath(self.working / word)).parent for word in words if word[0] != "/"]
-        common = os.path.commonpath([self.root, *targets])
+        common = os.path.commonpath([self.root, self.own or self.root, *targets])
         root = f"--root {os.path.relpath(common, self.current)}, to copy that folder, or "
         some = root if targets and common != "/" else ""
         rule = (
@@ -121,7 +123,7 @@ def find(deck: Path, root: Path | None, var: Mapping[str, Sequence[str]]) -> Dec
     others = [current] if top is None else [each for each in (current, top) if each.is_relative_to(top)]
     fitting = (each for each in others if (here := _read(deck, each, var)) and here >= beside)
     working = next(fitting, own)
-    return DeckPlace(top or working, working)
+    return DeckPlace(top or working, working, own=own)
 
 
 def _read(deck: Path, working: Path, var: Mapping[str, Sequence[str]]) -> set[str]:

@@ -24,7 +24,7 @@ from lammps_cases.audit.deck import Action
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.explanation import Explained, Left, explain
 from lammps_cases.audit.fields import checked
-from lammps_cases.comparison.compare import Comparison, compare_field, excess
+from lammps_cases.comparison.compare import Comparison, compare_field, components, excess
 from lammps_cases.engine.session import read_list
 from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.findings.neighbour_lists import NeighbourList
@@ -159,6 +159,7 @@ def judged(
     evaluation: type[SampleEvaluation] = SampleEvaluation,
     printed: Mapping[str, Array] = NOT_PRINTED,
     lists: Callable[[Array], tuple[NeighbourList, ...]] = lambda tag_n: (),
+    finite_only: bool = False,
 ) -> JudgedSample:
     """Compare fields of a sample with the reference, and explain those that lie outside their bounds.
 
@@ -172,12 +173,14 @@ def judged(
     evaluation : how the reference evaluates the sample
     printed : by how much LAMMPS' fields may be off, as they were printed
     lists : reads LAMMPS' neighbour list, given the ids; only where a field differs
+    finite_only : whether particles for which LAMMPS has no number are left out, too
     """
     reference = evaluation(sample, fields)
     rows_of = {}
     for field in fields:
         rows_n = reference.comparable(field)
         rows_n = rows_n & ~_neither(shown[field], value(reference.output(field)))
+        rows_n = rows_n & _finite(shown[field]) if finite_only else rows_n
         if rows_n.any():
             rows_of[field] = rows_n
 
@@ -265,7 +268,7 @@ def _neither(a_n: Array, b_n: Array) -> Array:
 
 def _finite(values_n: Array) -> Array:
     """Return which particles have finite numbers only, (n,)."""
-    finite: Array = np.isfinite(np.asarray(values_n, float)).reshape(len(values_n), -1).all(axis=1)
+    finite: Array = np.asarray(np.isfinite(components(np.asarray(values_n, float))).all(axis=1))
     return finite
 
 

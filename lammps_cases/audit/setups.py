@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref.model.parameters import Model
 from lammps_cases.audit import gather, text
 from lammps_cases.audit.deck import Deck, between
 from lammps_cases.audit.options import DeckDump, DeckSetups, RunSetup, ScriptCommand, StartState
@@ -96,6 +97,7 @@ class SetupWatch(DeckWatch):
         first, count = self._step(), int(float(values[1]))
         last = count if "upto" in values else first + count
         self.described.append(self._setup(values, first, last))
+        self._act(last - first)
         self.ahead += last - first
         return False
 
@@ -118,6 +120,17 @@ class SetupWatch(DeckWatch):
                 }.items()
             },
         )
+
+    def _act(self, steps: int) -> None:
+        """Take the particles of a run, on which findings may act."""
+        table = self.deck.laws(int(self.lmp.extract_setting("ntypes")))
+        mass_t = None if self.lmp.extract_atom("rmass") else np.array(self.lmp.numpy.extract_atom("mass"))
+        model = None if table is None else self._model(table, mass_t)
+        if isinstance(model, Model):
+            n = len(gather.ids(self.lmp))
+            x_nc = gather.atoms(self.lmp, "x", n)
+            taken = sample.taken(self.lmp, model, self.deck.plain_actions(), mass_t, n, x_nc)
+            self.acting.begin(self.lmp, self.deck, taken, steps, True)
 
     def _setup(self, values: list[str], first: int, last: int) -> RunSetup:
         lmp = self.lmp

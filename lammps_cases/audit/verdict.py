@@ -127,10 +127,11 @@ class Findings:
         if touching:
             of_fields = worst([of_fields, "explained"])
         broke, lost = self.broke, self.ended.lost if self.ended else None
-        if broke is not None and not failure:
+        gone = lost is not None and not lost.ignored
+        if (broke is not None or gone) and not failure:
             of_fields = worst([of_fields, "error"])
-        if broke or failure or (lost and not lost.ignored):
-            fields = [self._until(record) for record in fields]
+        if broke or failure or gone:
+            fields = [self._until(record, bool(failure)) for record in fields]
         facts = self.facts or NOTHING
         explained = [*touching, *(name for record in fields for name in record.explained_by)]
         case = CaseRecord(
@@ -178,11 +179,16 @@ class Findings:
                 found[name] = of.model_copy(update={"fields": [*dict.fromkeys([*of.fields, field_])]})
         return list(found.values())
 
-    def _until(self, record: FieldRecord) -> FieldRecord:
-        """Return a record with the last step at which the field was compared, of all atoms that there were."""
+    def _until(self, record: FieldRecord, ended: bool) -> FieldRecord:
+        """Return a record with the last step at which the field was judged, of all atoms, before the state broke.
+
+        Without a step if that is the last one, unless LAMMPS has ended the run.
+        """
         looks = [c for c in self.checks if (c.field, c.type) == (record.field, record.atom_type or 0)]
-        whole = [look.step for look in looks if look.natoms >= looks[0].natoms]
-        return record.model_copy(update={"until": whole[-1]})
+        end = (self.broke.run, self.broke.step) if self.broke else self.sampled
+        whole = [(c.run, c.step) for c in looks if c.natoms >= looks[0].natoms and (c.run, c.step) <= end]
+        last = whole[-1] if whole else (looks[0].run, looks[0].step)
+        return record.model_copy(update={"until": last[1]}) if ended or last < self.sampled else record
 
     def _inside(self, of: EffectRecord) -> bool:
         """Return whether the field of an effect was compared in that sample and is inside its bound: there is none."""

@@ -72,6 +72,7 @@ class Kept:
     timestep: float
     sample: ParticleSample
     id_n: npt.NDArray[Any]
+    first: bool = True
 
 
 class _Worst(NamedTuple):
@@ -189,6 +190,8 @@ class Questions:
             at = f"run {run}: " if run > 1 else ""
             sample = kept.sample
             for lint in lints(sample, kept.id_n):
+                if lint.subject == "weight" and not kept.first:  # of what rests, not of drops that fall
+                    continue
                 self._worse(lint, at, step, True)
             for advice in judge(sample.model, sample.box, sample.state, kept.timestep):
                 subject = advice.subject or advice.text

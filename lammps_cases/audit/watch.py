@@ -289,7 +289,7 @@ class DeckWatch:
         # A run calls back twice on one step where it is set up anew, in between (run ... every).
         setup = not run.continued and step in (run.first, self._previous)
         state = {name: now.arrays[name] for name in ("x", "v", "rho", "energy") if name in now.arrays}
-        fluid = self.health.state(self.runs, step, now.arrays["id"], state) and n > 0
+        fluid = self.health.state(self.runs, step, now.arrays["id"], state, step == run.first) and n > 0
         taken = self._taken(run, table, step, tag_n, x_nc, setup) if fluid else None
         others, unpredictable = dict[str, Comparison](), Explained()
         if sampler is not None and taken is not None:
@@ -345,7 +345,7 @@ class DeckWatch:
             self.acting.begin(self.lmp, self.deck, taken, run.steps, not run.continued)
         if mach(taken.model, taken.state) <= RUNAWAY:
             timestep = float(self.lmp.extract_global("dt"))
-            self.questions.look(Kept(self.runs, step, timestep, taken, tag_n.copy()))
+            self.questions.look(Kept(self.runs, step, timestep, taken, tag_n.copy(), first))
             self.questions.stillness.look(step, tag_n, taken, first)
         return taken
 
@@ -375,7 +375,10 @@ class DeckWatch:
             self._open = unpredictable | _undefined(run.sampler.explained)
         self._judged += 1
         doubled = self._judged & (self._judged - 1) == 0
-        harmful = tuple(effects(now, self.engine, self.runs, step)) if doubled else ()
+        seen = {entry.id for entries in run.sampler.explained.values() for entry in entries}
+        look = doubled or not seen <= self._harmful
+        harmful = tuple(effects(now, self.engine, self.runs, step, seen)) if look else ()
+        self._harmful |= seen
         self._harmful |= {effect.finding for effect in harmful}
         return harmful
 
@@ -419,7 +422,12 @@ class DeckWatch:
     def outlook(self) -> tuple[OutlookRecord | None, list[EffectRecord]]:
         """Return why the state broke or LAMMPS ended a run before its time; nothing if neither, or if nobody knows."""
         broke = self.health.broke
-        brief = self.questions.brief
+        brief, lost = self.questions.brief, self.health.lost
+        if broke is not None and broke.given:
+            given = f"run {broke.run} begins with {broke.column} = {broke.value} of atom {broke.atom}"
+            return OutlookRecord(cause="set-up", because=given, run=broke.run, step=broke.step, taken=0, steps=0), []
+        if lost is not None and not lost.ignored and self._broke_off is None:
+            self._broke_off = lost.step
         if broke is not None and brief and (broke.both or self._good is None):
             return OutlookRecord(cause="set-up", because=brief, run=broke.run, step=broke.step, taken=0, steps=0), []
         if self._good is None or (broke is None and self._broke_off is None):

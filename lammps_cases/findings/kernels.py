@@ -200,7 +200,7 @@ STALE_GRADIENT_BELOW_ZMIN = Finding(
     number=28,
     title="Particles with fewer than zmin (or collinear) neighbours use gradients of other pairs",
     severity="high",
-    effect="With RK1 and RK2, forces at a free surface depend on the order of neighbours, or on stale memory",
+    effect="With RK1 and RK2, forces on particles with few neighbours depend on pair order or on stale memory",
     documented="fix rheo: if reproducing kernels are requested but a particle has fewer than zmin neighbours, it "
     "will revert to a non-reproducing quintic kernel until it gains more.",
     observed="With RK1 and RK2 the gradient of a particle with fewer than zmin neighbours is not computed: the "

@@ -45,6 +45,7 @@ class BreakRecord(Record):
     particles: int
     of: int
     both: bool = Field(description="whether the reference has it from the same state as well, so that codes agree")
+    given: bool = Field(False, description="whether a run begins with it")
 
 
 class LostRecord(Record):
@@ -53,7 +54,7 @@ class LostRecord(Record):
     lost: int
     of: int
     run: int
-    step: int = Field(description="the first sample that lacks them, or the end of the run")
+    step: int = Field(description="of the sample after which no more are lost, or the end of the run")
     ignored: bool = Field(description="whether the deck tells LAMMPS to go on")
 
 

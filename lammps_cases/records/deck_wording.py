@@ -136,8 +136,11 @@ def broke(of: BreakRecord) -> str:
 def broke_at_length(of: BreakRecord) -> str:
     """Say the same with the numbers, and whether both codes have it."""
     where = f"{of.particles} of {counted(of.of, 'particle')}, first atom {of.atom}: {number(of.value)}"
+    if of.given:
+        return f"{broke(of)} ({where}), with which run {of.run} begins: a command before it has set it"
+    of_state = of.column in PLURALS and not of.column.startswith("f")
     codes = "the reference has the same, from the same state" if of.both else "the reference has finite numbers there"
-    return f"{broke(of)} ({where}); {codes}"
+    return f"{broke(of)} ({where})" + ("" if of_state else f"; {codes}")
 
 
 def _step(of: BreakRecord | LostRecord) -> str:
@@ -146,7 +149,7 @@ def _step(of: BreakRecord | LostRecord) -> str:
 
 def lost(of: LostRecord) -> str:
     """Say how many particles a deck has lost without an error."""
-    return f"{of.lost} of {counted(of.of, 'atom')} lost by {_step(of)}; the deck tells LAMMPS to ignore that"
+    return f"{of.lost} of {counted(of.of, 'atom')} lost by {_step(of)}, after which LAMMPS goes on (thermo_modify lost)"
 
 
 def event(case: CaseRecord) -> str:

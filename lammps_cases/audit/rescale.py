@@ -114,8 +114,8 @@ def _report(made: RescaledDeck, case: CaseRecord, target: Path) -> list[str]:
         f"{target}: unit of length {made.length:.6g}, in which m/rho0 is 1 instead of {made.volume:.3g}; LAMMPS runs "
         f"it, {case.steps} steps, {case.natoms} atoms",
         f"same physics: forces and rates by the reference differ by {made.same:.2g} x bound; forces of pairs are "
-        f"{1 / made.volume:.3g} times too large in LAMMPS before, now off by at most {percent(max(left, default=0.0))} % "
-        "(rho/rho0 - 1)",
+        f"{1 / made.volume:.3g} times too large in LAMMPS before, now off by at most "
+        f"{percent(max(left, default=0.0))} % (rho/rho0 - 1)",
     ]
     lines += made.notes
     return lines + ([f"not explained in the new deck: {', '.join(differing)}"] if differing else [])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.model.parameters import Model
-from lammps_cases.audit import gather, text
+from lammps_cases.audit import gather, sample, text
 from lammps_cases.audit.deck import Deck, between
 from lammps_cases.audit.options import DeckDump, DeckSetups, RunSetup, ScriptCommand, StartState
 from lammps_cases.audit.sample import SOLID

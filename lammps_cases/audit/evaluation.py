@@ -127,17 +127,25 @@ class SampleEvaluation:
         s = sample.state
         evaluator: Any = in_blocks(type("Given", (_GivenDensities, at_cutoff(stages)), {}), len(s.type_n))
         self.sample = sample
+        self._outputs: dict[str, Any] = {}
         self.stages: _GivenDensities = evaluator(sample.model, sample.box, s.type_n, s.solid_n)
         self.stages.mass_n, self.stages.given_n = sample.mass_n, state.rho_n
         self.simulation = Simulation.with_evaluator(state, self.stages, fields)
         with np.errstate(all="ignore"):
             results = self.simulation.evaluate() if fields else {}
+            self.of_pairs = results.get("f")
             if "f" in results:
                 results["f"] = acted_on(results["f"], sample.actions, sample.mass_n)
 
     def output(self, field: str) -> Any:
         """Return a field of the evaluation; ``rho`` is the sum."""
-        return self.stages.summed_n if field == "rho" else self.simulation.output(field)
+        if field not in self._outputs:
+            self._outputs[field] = self.stages.summed_n if field == "rho" else self.simulation.output(field)
+        return self._outputs[field]
+
+    def own(self, field: str) -> Any:
+        """Return a field of the model itself: of forces those of pairs, without what fixes make of them."""
+        return self.of_pairs if field == "f" else self.output(field)
 
     def comparable(self, field: str) -> BoolArray:
         """Return the particles for which a field can be compared, (n,).

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from eos_ref import EOS
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.pairs import directed_pairs, separations
+from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.model.box import BoolArray
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.records.wording import counted, number
@@ -42,19 +42,30 @@ class Lint:
     brief: str = ""
 
 
-def number_density(sample: ParticleSample) -> tuple[Array, BoolArray]:
+def moved(sample: ParticleSample) -> ArrayEvaluator:
+    """Return the pairs of a sample.
+
+    Raises
+    ------
+    InputError
+        Particles far from the box.
+    """
+    pairs = ArrayEvaluator(sample.model, sample.box, sample.state.type_n, sample.state.solid_n)
+    with np.errstate(invalid="ignore"):  # of particles at one place
+        pairs.move(sample.state.x_nc)
+    return pairs
+
+
+def number_density(pairs: ArrayEvaluator) -> tuple[Array, BoolArray]:
     r"""Return the number densities :math:`n_i=\sum_jW_{ij}`, i included, and which particles have full support.
 
     1/n is the volume of a particle, whatever its mass. The support is full if the outer third of the cutoff holds
     neighbours within 45 degrees of every axis and every diagonal.
     """
-    model, state = sample.model, sample.state
-    pairs = ArrayEvaluator(model, sample.box, state.type_n, state.solid_n)
-    with np.errstate(invalid="ignore"):  # of particles at one place
-        pairs.move(state.x_nc)
+    model = pairs.model
     own = model.kernel.normalisation(model.dimension, model.cut) * float(model.kernel.shape(0.0))
     outer_p = pairs.r > OUTER * model.cut
-    full_n = np.ones(len(state.type_n), bool)
+    full_n = np.ones(pairs.n, bool)
     for direction in np.ndindex(*(3,) * model.dimension):
         d_c = np.array(direction) - 1.0
         if d_c.any():
@@ -69,11 +80,12 @@ def lints(sample: ParticleSample, id_n: Array) -> Iterator[Lint]:
     yield from _weight(sample)
     state = sample.state
     try:
-        n_n, full_n = number_density(sample)
+        pairs = moved(sample)
     except InputError:  # particles far from the box, which the next step will lose
         return
+    n_n, full_n = number_density(pairs)
     if len(n_n):
-        yield from _close(sample, id_n, float(np.median(n_n)) ** (-1 / sample.model.dimension))
+        yield from _close(sample, pairs, id_n, float(np.median(n_n)) ** (-1 / sample.model.dimension))
     for t, law in enumerate(sample.model.eos, 1):
         fluid_n = (state.type_n == t) & ~state.solid_n
         if law.needs_energy or not fluid_n.any():
@@ -88,11 +100,12 @@ def lints(sample: ParticleSample, id_n: Array) -> Iterator[Lint]:
         yield from _speed(t, law, state.v_nc[fluid_n])
 
 
-def _close(sample: ParticleSample, id_n: Array, spacing: float) -> Iterator[Lint]:
+def _close(sample: ParticleSample, pairs: ArrayEvaluator, id_n: Array, spacing: float) -> Iterator[Lint]:
     """Judge the closest pairs; two solids may overlap, but not lie at one place."""
     state = sample.state
-    i, j, shift_pc = directed_pairs(state.x_nc, sample.box, min(CLOSE * spacing, sample.model.cut))
-    r = separations(state.x_nc, i, j, shift_pc)
+    r = np.asarray(pairs.r, float)
+    near = r < CLOSE * spacing
+    i, j, r, shift_pc = pairs.i[near], pairs.j[near], r[near], pairs.shift_pc[near]
     once = (id_n[i] < id_n[j]) & (~(state.solid_n[i] & state.solid_n[j]) | (r == 0))
     if not once.any():
         return

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from eos_ref import EOSTable
 from eos_ref.eos import bounds
 from eos_ref.errors import InputError
+from eos_ref.evaluation.pairs import Candidates, sharing
 from eos_ref.model.parameters import Model
 from eos_ref.numbers.rounded import value
 from eos_ref.syntax.manual import manual_of
@@ -118,6 +119,7 @@ class DeckWatch:
         self._broke_off: int | None = None  # step at which LAMMPS ended a run
         self._failure: BaseException | None = None
         self._shared: tuple[Any, ...] | None = None  # of the last sample that looks like a fluid; see `share`
+        self._near: list[Candidates] = []  # pairs of all evaluations, as long as particles have hardly moved
         self._open: Explained = {}  # by field of the last good sample, findings that cannot be evaluated
 
     def heed(self, values: list[str]) -> None:
@@ -274,7 +276,8 @@ class DeckWatch:
         try:
             keep.take_thermo(self.lmp, self.thermo)
             if run.table is not None and (step % self.options.every == 0 or step in (run.first, run.stop)):
-                self._sample(run, run.table, int(step), tag_n, x_nc)
+                with sharing(self._near):
+                    self._sample(run, run.table, int(step), tag_n, x_nc)
             self._previous = int(step)
         except BaseException as error:  # ctypes would print and forget it
             self._failure = error
@@ -375,7 +378,7 @@ class DeckWatch:
             self._open = unpredictable | _undefined(run.sampler.explained)
         self._judged += 1
         doubled = self._judged & (self._judged - 1) == 0
-        harmful = tuple(effects(now, self.engine, self.runs, step)) if doubled else ()
+        harmful = tuple(effects(now, self.engine, self.runs, step, run.sampler.reference)) if doubled else ()
         self._harmful |= {effect.finding for effect in harmful}
         return harmful
 

@@ -11,7 +11,7 @@ from eos_ref.model.units import UNITS
 from lammps_cases.audit.deck import Deck
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.outlook import model_with_forces
-from lammps_cases.findings import LEDGER, accepting
+from lammps_cases.findings import LEDGER, Finding, accepting
 from lammps_cases.findings.entry import DeckRun
 from lammps_cases.findings.statements import GAS_WITHOUT_WORK
 from lammps_cases.records.audit_record import ActingRecord
@@ -50,7 +50,7 @@ class Acting:
         entry = accepting(error, self.engine)
         if entry is None:
             return error
-        self.found[entry.id] = ActingRecord(finding=entry.id, does=entry.effect)
+        self._take(entry, entry.effect)
         rule = f"{error.rule} (LAMMPS accepts it: known bug {entry.id})"
         return InputError(error.what, rule, error.found, error.where, error.key)
 
@@ -74,9 +74,17 @@ class Acting:
         self._kept = rheo
         for entry in LEDGER:
             if entry.id not in self.found and entry.listed(self.engine) and (does := entry.acting(setting)):
-                self.found[entry.id] = ActingRecord(finding=entry.id, does=does, own=does != entry.effect)
+                self._take(entry, does)
 
     def gas(self) -> None:
         """Take a gas without a model of its particles."""
         if GAS_WITHOUT_WORK.listed(self.engine):
-            self.found[GAS_WITHOUT_WORK.id] = ActingRecord(finding=GAS_WITHOUT_WORK.id, does=GAS_WITHOUT_WORK.effect)
+            self._take(GAS_WITHOUT_WORK, GAS_WITHOUT_WORK.effect)
+
+    def _take(self, entry: Finding, does: str) -> None:
+        self.found[entry.id] = record_of(entry, does)
+
+
+def record_of(entry: Finding, does: str) -> ActingRecord:
+    """Return the record of a finding that acts on a deck."""
+    return ActingRecord(finding=entry.id, does=does, own=does != entry.effect, severity=entry.severity)

@@ -118,5 +118,5 @@ def audit(task: AuditTask, connection: Connection) -> DeckEnd:
     return DeckEnd(
         watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead,
         watch.share(), series, solution, touching, list(watch.acting.found.values()), watch.health.broke,
-        watch.health.lost, lacks, watch.kept, watch.thermo,
+        watch.health.lost, questions.brief, lacks, watch.kept, watch.thermo,
     )  # fmt: skip

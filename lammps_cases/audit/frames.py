@@ -19,7 +19,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.model.parameters import Model
-from eos_ref.model.quantities import required
+from eos_ref.model.quantities import dependencies
 from eos_ref.model.state import Gradients, State
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import Rounded, error, value
@@ -125,13 +125,13 @@ def _at_end(name: str, model: Model) -> list[str]:
 
 def _of_forces(name: str, model: Model, set_up: bool) -> list[str]:
     """Return what gives the densities, velocities and energies that a field's sums take."""
-    quantities = required(model, (name,))
+    quantities = dependencies(model, name)
     wanted = ["mass"]
     if "rho" in quantities and name != "rho":
         wanted += ["rho"]
         if not (set_up or model.fix.rho_sum):
             wanted += ["grad/v", *(["drho"] if model.pair.rho_damp else [])]
-    if name not in ("drho", "heatflow") and {"grad/v", "shift/v", "f"} & set(quantities):
+    if "v" in quantities:
         wanted += ["v", *([] if set_up else ["f"])]
     if "temperature" in quantities or ("f" in quantities and model.eos.needs_energy):
         wanted += ["energy", *([] if set_up else ["heatflow"])]

@@ -36,8 +36,7 @@ class Health:
     lost: LostRecord | None = None
     ignores: bool = False  # whether LAMMPS goes on when particles are lost
     changes: bool = False  # whether fixes add or remove particles
-    _run: int = 0
-    _count: int = 0  # particles at the beginning of the run, or later if they have become more
+    _count: int = 0  # particles at the beginning of the run
     _energy: float = 0.0  # largest at the beginning of the run
     _density: float = 0.0  # the same over the equilibrium density
 
@@ -48,10 +47,12 @@ class Health:
         if values[0] == "fix" and values[3].startswith(("evaporate", "deposit", "pour")):
             self.changes = True
 
+    def begin(self, natoms: int) -> None:
+        """Take the number of particles with which a run begins."""
+        self._count = natoms
+
     def state(self, run: int, step: int, id_n: Array, columns: Mapping[str, Array]) -> bool:
         """Take the state of a sample as LAMMPS has it, by column; return whether all its numbers are finite."""
-        if run != self._run:
-            self._run, self._count = run, len(id_n)
         if len(id_n) < self._count and self.ignores and not self.changes:
             at = step if self.lost is None else self.lost.step
             self.lost = LostRecord(lost=self._count - len(id_n), of=self._count, run=run, step=at, ignored=True)

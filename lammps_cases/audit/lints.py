@@ -115,7 +115,7 @@ def _close(sample: ParticleSample, pairs: ArrayEvaluator, id_n: Array, spacing: 
     if r[at] == 0:
         brief = f"{pair} lie at the same place"
         more = f" ({counted(int((r == 0).sum()), 'such pair')})" if (r == 0).sum() > 1 else ""
-        yield Lint("close", f"{brief}{more}: forces between them are not defined (delete_atoms overlap)", 1.0, brief)
+        yield Lint("place", f"{brief}{more}: forces between them are not defined (delete_atoms overlap)", 1.0, brief)
         return
     boundary = " across a boundary" if across[at] else ""
     yield Lint(
@@ -180,9 +180,7 @@ def _speed(t: int, law: EOS, v_nc: Array) -> Iterator[Lint]:
             f"{speed:.3g}: its density will vary by about {100 * (speed / law.cs) ** 2:.2g} %; a ratio of {SLOW:g} "
             "would limit this to 1 %"
         )
-        yield Lint(
-            f"speed {t}", line, speed / law.cs, f"speed of sound is {law.cs / speed:.3g} times that of the fluid"
-        )
+        yield Lint(f"speed {t}", line, speed / law.cs, f"fluid reaches {speed / law.cs:.3g} times the speed of sound")
 
 
 def _weight(sample: ParticleSample) -> Iterator[Lint]:

@@ -425,6 +425,7 @@ class DeckEnd:
     acting: list[ActingRecord] = field(default_factory=list)
     broke: BreakRecord | None = None
     lost: LostRecord | None = None
+    brief: str = ""  # what is most questionable about the set-up
     lacks: str = ""  # what this LAMMPS was built without, and the deck needs
     kept: dict[int, dict[str, npt.NDArray[Any]]] = field(default_factory=dict)  # see `lammps_cases.audit.keep`
     thermo: list[dict[str, float]] = field(default_factory=list)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from lammps_cases.audit.acting import record_of
 from lammps_cases.audit.effects import worst as largest
 from lammps_cases.audit.fields import offered, out_of_scope
 from lammps_cases.audit.options import (
@@ -17,8 +18,8 @@ from lammps_cases.audit.options import (
     SampleRows,
 )
 from lammps_cases.engine.workers import Failure
-from lammps_cases.findings import effect_of
-from lammps_cases.records import wording
+from lammps_cases.findings import finding
+from lammps_cases.records import deck_wording, wording
 from lammps_cases.records.audit_record import ActingRecord, BreakRecord, BudgetRecord, EffectRecord
 from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, FieldRecord, worst
 
@@ -148,6 +149,7 @@ class Findings:
             fields=fields,
             laws=facts.laws,
             warnings=self.ended.warnings if self.ended else [],
+            brief=self.ended.brief if self.ended else "",
             stability=self.ended.stability if self.ended else [],
             effects=effects,
             acting=acting,
@@ -164,7 +166,7 @@ class Findings:
         )
         leave_unchecked(case, self.reasons())
         case.out_of_scope = out_of_scope(self.unchecked)
-        case.message = wording.message(case)
+        case.message = wording.message(case) or (deck_wording.broke_at_length(broke) if broke else "")
         return case
 
     def _acting(self) -> list[ActingRecord]:
@@ -172,7 +174,7 @@ class Findings:
         found = {of.finding: of for of in self.ended.acting} if self.ended else {}
         for field_, names in self.unpredictable:
             for name in names:
-                of = found.get(name, ActingRecord(finding=name, does=effect_of(name)))
+                of = found.get(name) or record_of(finding(name), finding(name).effect)
                 found[name] = of.model_copy(update={"fields": [*dict.fromkeys([*of.fields, field_])]})
         return list(found.values())
 

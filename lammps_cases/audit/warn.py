@@ -213,7 +213,7 @@ class Questions:
     def brief(self) -> str:
         """What is most likely wrong with the set-up, in a few words; nothing if nothing is."""
         self._judge()
-        order = ("close", "mass", "rho", "weight", "speed")
+        order = ("place", "mass", "rho", "weight", "speed", "close")
         found = {subject.split()[0]: worst.brief for subject, worst in self._worst.items() if worst.brief}
         return next((found[subject] for subject in order if subject in found), "")
 

@@ -146,6 +146,7 @@ class DeckWatch:
         self.runs += 1
         first = self._step()
         if self.lmp.extract_setting("box_exist"):
+            self.health.begin(int(self.lmp.get_natoms()))
             self.begin(values)
         sampled, begin = self.sample_seconds, time.perf_counter()
         try:

@@ -87,9 +87,9 @@ def severities(names: Iterable[str], ledger: Sequence[Finding] = LEDGER) -> dict
     return dict(sorted(chosen.items(), key=lambda item: SEVERITIES.index(item[1])))
 
 
-def effect_of(name: str) -> str:
-    """Return what a finding of the ledger does to a user."""
-    return next(entry.effect for entry in LEDGER if entry.id == name)
+def finding(name: str) -> Finding:
+    """Return a finding of the ledger by its id."""
+    return next(entry for entry in LEDGER if entry.id == name)
 
 
 def applicable(problem: Problem, lists: bool = False) -> list[Finding]:

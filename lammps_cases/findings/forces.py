@@ -145,7 +145,7 @@ HARMONIC_MEAN_UNDEFINED = Finding(
     outcome="refused",
     engine_error="Non-numeric atom coords",
     scene="two particles with viscosity 0 and harmonic/means",
-    model_variant=Variant(has_means_of_zeros, MeanOfZeros),
+    model_variant=Variant(has_means_of_zeros, MeanOfZeros, changes=("f", "heatflow")),
     gaps=(
         Gap(
             lambda scene: scene.pair.harmonic_means and scene.evolve is not None and _lacks_a_coefficient(scene),

@@ -193,7 +193,7 @@ GAS_OF_MASS_OF_TYPE = Finding(
             "for an equation of state alone, the law is evaluated with the per-particle masses",
         ),
     ),
-    model_variant=Variant(has_gas_of_masses, GasOfType),
+    model_variant=Variant(has_gas_of_masses, GasOfType, changes=("pressure",)),
 )
 
 SOUND_OF_MASS_OF_TYPE = Finding(

@@ -32,7 +32,7 @@ class Variant:
     fit : sets what only LAMMPS' numbers can tell, from its first snapshot
     undefined : whether it leaves values without a bound
     lists : whether it follows LAMMPS' lists of neighbours, which are read for it alone
-    changes : quantities that it changes; where they cannot be predicted, neither can what depends on them. Empty: any
+    changes : quantities that it changes; where they cannot be predicted, neither can what depends on them
     """
 
     applies: Callable[[Problem], bool]
@@ -49,7 +49,7 @@ class Variant:
         return self.undefined or not self.lists
 
     def reaches(self, model: Model, field: str) -> bool:
-        """Return whether a field of a model depends on a quantity that it changes, or may."""
+        """Return whether a field of a model depends on a quantity that it changes; always if these are not known."""
         return not self.changes or not dependencies(model, field).isdisjoint(self.changes)
 
     def within(self, other: Variant) -> bool:

@@ -166,7 +166,7 @@ WALL_VELOCITY_LOST = Finding(
             "deform, remap v) belong to the frame of the particle that is first in LAMMPS' list",
         ),
     ),
-    model_variant=Variant(has_moving_walls, WallVelocityLost),
+    model_variant=Variant(has_moving_walls, WallVelocityLost, changes=("grad/v", "f")),
     acts=lambda setting: has_moving_walls(setting.problem),
 )
 
@@ -192,7 +192,7 @@ WALLS_SUMMED_AFTER_SETUP = Finding(
             "for an equation of state alone, the density that is reported is compared, not the one that was used",
         ),
     ),
-    model_variant=Variant(sums_walls, stepping=WallsSummedAfterSetup),
+    model_variant=Variant(sums_walls, stepping=WallsSummedAfterSetup, changes=("rho",)),
     acts=lambda setting: sums_walls(setting.problem),
 )
 

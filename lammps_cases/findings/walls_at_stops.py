@@ -172,7 +172,7 @@ WALLS_BEGIN_WITH_PRESSURE = Finding(
     workaround="Continue with 'run N pre no'; or remove all RHEO fixes (unfix) and define them again before the run, "
     "also after read_restart (define and remove fix rheo once); data files written with 'nofix' are not affected.",
     scene="a fluid particle next to a solid one, run 0 twice",
-    model_variant=Variant(begins_again_with_walls, stepping=PressureForceKept),
+    model_variant=Variant(begins_again_with_walls, stepping=PressureForceKept, changes=("chi",)),
     acts=lambda setting: setting.again and bool(walls(setting.problem).any()),
     gaps=(
         Gap(

@@ -30,6 +30,7 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
 from lammps_cases.shrink.failure import FailureMode, failure_mode
 from lammps_cases.shrink.shrink import WorkerJudge, shrink
+from lammps_cases.verdict.model_cases import left_to_chance
 from lammps_cases.verdict.runaway import LOST
 
 if TYPE_CHECKING:
@@ -211,7 +212,10 @@ def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:
     """Return the finding that the engine is known to have and of which no variant reproduces such a scene, or ""."""
     if not (is_lost(record) or (record.verdict == "differs" and record.ended == "answered")):
         return ""
-    return next((entry.id for entry in with_gap(scene, engine)), "")
+    gaps = with_gap(scene, engine)
+    if record.verdict == "differs":  # those that reach what differs
+        gaps = [entry for entry in gaps if entry.id in record.limits or left_to_chance(entry)]
+    return next((entry.id for entry in gaps), "")
 
 
 def is_unbounded(record: CaseRecord, engine: str) -> bool:

@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from lammps_cases.records.documents import Record
+from lammps_cases.records.levels import Severity
 
 
 class EffectRecord(Record):
@@ -28,6 +29,7 @@ class ActingRecord(Record):
     finding: str
     does: str = Field(description="what it does there")
     own: bool = Field(False, description="whether these words are of this deck, and not those of the finding")
+    severity: Severity = Field("high", description="of the finding; on a deck where nobody knows by how much it acts")
     fields: list[str] = Field([], description="those that it changes and that cannot be predicted here")
 
 

@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 
 from lammps_cases.records import wording
 from lammps_cases.records.audit_record import BreakRecord, EffectRecord, LostRecord
-from lammps_cases.records.run_record import CaseRecord, FieldRecord
+from lammps_cases.records.levels import FAIL_ON, SEVERITIES, Severity, allowed, fails, severity_of
+from lammps_cases.records.run_record import CaseRecord, FieldRecord, Level
 from lammps_cases.records.wording import counted, listed, number, times
 
 _MORE = re.compile(r" For more information see \S+")
@@ -84,9 +85,18 @@ def change(case: CaseRecord, finding: str) -> float:
     return max(of_finding) if known else math.inf  # type: ignore[type-var, return-value]
 
 
-def above(case: CaseRecord, limit: float) -> list[str]:
-    """Return the findings whose effect on a deck is larger than that."""
-    return [finding for finding in case.findings if change(case, finding) > limit]
+def severity(case: CaseRecord, finding: str) -> Severity:
+    """Return the severity of a finding on a deck: by what it changes there, else that of the finding itself."""
+    effect = change(case, finding)
+    general = next((of.severity for of in case.acting if of.finding == finding), None)
+    return general if general and math.isinf(effect) else severity_of(effect)
+
+
+def rejected(case: CaseRecord, fail_on: Level) -> list[str]:
+    """Return the findings of a deck that a level does not let pass; an effect that nobody knows is above any."""
+    if fail_on in FAIL_ON:
+        return [finding for finding in case.findings if fails(severity(case, finding), fail_on)]
+    return [finding for finding in case.findings if change(case, finding) > allowed(fail_on)]
 
 
 def what(case: CaseRecord, finding: str) -> str:
@@ -105,8 +115,12 @@ def what(case: CaseRecord, finding: str) -> str:
 
 
 def bugs(case: CaseRecord) -> list[str]:
-    """Return the findings that a deck is under, those with the largest effect first."""
-    return sorted(case.findings, key=lambda finding: -change(case, finding))
+    """Return the findings that a deck is under, the most severe first, of these those with the largest effect."""
+
+    def rank(finding: str) -> tuple[int, float]:
+        return SEVERITIES.index(severity(case, finding)), -change(case, finding)
+
+    return sorted(case.findings, key=rank)
 
 
 # --- what happened
@@ -212,7 +226,9 @@ def remarks(case: CaseRecord) -> list[str]:
         said.append(f"checked to step {min(field.until or 0 for field in until)} only")
     if case.lost and case.lost.ignored:
         said.append(f"{case.lost.lost} of {counted(case.lost.of, 'atom')} lost")
-    return [*said, *([counted(len(case.warnings), "warning")] if case.warnings else [])]
+    if case.warnings:
+        said.append(counted(len(case.warnings), "warning") + (f": {case.brief}" if case.brief else ""))
+    return said
 
 
 def _all(names: Sequence[str]) -> str:

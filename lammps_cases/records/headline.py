@@ -153,7 +153,7 @@ def _failure(case: CaseRecord, fail_on: Level, exempt: Collection[str]) -> str:
         caused = case.outlook.findings if case.outlook else []
         others = _known(case, [name for name in case.findings if name not in caused], "other " if caused else "")
         return "; ".join(filter(None, [why, others]))
-    rejected = [name for name in deck.above(case, allowed(fail_on)) if name not in exempt]
+    rejected = [name for name in deck.rejected(case, fail_on) if name not in exempt]
     return f"{_known(case, rejected)}; rejected by --fail-on {fail_on}" if rejected else ""
 
 

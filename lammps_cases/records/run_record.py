@@ -246,6 +246,7 @@ class CaseRecord(Record):
         {}, description="rules of the reference that the case is for: number of particles or pairs that take each"
     )
     warnings: list[str] = Field([], description="questionable set-ups of an audited deck")
+    brief: str = Field("", description="the most questionable of them, in a few words")
     stability: list[str] = Field([], description="how far an audited deck lies from where it would fail")
     effects: list[EffectRecord] = Field([], description="what known findings do to an audited deck")
     acting: list[ActingRecord] = Field([], description="known findings that act on an audited deck by its definitions")

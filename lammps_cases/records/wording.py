@@ -306,9 +306,13 @@ def outlook(case: CaseRecord) -> str:
     if of.cause == "findings":
         bugs, these = ("bugs", "these bugs") if len(of.findings) > 1 else ("bug", "this bug")
         why = f"unstable because of the known {bugs} {listed(of.findings)}"
-        return f"{why}: {stable}; with {these} it diverges after {of.after or 0}"
+        if of.after is None:
+            return f"{why}, whose effect cannot be predicted: {stable}"
+        return f"{why}: {stable}; with {these} it diverges after {of.after}"
     if of.cause == "not understood":
         return f"not understood: {stable}"
+    if of.after is None:
+        return f"unstable as set up: {of.because}"
     away = f"the reference also diverges after {after} {from_there}"
     because = f"{of.because}; " if of.because else ""
     if of.cause == "time step":

@@ -14,7 +14,7 @@ from lammps_cases.findings import KNOWN, LEDGER, Finding, severities
 from lammps_cases.findings.engines import nearest
 from lammps_cases.records import deck_wording, wording
 from lammps_cases.records.headline import Headline, headline, how_severe, of_decks
-from lammps_cases.records.levels import SEVERITIES, Severity, allowed, fails, severity_of
+from lammps_cases.records.levels import SEVERITIES, Severity, fails, severity_of
 from lammps_cases.records.run_record import CarriedOver, CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
 
@@ -130,7 +130,7 @@ class Outcome:
     def _rejected_of(self, case: CaseRecord) -> Collection[str]:
         if not self.of_decks:
             return self.rejected
-        return set(deck_wording.above(case, allowed(self.run.fail_on))) - self.run.allowed.keys()
+        return set(deck_wording.rejected(case, self.run.fail_on)) - self.run.allowed.keys()
 
     def rank(self, case: CaseRecord) -> int:
         """Return the place of a case in a list by severity; all that is not accepted comes after all that is."""

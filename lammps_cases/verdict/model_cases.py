@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from eos_ref.model.parameters import Model
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem, ProblemStop
@@ -111,7 +112,9 @@ def judge_model(
     comparisons = [*(comparison for _, comparison in inputs), *judged.comparisons]
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
-    known_limits = [entry.id for entry in with_gap(scene, engine) if not _left_to_chance(entry)]
+    first = judged.beyond.blame if judged.beyond else judged.first
+    gaps = [entry for entry in with_gap(scene, engine) if first is None or _reaches(entry, problem.model, first)]
+    known_limits = [entry.id for entry in gaps if not left_to_chance(entry)]
     record.unseen = [entry.id for entry in judged.unseen if entry.id not in known_limits]  # else nothing tells
     record.limits = known_limits if record.verdict == "differs" else []
     record.lint = judged.lint
@@ -123,7 +126,12 @@ def judge_model(
     return field_arrays(in_box, answer.arrays, comparisons, judged.table)
 
 
-def _left_to_chance(entry: Finding) -> bool:
+def _reaches(entry: Finding, model: Model, first: Blame) -> bool:
+    """Return whether a finding reaches what LAMMPS differs in first; after a step all depends on all."""
+    return bool(first.step) or entry.model_variant is None or entry.model_variant.reaches(model, first.field)
+
+
+def left_to_chance(entry: Finding) -> bool:
     """Return whether a variant leaves the values that it cannot tell without a bound: the others it does tell."""
     return entry.model_variant is not None and entry.model_variant.undefined
 

@@ -26,6 +26,8 @@ OF_THE_PAGE = {
     "support-unit": "LAMMPS compares the sum of the formula; the page says that the threshold has no unit",
     "rmin-unit": "the same, of the newest manual",
     "sum-includes-self": "LAMMPS sums over the particle itself, as the method does; the formula of the page does not",
+    "wall-density-shared": "the density of a solid is a mean over its fluid neighbours, as published",
+    "gas-on-other-atoms": "more atom styles work than the page says",
     "no-mass-diffusion": "densities follow the equation of continuity, as in the papers; the page names another one",
 }
 # LAMMPS accepts an argument that the manual forbids, and the reference has no value for it: one line names the finding.

@@ -22,7 +22,7 @@ COLUMNS = [
     *("id", "type", "x", "y", "z", "vx", "vy", "vz", "fx", "fy", "fz"),
     *("c_rates", "c_state[1]", "c_state[2]", "c_state[3]", "c_state[4]"),
 ]
-INTEGERS = ("id", "type", "c_state[1]")  # the phase, too
+INTEGERS = ("id", "type")
 WATCH = f"""compute state all rheo/property/atom phase rho pressure grad/v/xx
 compute rates all property/atom drho
 dump all all custom 5 all.dump {" ".join(COLUMNS)}

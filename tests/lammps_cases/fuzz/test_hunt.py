@@ -79,6 +79,16 @@ def test_gaps_are_of_findings_that_the_engine_has(monkeypatch: pytest.MonkeyPatc
     assert known_gap(record, plain, "2025.7.22.4.0") == ""
 
 
+def test_a_gap_is_of_the_fields_that_its_finding_reaches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which the judgement knows: it names such limits."""
+    (entry,) = (entry for entry in LEDGER if entry.id == "wall-velocity-lost")
+    anywhere = replace(entry, gaps=(replace(entry.gaps[0], applies=lambda scene: True),), engines=("2025.7.22.4.0",))
+    monkeypatch.setattr(findings, "LEDGER", (anywhere,))
+    scene, record = draw(1, 0).case.scene, CaseRecord(case="drawn", verdict="differs", ended="answered")
+    assert known_gap(record, scene, "2025.7.22.4.0") == ""
+    assert known_gap(record.model_copy(update={"limits": [entry.id]}), scene, "2025.7.22.4.0") == entry.id
+
+
 QUINTIC, RK1 = {"kernel": "quintic", "interface_reconstruct": True}, {"kernel": "RK1", "interface_reconstruct": True}
 CLOSED = {"lattice": "sq", "spacing": 1.0, "cells": [8, 8], "periodic": [False, False]}
 

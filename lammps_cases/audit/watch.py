@@ -325,7 +325,8 @@ class DeckWatch:
         rows |= {(field, 0): SampleRow.of(len(c.bound_n), c.record) for field, c in others.items()}
         order = fields.offered()
         rows = dict(sorted(rows.items(), key=lambda item: (order.index(item[0][0]), item[0][1])))
-        of_findings = self._look_ahead(run, step, taken if others or sampler is None else None, unpredictable)
+        looked_at = taken if others or sampler is None else None
+        of_findings = self._look_ahead(run, step, tag_n, looked_at, unpredictable)
         budgets = self._budget(run, step, setup, bool(of_findings))
         open_ = {field: tuple(entry.id for entry in entries) for field, entries in unpredictable.items()}
         self.send(SampleRows(step, self.runs, self.done + step - run.first, rows, of_findings, budgets, open_))
@@ -362,7 +363,7 @@ class DeckWatch:
         return found.comparisons, found.unpredictable
 
     def _look_ahead(
-        self, run: WatchedRun, step: int, now: ParticleSample | None, unpredictable: Explained
+        self, run: WatchedRun, step: int, tag_n: Array, now: ParticleSample | None, unpredictable: Explained
     ) -> tuple[EffectRecord, ...]:
         """Keep a sample slower than sound; of the 1st, 2nd, 4th, 8th ... return what findings do to it."""
         count = 0 if now is None or run.sampler is None else len(now.mass_n)
@@ -373,7 +374,7 @@ class DeckWatch:
             return ()
         if self.health.broke is None or self._good is None:
             if "f" in run.choice.fields:
-                self._good = Good(now, float(self.lmp.extract_global("dt")), self.runs, step)
+                self._good = Good(now, float(self.lmp.extract_global("dt")), self.runs, step, tag_n.copy())
                 if self._first is None or self._first.run != self.runs:
                     self._first = self._good
             self._open = unpredictable | _undefined(run.sampler.explained)

@@ -7,7 +7,7 @@ Everything follows from the state as it is: densities, of walls too, are LAMMPS'
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,17 @@ class ParticleSample:
     def problem(self, fields: tuple[str, ...], steps: tuple[int, ...] = (0,)) -> Problem:
         """Return the sample as a problem whose findings can be looked for."""
         return Problem(self.model, self.box, self.state, 0.0, fields, steps, unlists_bonded=self.unlists_bonded)
+
+    def of(self, rows_k: Array) -> ParticleSample:
+        """Return some of the particles."""
+        arrays = {name: of[rows_k] for name, of in vars(self.state).items() if of is not None}
+        return replace(
+            self,
+            state=replace(self.state, **arrays),
+            mass_n=self.mass_n[rows_k],
+            actions=[(action, acts_n[rows_k]) for action, acts_n in self.actions],
+            z_n=None if self.z_n is None else self.z_n[rows_k],
+        )
 
     def rounded(self) -> State:
         """Return the state in `Rounded` arrays."""

@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from eos_ref import EOS
 from eos_ref.eos.table import FloatArray
-from eos_ref.evaluation.pairs import sharing
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.lints import Lint, Stillness, lints
 from lammps_cases.findings.refusals import HYPHEN_RANGE_ACCEPTED
@@ -189,12 +188,11 @@ class Questions:
         for (run, step), kept in by_step:
             at = f"run {run}: " if run > 1 else ""
             sample = kept.sample
-            with sharing([]):
-                for lint in lints(sample, kept.id_n):
-                    self._worse(lint, at, step, True)
-                for advice in judge(sample.model, sample.box, sample.state, kept.timestep):
-                    subject = advice.subject or advice.text
-                    self._worse(Lint(subject, advice.text, advice.measure), at, step, advice.warns)
+            for lint in lints(sample, kept.id_n):
+                self._worse(lint, at, step, True)
+            for advice in judge(sample.model, sample.box, sample.state, kept.timestep):
+                subject = advice.subject or advice.text
+                self._worse(Lint(subject, advice.text, advice.measure), at, step, advice.warns)
 
     def _worse(self, lint: Lint, run: str, step: int, warns: bool) -> None:
         """Keep a line if none on its subject is worse."""

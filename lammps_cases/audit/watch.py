@@ -37,7 +37,7 @@ from lammps_cases.audit.health import Health, mach
 from lammps_cases.audit.options import AuditOptions, PairShare, RunFacts, SampleRow, SampleRows
 from lammps_cases.audit.outlook import Good, model_with_forces, outlook
 from lammps_cases.audit.pressure import PressureSample
-from lammps_cases.audit.rerun import looks, reruns
+from lammps_cases.audit.rerun import looks, reruns, shortened
 from lammps_cases.audit.warn import SOLID, Kept, Questions
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, EffectRecord, OutlookRecord, SeriesRecord
@@ -419,7 +419,13 @@ class DeckWatch:
             groups = ", ".join(dict.fromkeys(f"{a.style} on {a.group}" for a, _ in self._good.sample.actions))
             why = f"forces act on groups that are not of types ({groups})"
             return [f"--budgets: the reference does not run on from the first look, as {why}"]
-        return []
+        steps = self._good.step - self._first.step if self._first else 0
+        short = shortened(len(self._good.id_n), steps)
+        return (
+            [f"--budgets: the reference takes fewer than {steps} steps, as particles are many: {short}"]
+            if short
+            else []
+        )
 
     def outlook(self) -> tuple[OutlookRecord | None, list[EffectRecord]]:
         """Return why the state broke or LAMMPS ended a run before its time; nothing if neither, or if nobody knows."""

@@ -48,7 +48,7 @@ class CutOut:
 
     Attributes
     ----------
-    problem : of these particles alone, those that are held at rest
+    problem : of these particles alone
     rows_k : which they are, (k,)
     held_k : those of the rim, (k,): without all their neighbours they are left as they are
     around : the row of that in the middle
@@ -60,7 +60,7 @@ class CutOut:
     around: int
 
 
-def cut_out(problem: Problem, around: int, most: int = MOST) -> CutOut:
+def cut_out(problem: Problem, around: int, most: int) -> CutOut:
     """Return the nearest particles to one of a problem, in its box; all of them if they are not too many."""
     state, n = problem.state, len(problem.state.x_nc)
     if n <= most:
@@ -71,18 +71,23 @@ def cut_out(problem: Problem, around: int, most: int = MOST) -> CutOut:
     rows_k = np.flatnonzero(r_n <= radius)
     held_k = r_n[rows_k] > radius - min(RIM * problem.model.cut, radius / 2)
     some = replace(state, **{name: of[rows_k] for name, of in vars(state).items() if of is not None})
-    some.v_nc = np.where(held_k[:, None], 0.0, some.v_nc)
     return CutOut(replace(problem, state=some), rows_k, held_k, around)
 
 
-def likeliest(problem: Problem) -> int:
-    """Return the row of the fastest particle of fluid, or of that with the largest force if all are at rest."""
+def likeliest(problem: Problem, force_nc: FloatArray | None = None) -> int:
+    """Return the row of the fastest particle of fluid, or of that with the largest force if all are at rest.
+
+    The forces are evaluated if they are not known.
+    """
     size_n = np.abs(problem.state.v_nc).max(axis=1)
     fluid_n = ~problem.state.solid_n
     if not size_n[fluid_n].any():
-        run = Simulation(problem.model, problem.box, problem.state, ("f",), own_stages(replace(problem, steps=(0,))))
-        run.setup()
-        size_n = np.abs(run.output("f")).max(axis=1)
+        if force_nc is None:
+            one = replace(problem, steps=(0,))
+            run = Simulation(problem.model, problem.box, problem.state, ("f",), own_stages(one))
+            run.setup()
+            force_nc = run.output("f")
+        size_n = np.abs(force_nc).max(axis=1)
     return int(np.argmax(np.where(fluid_n, size_n, -1.0)))
 
 
@@ -156,8 +161,11 @@ class Attempts:
 
     @cached_property
     def part(self) -> CutOut:
-        """The particles that are followed."""
-        return cut_out(self.start, likeliest(self.start) if len(self.id_n) > MOST else 0)
+        """The particles that are followed; those that are held are at rest."""
+        part = cut_out(self.start, likeliest(self.start) if len(self.id_n) > MOST else 0, MOST)
+        state = part.problem.state
+        at_rest = replace(state, v_nc=np.where(part.held_k[:, None], 0.0, state.v_nc))
+        return replace(part, problem=replace(part.problem, state=at_rest))
 
     def cause(self, engine: str, run: int, step: int) -> OutlookRecord:
         """Return the likeliest cause of an end that came after a state, which is of a step of a run.

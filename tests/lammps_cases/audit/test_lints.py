@@ -15,7 +15,7 @@ from eos_ref.model.state import State
 from lammps_cases.audit import AuditOptions, audit_deck
 from lammps_cases.audit.deck import hyphens
 from lammps_cases.audit.evaluation import ParticleSample
-from lammps_cases.audit.lints import Stillness, moved, number_density
+from lammps_cases.audit.lints import Stillness, number_density
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.pages import unpacked
 
@@ -154,11 +154,11 @@ def test_only_particles_with_full_support_count(d: int) -> None:
     x_nc = np.stack(np.meshgrid(*[np.arange(across) + 0.5] * (d - 1), np.arange(rows) + 0.5, indexing="ij"), -1)
     x_nc = x_nc.reshape(-1, d)
     box = Box((0.0,) * d, (*(float(across),) * (d - 1), float(rows)), (*(True,) * (d - 1), False))
-    n_n, full_n = number_density(moved(sample_of(x_nc, box)))
+    n_n, full_n = number_density(sample_of(x_nc, box))
     assert sorted(set(x_nc[full_n, -1])) == [2.5, 3.5, 4.5, 5.5]
     # The sum over the quintic spline with h = spacing is an integral to within its smallest wave's transform.
     np.testing.assert_allclose(n_n[np.abs(x_nc[:, -1] - rows / 2) < 1.5], 1.0, rtol=3e-3, atol=0)
-    assert not number_density(moved(sample_of(x_nc[:1], box)))[1].any()
+    assert not number_density(sample_of(x_nc[:1], box))[1].any()
 
 
 def test_stillness_takes_two_samples_and_something_that_moves() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import signal
 import time
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -21,8 +23,16 @@ from lammps_cases.audit.options import AuditTask, CommandPlace, DeckEnd, EngineI
 from lammps_cases.audit.setups import SetupWatch
 from lammps_cases.audit.warn import HYPHEN
 from lammps_cases.audit.watch import DeckWatch
-from lammps_cases.engine import containment
-from lammps_cases.engine.session import EngineLacks, EngineMissing, EngineRefused, describe, load, open_lammps
+from lammps_cases.engine import containment, ranks
+from lammps_cases.engine.session import (
+    EngineBroken,
+    EngineLacks,
+    EngineMissing,
+    EngineRefused,
+    describe,
+    load,
+    open_lammps,
+)
 from lammps_cases.engine.workers import memory_share
 from lammps_cases.records.run_record import Seconds
 
@@ -32,14 +42,32 @@ LARGEST_FILE = 2**34  # bytes
 def main(task: AuditTask, connection: Connection) -> None:
     """Run a deck and send the messages of `lammps_cases.audit.options`; at last `DeckEnd`, or the error."""
     containment.end_with_parent()
-    containment.limit(memory_share(1), task.options.timeout, LARGEST_FILE)
+    containment.limit(memory_share(task.options.ranks), task.options.timeout, LARGEST_FILE)
     os.chdir(task.working)
+    sender = Sender(connection)
     try:
-        connection.send(audit(task, connection))
+        sender.send(audit(task, sender))
     except (InputError, EngineMissing) as error:
-        connection.send(error)
+        sender.send(error)
     except RecursionError:
-        connection.send(InputError("deck", guard.NESTED, where=task.deck))
+        sender.send(InputError("deck", guard.NESTED, where=task.deck))
+    if task.options.ranks > 1:
+        signal.pause()  # for the end of the audit: a rank that ends before the others may end them
+
+
+class Sender:
+    """Sends the messages of the first rank, and those of one that LAMMPS has ended alone, one at a time."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self.silent = False
+
+    def send(self, message: object) -> None:
+        """Send a message, unless this rank is silent."""
+        if not self.silent:
+            fcntl.flock(self.connection, fcntl.LOCK_EX)
+            self.connection.send(message)
+            fcntl.flock(self.connection, fcntl.LOCK_UN)
 
 
 def start(task: AuditTask) -> tuple[Any, dict[str, str]]:
@@ -78,7 +106,7 @@ def compile_first() -> None:
     laws[0].pressure(ones_n)
 
 
-def audit(task: AuditTask, connection: Connection) -> DeckEnd:
+def audit(task: AuditTask, sender: Sender) -> DeckEnd:
     """Run a deck in the current folder, with samples.
 
     Raises
@@ -88,13 +116,15 @@ def audit(task: AuditTask, connection: Connection) -> DeckEnd:
     begin = time.perf_counter()
     options = task.options
     lmp, who = start(task)
-    connection.send(EngineIdentity(who))
-    watch = (SetupWatch if task.setups else DeckWatch)(lmp, options, connection.send, who["distribution"])
+    ranks.require_size(lmp, options.ranks)
+    sender.silent = lmp.extract_setting("world_rank") > 0
+    sender.send(EngineIdentity(who))
+    watch = (SetupWatch if task.setups else DeckWatch)(lmp, options, sender.send, who["distribution"])
 
     def report(where: str, written: str) -> None:
         if isinstance(watch, SetupWatch):
             watch.meet(where, written)
-        connection.send(CommandPlace(where, written))
+        sender.send(CommandPlace(where, written))
 
     within = None if options.trust else task.place
     follower = Follower(lmp, watch, report, within)
@@ -105,10 +135,12 @@ def audit(task: AuditTask, connection: Connection) -> DeckEnd:
         follower.deck(Path(task.deck))
     except EngineRefused as error:
         refused = str(error)
+        if isinstance(error, EngineBroken):  # on this rank alone: the others wait for it
+            sender.silent = False
     except EngineLacks as error:
         lacks = str(error)
     if isinstance(watch, SetupWatch):
-        connection.send(watch.setups())
+        sender.send(watch.setups())
     arrays, last = watch.final()
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
     questions, (cause, ahead) = watch.questions, watch.outlook()

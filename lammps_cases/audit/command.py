@@ -52,7 +52,7 @@ def audit(
     engine, out :
         See `lammps_cases.run.command.run`.
     options :
-        every, steps, fields, timeout, trust, suffix, package, var, root, budgets: see
+        every, steps, fields, timeout, trust, suffix, package, var, root, ranks, budgets: see
         `lammps_cases.audit.options.AuditOptions`.
 
     Raises

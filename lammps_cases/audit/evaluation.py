@@ -44,6 +44,7 @@ class ParticleSample:
     z_n : (n,) heights of particles in 2D, which ought to be all the same
     unlists_bonded : whether LAMMPS may leave pairs of bonded particles out of its neighbour lists
     newton : the flags of pairs and of bonds
+    ranks : that LAMMPS has
     """
 
     model: Model
@@ -55,10 +56,13 @@ class ParticleSample:
     z_n: Array | None = None
     unlists_bonded: bool = False
     newton: tuple[bool, bool] = (True, True)
+    ranks: int = 1
 
     def problem(self, fields: tuple[str, ...], steps: tuple[int, ...] = (0,)) -> Problem:
         """Return the sample as a problem whose findings can be looked for."""
-        return Problem(self.model, self.box, self.state, 0.0, fields, steps, unlists_bonded=self.unlists_bonded)
+        return Problem(
+            self.model, self.box, self.state, 0.0, fields, steps, ranks=self.ranks, unlists_bonded=self.unlists_bonded
+        )
 
     def of(self, rows_k: Array) -> ParticleSample:
         """Return some of the particles."""

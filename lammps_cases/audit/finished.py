@@ -348,6 +348,7 @@ def _sample(frame: Frame, held: dict[str, Any], id_n: npt.NDArray[Any]) -> Frame
         snapshot.numbers("z") if d == 2 and "z" in snapshot.columns else None,
         unlists_bonded=run.deck.unlists_bonded,
         newton=setup.newton,
+        ranks=setup.ranks,
         of_forces=state,
         at_end={name: held[name] for name in ("rho", "energy") if name in held},
         gradient_ncc=held.get("grad/v"),

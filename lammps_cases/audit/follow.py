@@ -9,6 +9,7 @@ number, and a line is substituted once, by LAMMPS (a random variable must not ad
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import re
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from lammps_cases.audit.place import DeckPlace, written
 from lammps_cases.audit.watch import DeckWatch
 from lammps_cases.engine.session import EngineRefused, translated
 
+_OTHER_RANKS = "Specified processors != physical processors"
 BRANCH = "eosref_branch"  # names of variables that decks will not use
 LINE = "eosref_line"
 _UNSET = re.compile(r"Substitution for illegal variable (\w+)")
@@ -63,6 +65,7 @@ class Follower:
         self.seeking: str | None = None
         self.skip_jump = False
         self.where = ""
+        self.grid: list[str] = []  # ranks along each axis, as the deck has them
         lmp.command(f'variable {LINE} string ""')
 
     def deck(self, path: Path) -> None:
@@ -147,6 +150,8 @@ class Follower:
                 self._hidden(words)
                 self.watch.heed(values)
                 self._make_folders(values)
+                if values[0] == "processors":
+                    self.grid = values[1:4]
                 self.execute(command)
                 self.watch.note(values)
 
@@ -176,6 +181,8 @@ class Follower:
 
     def _make_folders(self, values: list[str]) -> None:
         """Make the folders for what a command writes: they may be there where the deck is meant to run."""
+        if self.lmp.extract_setting("world_rank"):  # the first rank does
+            return
         for folder in {Path(os.path.normpath(file)).parent for file in written(values)}:
             with contextlib.suppress(OSError, ValueError):  # LAMMPS' own message follows
                 if not (folder.is_absolute() or ".." in folder.parts or folder.exists()):
@@ -209,4 +216,8 @@ class Follower:
         except EngineRefused as error:
             unset = _UNSET.search(str(error))
             hint = f" (-var {unset[1]} VALUE defines it, as for lmp)" if unset else ""
-            raise EngineRefused(f"{' '.join(str(error).split())}{hint} ({self.where})") from None
+            if _OTHER_RANKS in str(error):
+                hint = f" (--ranks {math.prod(int(n) for n in self.grid if n.isdecimal())} starts as many)"
+            said, *rest = " ".join(str(error).split()).split(" (src/", 1)  # the hint comes before the place in a source
+            place = "".join(f" (src/{part}" for part in rest)
+            raise type(error)(f"{said}{hint}{place} ({self.where})") from None

@@ -8,21 +8,23 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 import platformdirs
 
 from lammps_cases.audit.options import AuditTask
-from lammps_cases.engine import containment
+from lammps_cases.engine import containment, mpi
 
 Entry = Callable[[AuditTask, Connection], None]
 
-START = "import pickle, sys; sys.path[:], run = pickle.load(sys.stdin.buffer); pickle.loads(run)()"
+START = "import pickle, sys; sys.path[:], run = pickle.load(open(sys.argv[1], 'rb')); pickle.loads(run)()"
 # What a deck may read of the user's environment, and what Python, numba and MPI need of it.
 KEPT = ("PATH", "LD_LIBRARY_PATH", "LANG", "TZ", "PYTHONHOME", "LAMMPS_POTENTIALS")
 KEPT_BEGINNINGS = ("LC_", "OMP_", "KMP_", "NUMBA_", "MPICH_", "OMPI_MCA_", "UCX_", "FI_", "COVERAGE_")
+# Contained ranks may neither read one another's memory, as MPICH's CMA does, nor open files of one another.
+APART = {"MPIR_CVAR_CH4_CMA_ENABLE": "0", "UCX_TLS": "self,sysv"}
 
 
 def run_child(task: AuditTask, connection: Connection) -> None:
@@ -33,28 +35,31 @@ def run_child(task: AuditTask, connection: Connection) -> None:
 
 
 class _Run:
-    """An entry and its task, with the handle that the process has for its messages."""
+    """An entry and its task; the process opens the fifo of its messages, as launchers of ranks pass on no handles."""
 
-    def __init__(self, entry: Entry, task: AuditTask, handle: int) -> None:
-        self.entry, self.task, self.handle = entry, task, handle
+    def __init__(self, entry: Entry, task: AuditTask) -> None:
+        self.entry, self.task = entry, task
 
     def __call__(self) -> None:
-        with Connection(self.handle, readable=False) as connection:
+        with Connection(os.open(self.task.fifo, os.O_WRONLY), readable=False) as connection:
             self.entry(self.task, connection)
 
 
 def environment(task: AuditTask) -> dict[str, str]:
     """Return the environment of the process: without passwords and tokens, unless the deck is trusted."""
+    several = mpi.SETTINGS if task.options.ranks > 1 else {}
     if task.options.trust:
-        return {**os.environ, "TMPDIR": task.temporary}
+        return {**several, **os.environ, "TMPDIR": task.temporary}
     kept = {name: text for name, text in os.environ.items() if name in KEPT or name.startswith(KEPT_BEGINNINGS)}
     return {
+        **several,
         **kept,
         "HOME": task.temporary,
         "TMPDIR": task.temporary,
         "XDG_CACHE_HOME": platformdirs.user_cache_dir(),
         "OPENBLAS_NUM_THREADS": "1",  # Landlock holds for threads that start after it
         "OMPI_MCA_ess_singleton_isolated": "1",  # Open MPI otherwise starts a program of its own
+        **(APART if several else {}),
     }
 
 
@@ -70,19 +75,28 @@ def reach(task: AuditTask) -> containment.Reach:
 
 
 @contextlib.contextmanager
-def running(entry: Entry, task: AuditTask, output: Path) -> Iterator[tuple[subprocess.Popen[bytes], Connection]]:
-    """Start the process, with what it prints in a file, and give it with the end of its messages; it ends with this."""
+def running(
+    entry: Entry, task: AuditTask, output: Path, launcher: Sequence[str] = ()
+) -> Iterator[tuple[subprocess.Popen[bytes], Connection]]:
+    """Start the process, with what it prints in a file, and give it with the end of its messages; it ends with this.
+
+    With the words of a ``launcher`` it is the one that starts the ranks.
+    """
     Path(task.temporary).mkdir()
-    reading, writing = os.pipe()
+    os.mkfifo(task.fifo)
+    reading = os.open(task.fifo, os.O_RDONLY | os.O_NONBLOCK)
+    writing = os.open(task.fifo, os.O_WRONLY)
+    os.set_blocking(reading, True)
     paths = [os.path.abspath(path) for path in sys.path]  # noqa: PTH100  "" is a folder here, and another there
-    start = pickle.dumps((paths, pickle.dumps(_Run(entry, task, writing))))
-    words = [sys.executable, "-P", "-c", START]
+    start = Path(task.temporary) / "start"
+    start.write_bytes(pickle.dumps((paths, pickle.dumps(_Run(entry, task)))))
+    words = [*launcher, sys.executable, "-P", "-c", START, str(start)]
     command = containment.contained(words, reach(task), task.folder, task.means)
     with Connection(reading, writable=False) as receiver, output.open("wb") as printed:
         try:
             process = subprocess.Popen(
                 command,
-                stdin=subprocess.PIPE,
+                stdin=subprocess.DEVNULL,
                 stdout=printed,
                 stderr=printed,
                 env=environment(task),
@@ -90,11 +104,8 @@ def running(entry: Entry, task: AuditTask, output: Path) -> Iterator[tuple[subpr
                 start_new_session=True,
             )
         finally:
-            os.close(writing)  # the process holds the only other end: its death ends the messages
+            os.close(writing)  # the process holds this end, and what it starts: its death ends the messages
         try:
-            assert process.stdin is not None
-            with contextlib.suppress(BrokenPipeError), process.stdin as stdin:
-                stdin.write(start)
             yield process, receiver
         finally:
             with contextlib.suppress(ProcessLookupError):

@@ -32,6 +32,7 @@ from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import FieldRecord, LawRecord, RunRecord, Seconds, Verdict
 
 TIMEOUT = 3600.0  # seconds
+MOST_RANKS = 64
 TRUST = "EOS_REF_TRUST"  # in the environment: 1 for decks that are trusted
 
 
@@ -71,6 +72,8 @@ class AuditOptions:
         Index variables defined before the deck, by name: a value, or several; as by LAMMPS' own switch -var.
     root : Path, optional
         Folder that is copied, and may be read; by default that in which the deck runs.
+    ranks : int
+        MPI processes that LAMMPS runs on, 1 to 64.
     budgets : bool
         Also record conserved quantities, and run the reference from the last run's first sample, with one thing changed
         at a time.
@@ -95,6 +98,7 @@ class AuditOptions:
     package: tuple[str, ...] = ()
     var: Mapping[str, Any] = field(default_factory=dict)
     root: Path | None = None
+    ranks: int = 1
     budgets: bool = False
 
     def __post_init__(self) -> None:
@@ -104,6 +108,8 @@ class AuditOptions:
             raise InputError("steps", "must be at least 1 time step", self.steps, "option --steps")
         if not self.timeout > 0:
             raise InputError("timeout", "must be a positive number of seconds", self.timeout, "option --timeout")
+        if not 1 <= self.ranks <= MOST_RANKS:
+            raise InputError("ranks", f"must be 1 to {MOST_RANKS} processes", self.ranks, "option --ranks")
         object.__setattr__(self, "fields", chosen(self.fields))
         object.__setattr__(self, "var", {name: _values(name, given) for name, given in self.var.items()})
 
@@ -202,6 +208,11 @@ class AuditTask:
         """Return the folder for temporary files."""
         return f"{self.outside}/tmp"
 
+    @property
+    def fifo(self) -> str:
+        """Return the file that carries the messages."""
+        return f"{self.temporary}/messages"
+
 
 @dataclass(frozen=True)
 class RunSetup:
@@ -218,6 +229,7 @@ class RunSetup:
     id_n, solid_n : of the particles
     members : by group, whether a particle is in it
     newton : the flags of pairs and of bonds
+    ranks : that LAMMPS has
     """
 
     __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
@@ -243,6 +255,7 @@ class RunSetup:
     solid_n: npt.NDArray[Any]
     members: dict[str, npt.NDArray[Any]]
     newton: tuple[bool, bool]
+    ranks: int
 
 
 @dataclass

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref import EOSTable
+from lammps_cases.audit import gather
 from lammps_cases.comparison.compare import Comparison, EosState, compare_pressure
 from lammps_cases.records.run_record import FieldRecord
 
@@ -86,19 +87,22 @@ class PressureSample:
 
 def read(lmp: Any, table: EOSTable, mass_t: Array | None, step: int, tag_n: Array, x_nc: Array) -> PressureSample:
     """Copy what LAMMPS shows now; ``mass_t`` is None where every particle has its own mass."""
-    atoms, n = lmp.numpy, len(tag_n)
-    type_n = atoms.extract_atom("type")[:n].copy()
+
+    def column(name: str) -> Array:
+        return gather.atoms(lmp, name, len(tag_n)).copy()
+
+    type_n = column("type")
     arrays: dict[str, Array] = {
         "id": tag_n.copy(),
         "type": type_n,
         "x": x_nc.copy(),
-        "v": atoms.extract_atom("v")[:n].copy(),
-        "rho": atoms.extract_atom("rho")[:n].copy(),
-        "p": atoms.extract_atom("pressure")[:n].copy(),
-        "mass": mass_t[type_n] if mass_t is not None else atoms.extract_atom("rmass")[:n].copy(),
+        "v": column("v"),
+        "rho": column("rho"),
+        "p": column("pressure"),
+        "mass": mass_t[type_n] if mass_t is not None else column("rmass"),
     }
     if table.needs_energy:
-        arrays["energy"] = atoms.extract_atom("esph")[:n].copy()
+        arrays["energy"] = column("esph")
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     tilt = (xy, xz, yz)
     box_c = np.array([low, high, *[tilt] * any(tilt)])

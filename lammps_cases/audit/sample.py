@@ -14,11 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.model.box import BoolArray, Box
+from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.model.state import State
 from eos_ref.numbers.rounded import error, value
+from lammps_cases.audit import gather
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.explanation import Explained, Left, explain
@@ -33,9 +34,7 @@ from lammps_cases.verdict.model_fields import derived
 
 Array = npt.NDArray[Any]
 COMPUTE = "eosref_fields"
-MEMBERS = "eosref_in_"
 SOLID = 1
-ATOM_VARIABLE = 1  # extract_variable's LMP_VAR_ATOM
 NOT_PRINTED: Mapping[str, Array] = {}
 
 
@@ -67,7 +66,7 @@ class Sampler:
         The pressure among them is left out.
     model : Model
     actions : sequence of Action
-        Fixes that change forces by plain numbers; see `follow_group`.
+        Fixes that change forces by plain numbers.
     mass_t : array or None
         Mass per type, from index 1; None where every particle has its own.
     engine : str
@@ -130,7 +129,7 @@ class Sampler:
 
     def _lists(self, tag_n: Array) -> tuple[NeighbourList, ...]:
         """Return LAMMPS' neighbour list, whose particles are counted as in the sample; nothing on several ranks."""
-        if self.lmp.extract_setting("world_size") > 1 or self.lmp.find_pair_neighlist("rheo") < 0:
+        if gather.ranks(self.lmp) > 1 or self.lmp.find_pair_neighlist("rheo") < 0:
             return ()
         read, order_n = read_list(self.lmp), np.argsort(tag_n)
         id_s = read.pop("id_s")
@@ -142,9 +141,10 @@ class Sampler:
         shown: dict[str, Array] = {}
         for field in map(FIELDS.__getitem__, self.fields):
             if field.array:
-                shown[field.name] = field.planar(self.lmp.numpy.extract_atom(field.array)[:n].copy(), d)
+                shown[field.name] = field.planar(gather.atoms(self.lmp, field.array, n).copy(), d)
         if self.columns:
-            table = self.lmp.numpy.extract_compute(COMPUTE, 1, 2)[:n].copy()
+            count = max(columns.stop for columns in self.columns.values())
+            table = gather.compute(self.lmp, COMPUTE, count, n).copy()
             for name, columns in self.columns.items():
                 shown[name] = table[:, columns].reshape(n, *(d,) * QUANTITIES[name].rank)
         return shown
@@ -219,38 +219,30 @@ def known(engine: str) -> list[Finding]:
 def taken(
     lmp: Any, model: Model, actions: Sequence[Action], mass_t: Array | None, n: int, x_nc: Array
 ) -> ParticleSample:
-    """Return the particles and the box as they are now, copied; see `follow_group` for the groups of actions."""
-    atoms, d = lmp.numpy, model.dimension
+    """Return the particles and the box as they are now, copied."""
+    d = model.dimension
+
+    def read(name: str) -> Array:
+        return gather.atoms(lmp, name, n)
+
     state = State(
         x_nc=x_nc[:n, :d].copy(),
-        v_nc=atoms.extract_atom("v")[:n, :d].copy(),
-        rho_n=atoms.extract_atom("rho")[:n].copy(),
-        type_n=atoms.extract_atom("type")[:n].copy(),
-        solid_n=atoms.extract_atom("rheo_status")[:n] & SOLID != 0,
-        energy_n=atoms.extract_atom("esph")[:n].copy() if model.thermal is not None else None,
-        mass_n=atoms.extract_atom("rmass")[:n].copy() if mass_t is None else None,
+        v_nc=read("v")[:, :d].copy(),
+        rho_n=read("rho").copy(),
+        type_n=read("type").copy(),
+        solid_n=read("rheo_status") & SOLID != 0,
+        energy_n=read("esph").copy() if model.thermal is not None else None,
+        mass_n=read("rmass").copy() if mass_t is None else None,
     )
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     tilt = (xy, xz, yz)[: d * (d - 1) // 2]
     ends = tuple(low[:d]), tuple(high[:d])
     box = Box(*ends, tuple(bool(flag) for flag in periodic[:d]), tilt if any(tilt) else ())
-    mass_n = atoms.extract_atom("rmass")[:n].copy() if mass_t is None else mass_t[state.type_n]
+    mass_n = read("rmass").copy() if mass_t is None else mass_t[state.type_n]
     z_n = x_nc[:n, 2].copy() if d == 2 else None
     newton = bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))
-    return ParticleSample(
-        model, box, state, mass_n, [(a, members(lmp, a.group, n)) for a in actions], z_n=z_n, newton=newton
-    )
-
-
-def follow_group(lmp: Any, group: str) -> None:
-    """Define what `members` reads; during a run LAMMPS takes no commands."""
-    lmp.command(f"variable {MEMBERS}{group} atom gmask({group})")
-
-
-def members(lmp: Any, group: str, n: int) -> BoolArray:
-    """Return the particles that are in a group now, (n,)."""
-    in_n: BoolArray = lmp.numpy.extract_variable(f"{MEMBERS}{group}", "all", ATOM_VARIABLE)[:n] != 0
-    return in_n
+    acting = [(action, gather.members(lmp, action.group, n)) for action in actions]
+    return ParticleSample(model, box, state, mass_n, acting, z_n=z_n, newton=newton, ranks=gather.ranks(lmp))
 
 
 def drop(lmp: Any) -> None:

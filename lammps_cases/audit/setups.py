@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lammps_cases.audit import sample, text
+from lammps_cases.audit import gather, text
 from lammps_cases.audit.deck import Deck, between
 from lammps_cases.audit.options import DeckDump, DeckSetups, RunSetup, ScriptCommand, StartState
 from lammps_cases.audit.sample import SOLID
@@ -100,20 +100,18 @@ class SetupWatch(DeckWatch):
         return False
 
     def _start(self) -> StartState:
-        lmp, n = self.lmp, int(self.lmp.extract_setting("nlocal"))
+        lmp, n = self.lmp, len(gather.ids(self.lmp))
         low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
         groups = [group for group in lmp.available_ids("group") if group]  # deleted ones have no name
-        for group in groups:
-            sample.follow_group(lmp, group)
-        energy_n = lmp.numpy.extract_atom("esph")
+        energy_n = gather.atoms(lmp, "esph", n) if lmp.extract_atom("esph") else np.zeros(0)
         return StartState(
             box_c=np.array([low, high]),
             tilt_c=np.array([xy, xz, yz]),
             periodic=[bool(flag) for flag in periodic],
-            energy_n=np.zeros(0) if energy_n is None else energy_n[:n].copy(),
-            members={group: sample.members(lmp, group, n) for group in groups},
+            energy_n=energy_n.copy(),
+            members={group: gather.members(lmp, group, n) for group in groups},
             **{
-                axes: lmp.numpy.extract_atom(name)[:n].copy()
+                axes: gather.atoms(lmp, name, n).copy()
                 for axes, name in {
                     **{"id_n": "id", "type_n": "type", "status_n": "rheo_status"},
                     **{"x_nc": "x", "v_nc": "v", "rho_n": "rho"},
@@ -123,11 +121,10 @@ class SetupWatch(DeckWatch):
 
     def _setup(self, values: list[str], first: int, last: int) -> RunSetup:
         lmp = self.lmp
-        n = int(lmp.extract_setting("nlocal"))
+        id_n = gather.ids(lmp)
+        n = len(id_n)
         deck = copy.deepcopy(self.deck)
         groups = sorted({action.group for action in self.deck.plain_actions()})
-        for group in groups:
-            sample.follow_group(lmp, group)
         status = lmp.extract_atom("rheo_status")
         return RunSetup(
             first=first,
@@ -141,9 +138,10 @@ class SetupWatch(DeckWatch):
             between=between(values),
             mass_t=None if lmp.extract_atom("rmass") else lmp.numpy.extract_atom("mass").tolist(),
             computes=dict(self.computes),
-            id_n=lmp.numpy.extract_atom("id")[:n].copy(),
-            solid_n=(lmp.numpy.extract_atom("rheo_status")[:n] & SOLID != 0) if status else np.zeros(n, bool),
-            members={group: sample.members(lmp, group, n) for group in groups},
+            id_n=id_n.copy(),
+            solid_n=(gather.atoms(lmp, "rheo_status", n) & SOLID != 0) if status else np.zeros(n, bool),
+            members={group: gather.members(lmp, group, n) for group in groups},
             newton=(bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))),
+            ranks=gather.ranks(lmp),
             **{field.name: getattr(deck, field.name) for field in dataclasses.fields(Deck)},
         )

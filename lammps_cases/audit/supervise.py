@@ -30,13 +30,14 @@ from lammps_cases.audit.options import (
 from lammps_cases.audit.place import DeckPlace, find
 from lammps_cases.audit.scratch import beside, copy_folder
 from lammps_cases.audit.verdict import Findings, leave_unchecked
-from lammps_cases.engine import containment
+from lammps_cases.engine import containment, ranks
 from lammps_cases.engine.session import death, how_it_died
-from lammps_cases.engine.workers import Failure
+from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, worst
 
+LAUNCHER = 120.0  # seconds to find what starts several ranks
 PATIENCE = 0.5  # seconds between two checks of the time limit
 LAST = 65536  # bytes of what a process printed that are looked at when it has died
 
@@ -162,7 +163,7 @@ def _check(deck: Path, options: AuditOptions, place: DeckPlace | None = None) ->
 
 
 def _run(deck: Path, options: AuditOptions, place: DeckPlace, setups: bool = False) -> tuple[Findings, Failure | None]:
-    findings = Findings()
+    findings, launcher = Findings(), _launcher(options)
     with contextlib.ExitStack() as stack:
         folder = options.keep or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
         outside = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
@@ -174,7 +175,7 @@ def _run(deck: Path, options: AuditOptions, place: DeckPlace, setups: bool = Fal
         script = _brought(deck.resolve(), place, folder)
         task = AuditTask(script, str(folder), silent, confined(options), str(outside), setups, place)
         output = outside / "output"
-        with launch.running(ENTRY, task, output) as (process, receiver):
+        with launch.running(ENTRY, task, output, launcher) as (process, receiver):
             return findings, _listen(receiver, findings, options, process, output)
 
 
@@ -184,6 +185,24 @@ def _brought(deck: Path, place: DeckPlace, folder: Path) -> str:
         return os.path.relpath(deck, place.working)
     shutil.copyfile(deck, folder / place.within / deck.name)
     return deck.name
+
+
+def _launcher(options: AuditOptions) -> list[str]:
+    """Return the words that start several ranks; none for one.
+
+    Raises
+    ------
+    InputError
+        LAMMPS was built without MPI, or there is no launcher of its MPI.
+    EngineMissing
+    """
+    if options.ranks == 1:
+        return []
+    with Workers(options.engine, 1) as workers:
+        found = workers.outcome(workers.call(ranks.launcher_of, options.ranks, time_limit=LAUNCHER), LAUNCHER)
+    if isinstance(found, Failure):
+        raise InputError("ranks", f"cannot be started ({found.message})", options.ranks, "option --ranks")
+    return shlex.split(found)
 
 
 def confined(options: AuditOptions) -> containment.Means:
@@ -197,6 +216,9 @@ def confined(options: AuditOptions) -> containment.Means:
     if options.trust:
         return "none"
     means = containment.means()
+    if means == "bubblewrap" and options.ranks > 1:
+        rule = "can be contained on several ranks by Landlock alone (Linux 5.13); use --trust if you trust it"
+        raise InputError("deck", rule)
     if means == "none":
         rule = "cannot be contained here without Landlock (Linux 5.13) or bubblewrap; use --trust if you trust it"
         raise InputError("deck", rule)
@@ -239,6 +261,8 @@ def _listen(
             findings.take(message)
             if isinstance(message, SampleRows):
                 options.progress.advance(message.done, total, "steps")
+            if findings.ended is not None:
+                break
     except TimeoutError:
         return Failure("timeout", f"stopped after {options.timeout:g} s, {_at(findings)}")
     except DiskFull:
@@ -253,6 +277,9 @@ def _listen(
         process.wait(5.0)
     if (code := process.returncode) is None:
         return Failure("crashed", f"LAMMPS' process says nothing any more, {_at(findings)}{_tail(output)}")
+    if options.ranks > 1:
+        crash = ranks.crash(_printed(output), code)
+        return Failure("crashed", f"{crash}, {_at(findings)}", crash.died)
     return Failure("crashed", f"LAMMPS' process {how_it_died(code)}, {_at(findings)}{_tail(output)}", death(code))
 
 
@@ -273,8 +300,11 @@ def _at(findings: Findings) -> str:
 
 def _tail(output: Path) -> str:
     """Return the last line that the dying process printed."""
+    printed = [line.strip() for line in _printed(output).split("\n") if line.strip()]
+    return f": {printed[-1][:300]}" if printed else ""
+
+
+def _printed(output: Path) -> str:
     with output.open("rb") as file:
         file.seek(max(0, output.stat().st_size - LAST))
-        lines = file.read(LAST).decode(errors="replace").split("\n")
-    printed = [line.strip() for line in lines if line.strip()]
-    return f": {printed[-1][:300]}" if printed else ""
+        return file.read(LAST).decode(errors="replace")

@@ -179,9 +179,10 @@ class Findings:
         return list(found.values())
 
     def _until(self, record: FieldRecord) -> FieldRecord:
-        """Return a record with the last step at which the field was compared."""
-        steps = [c.step for c in self.checks if (c.field, c.type) == (record.field, record.atom_type or 0)]
-        return record.model_copy(update={"until": steps[-1]})
+        """Return a record with the last step at which the field was compared, of all atoms that there were."""
+        looks = [c for c in self.checks if (c.field, c.type) == (record.field, record.atom_type or 0)]
+        whole = [look.step for look in looks if look.natoms >= looks[0].natoms]
+        return record.model_copy(update={"until": whole[-1]})
 
     def _inside(self, of: EffectRecord) -> bool:
         """Return whether the field of an effect was compared in that sample and is inside its bound: there is none."""

@@ -24,7 +24,7 @@ from eos_ref.evaluation.pairs import Candidates, sharing
 from eos_ref.model.parameters import Model
 from eos_ref.numbers.rounded import value
 from eos_ref.syntax.manual import manual_of
-from lammps_cases.audit import fields, keep, pressure, sample, share
+from lammps_cases.audit import fields, gather, keep, pressure, sample, share
 from lammps_cases.audit.acting import Acting
 from lammps_cases.audit.budget import budget
 from lammps_cases.audit.closed import closed
@@ -198,8 +198,6 @@ class DeckWatch:
         else:
             sample.drop(lmp)
             choice, sampler, actions = fields.Choice((), {}), None, self.deck.plain_actions()
-            for group in sorted({action.group for action in actions}):
-                sample.follow_group(lmp, group)
             if table is not None:
                 choice, sampler = self._choose(table, mass_t, actions, values)
             shared = self._added(choice) if sampler is not None else ""
@@ -277,8 +275,9 @@ class DeckWatch:
         try:
             keep.take_thermo(self.lmp, self.thermo)
             if run.table is not None and (step % self.options.every == 0 or step in (run.first, run.stop)):
+                id_n = gather.ids(self.lmp)
                 with sharing(self._near):
-                    self._sample(run, run.table, int(step), tag_n, x_nc)
+                    self._sample(run, run.table, int(step), id_n, gather.atoms(self.lmp, "x", len(id_n)))
             self._previous = int(step)
         except BaseException as error:  # ctypes would print and forget it
             self._failure = error
@@ -289,7 +288,7 @@ class DeckWatch:
     def _sample(self, run: WatchedRun, table: EOSTable, step: int, tag_n: Array, x_nc: Array) -> None:
         n, sampler = len(tag_n), run.sampler
         now = pressure.read(self.lmp, table, run.mass_t, step, tag_n, x_nc)
-        status_n = self.lmp.numpy.extract_atom("rheo_status")[:n]
+        status_n = gather.atoms(self.lmp, "rheo_status", n)
         # A run calls back twice on one step where it is set up anew, in between (run ... every).
         setup = not run.continued and step in (run.first, self._previous)
         state = {name: now.arrays[name] for name in ("x", "v", "rho", "energy") if name in now.arrays}
@@ -391,7 +390,7 @@ class DeckWatch:
             return ()
         if mach(now.model, now.state) > RUNAWAY:
             return ()
-        force_nc = self.lmp.numpy.extract_atom("f")[: len(now.mass_n), : now.model.dimension]
+        force_nc = gather.atoms(self.lmp, "f", len(now.mass_n))[:, : now.model.dimension]
         half_step = 0.0 if setup else 0.5 * float(self.lmp.extract_global("dt"))
         entries = touching(now, self.engine) if with_findings else ()
         of_press = of_pressure(now, self.engine) if setup else []

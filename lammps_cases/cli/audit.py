@@ -36,6 +36,9 @@ BESIDE = "eos-ref-baseline"
 @switches.described
 @click.option("-sf", "--suffix", "-suffix", metavar="STYLE", help="Style suffix, as LAMMPS' own switch.")
 @click.option("--root", type=shared.PATH, metavar="DIR", help="Copy DIR, for decks that read files in folders beside.")
+@click.option(
+    "--ranks", default=1, show_default=True, metavar="N", help="Run LAMMPS on N MPI ranks, as mpirun -np N lmp."
+)
 @click.option("--budgets", is_flag=True, help="Also follow momentum and energy, and where they are lost.")
 @click.option(
     "--trust",

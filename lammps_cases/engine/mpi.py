@@ -15,7 +15,7 @@ OPEN_MPI, MPICH = "Open MPI", "MPICH"
 SHARED = Path("/dev/shm")  # where MPICH makes a file of 2 MB for the ranks of a machine, removed by an orderly end only
 _PROGRAMS = {OPEN_MPI: ("mpirun.openmpi", "orterun", "mpirun"), MPICH: ("mpiexec.hydra", "mpiexec.mpich", "mpiexec")}
 # Open MPI refuses to start as root, and more ranks than cores; both are what tests in a container are.
-_SETTINGS = {
+SETTINGS = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
     "OMPI_MCA_rmaps_base_oversubscribe": "1",
@@ -115,10 +115,10 @@ def launcher(site: Path, count: int) -> tuple[list[str], dict[str, str]]:
     environment = {key: text for key, text in os.environ.items() if not key.startswith(("PMI", "OMPI_COMM", "PRTE_"))}
     template = os.environ.get(VARIABLE)
     if template:
-        return shlex.split(template.format(n=count)), {**_SETTINGS, **environment}
+        return shlex.split(template.format(n=count)), {**SETTINGS, **environment}
     if flavour() != OPEN_MPI:
         return [str(_mpich(site)), "-launcher", "fork", "-n", str(count)], environment
-    return [str(_program(OPEN_MPI)), "-n", str(count)], {**_SETTINGS, **environment}
+    return [str(_program(OPEN_MPI)), "-n", str(count)], {**SETTINGS, **environment}
 
 
 def _mpich(site: Path) -> Path:

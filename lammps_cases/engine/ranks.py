@@ -117,7 +117,7 @@ class Ranks:
                 self._process.wait()
                 raise outcome
         if len(answers) != self.count:
-            raise _crash(self._path / "output", self._process.wait())
+            raise crash((self._path / "output").read_text(errors="replace"), self._process.wait())
         return _joined(answers)
 
     def end(self) -> None:
@@ -176,17 +176,17 @@ def solve(site: str | None, job: Job) -> Answer:
         raise
 
 
-def launcher_of(site: str | None) -> str:
-    """Task: return the command that starts two ranks.
+def launcher_of(site: str | None, count: int = 2) -> str:
+    """Task: return the command that starts some ranks.
 
     Raises
     ------
     EngineLacks
     """
     with instance(site).use() as lmp:
-        require_mpi(lmp, 2)
+        require_mpi(lmp, count)
     try:
-        return shlex.join(mpi.launcher(package_directory(site).parent, 2)[0])
+        return shlex.join(mpi.launcher(package_directory(site).parent, count)[0])
     except mpi.LauncherMissing as error:
         raise EngineLacks(str(error)) from None
 
@@ -202,15 +202,26 @@ def require_mpi(lmp: Any, count: int) -> None:
         raise EngineLacks(f"{count} ranks need MPI, and this LAMMPS was built without")
 
 
+def require_size(lmp: Any, count: int) -> None:
+    """Make sure that the ranks have been started as those of one LAMMPS.
+
+    Raises
+    ------
+    EngineMissing
+    """
+    size = lmp.extract_setting("world_size")
+    if size != count:
+        raise EngineMissing(f"mpiexec and LAMMPS' MPI do not fit: {size} rank instead of {count}")
+
+
 def last_lines(text: str) -> str:
     """Return the last lines of an output for a message: a colon and at most 300 characters, or nothing."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     return f": {' / '.join(lines[-3:])[:300]}" if lines else ""
 
 
-def _crash(file: Path, code: int) -> EngineCrashed:
+def crash(text: str, code: int) -> EngineCrashed:
     """Return how mpiexec reports the end, with the last lines that the ranks printed before its banner."""
-    text = file.read_text(errors="replace")
     end = re.search(r"EXIT STRING: (.*?)(?:\(signal (\d+)\))?$", text, re.MULTILINE)  # MPICH
     end = end or re.search(r"(exited) on signal (\d+)", text)  # Open MPI
     how, died = f"ended with {end[1].strip() if end else f'code {code}'}", death(code)
@@ -260,9 +271,7 @@ def _rank(folder: Path, site: str | None) -> None:
         try:
             job = pickle.loads(file.read_bytes())
             with instance(site).use() as lmp:
-                size = lmp.extract_setting("world_size")
-                if size != job.ranks:
-                    raise EngineMissing(f"mpiexec and LAMMPS' MPI do not fit: {size} rank instead of {job.ranks}")
+                require_size(lmp, job.ranks)
                 outcome = run(lmp, job, str(folder))
         except Exception as error:
             outcome = error

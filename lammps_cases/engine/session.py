@@ -284,7 +284,7 @@ def translated(folder: str = "") -> Iterator[None]:
             raise
         raise EngineRefused(error.object.decode(errors="replace").strip()) from None
     except Exception as error:
-        told = str(error).strip()
+        told = str(getattr(error, "message", error)).strip()  # an MPIAbortException shows it in quotes
         told = told.replace(folder, FOLDER) if folder else told
         if type(error) is Exception:  # LAMMPS' own message
             package = re.search(r"is part of the (\S+) package which is not enabled in this LAMMPS", str(error))

@@ -14,7 +14,7 @@ from lammps_cases.findings import KNOWN, LEDGER, Finding, severities
 from lammps_cases.findings.engines import nearest
 from lammps_cases.records import deck_wording, wording
 from lammps_cases.records.headline import Headline, headline, how_severe, of_decks
-from lammps_cases.records.levels import SEVERITIES, Severity, fails, severity_of
+from lammps_cases.records.levels import SEVERITIES, Severity, fails
 from lammps_cases.records.run_record import CarriedOver, CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
 
@@ -66,6 +66,14 @@ class Outcome:
         changes = (deck_wording.change(case, finding) for case in self.run.cases if finding in case.findings)
         return max(changes, default=math.inf)
 
+    def _severity(self, finding: str) -> Severity:
+        """Return the severity of a finding on the deck on which it is most severe."""
+        each = [deck_wording.severity(case, finding) for case in self.run.cases if finding in case.findings]
+        return min(each, key=SEVERITIES.index, default="high")
+
+    def _severity_and_change(self, finding: str) -> tuple[int, float]:
+        return SEVERITIES.index(self._severity(finding)), -self.change(finding)
+
     @cached_property
     def shown(self) -> list[RunFinding]:
         """The findings that the run shows, the most severe first; of equal severity those of most cases."""
@@ -90,7 +98,7 @@ class Outcome:
         named = [finding.entry.id for finding in self.findings if finding.status == "seen"]
         named += [finding for case in self.run.cases for finding in case.findings]
         if self.of_decks:
-            return {name: severity_of(self.change(name)) for name in sorted(named, key=self.change, reverse=True)}
+            return {name: self._severity(name) for name in sorted(named, key=self._severity_and_change)}
         return severities(named, [f.entry for f in self.findings])
 
     @cached_property

@@ -16,7 +16,7 @@ def lammps() -> Any:
     """Two atoms at step 100, of a LAMMPS that only answers."""
     per_atom = {"id": np.array([2, 1]), "mass": np.array([0.0, 1.5])}
     return SimpleNamespace(
-        extract_setting={"nlocal": 2, "dimension": 2, "ntypes": 1}.get,
+        extract_setting={"world_size": 1, "nlocal": 2, "dimension": 2, "ntypes": 1}.get,
         extract_global={"ntimestep": 100, "dt": 0.01, "units": "lj"}.get,
         extract_atom=lambda name: None,
         numpy=SimpleNamespace(extract_atom=per_atom.get),

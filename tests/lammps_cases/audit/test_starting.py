@@ -87,12 +87,12 @@ def test_values_of_var_may_hold_the_deck(eos_ref_command: Callable[..., Outcome]
 def test_options_are_words_of_the_command_line() -> None:
     options = AuditOptions.of(
         every=5, timeout=float("inf"), fields="rho, pressure", suffix="kk", package=["omp 4"], root="a b",
-        var={"n": 12, "text": "a b", "many": (1, 2)}, budgets=True, engine="/site",
+        var={"n": 12, "text": "a b", "many": (1, 2)}, ranks=4, budgets=True, engine="/site",
     )  # fmt: skip
     words = options.words()
     assert shlex.join(words) == (
         "--every 5 --timeout inf --engine path:/site --fields rho,pressure -sf kk -pk omp 4 -var n 12 "
-        "-var text 'a b' -var many 1 2 --root 'a b' --budgets"
+        "-var text 'a b' -var many 1 2 --root 'a b' --ranks 4 --budgets"
     )
     var, package, _ = _taken(words)
     assert (var, package) == (options.var, options.package)

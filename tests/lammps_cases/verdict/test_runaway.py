@@ -69,7 +69,12 @@ def test_the_likeliest_is_the_fastest_fluid_or_feels_the_largest_force() -> None
     assert likeliest(replace(problem, state=replace(state, v_nc=fast_nc, solid_n=solid_n))) == 7
     rho_n = state.rho_n.copy()
     rho_n[100] = 3.0
-    assert likeliest(replace(problem, state=replace(state, v_nc=0 * state.v_nc, rho_n=rho_n))) in {100 - EDGE, 99, 101, 100 + EDGE}
+    assert likeliest(replace(problem, state=replace(state, v_nc=0 * state.v_nc, rho_n=rho_n))) in {
+        100 - EDGE,
+        99,
+        101,
+        100 + EDGE,
+    }
 
 
 @pytest.mark.parametrize("words", ["quintic 0", "quintic 0 shift", "quintic 0 rho/sum"])

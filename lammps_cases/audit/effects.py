@@ -7,14 +7,15 @@ add to it.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.quantities import needed_to_step
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
+from lammps_cases.audit.lints import MOST
 from lammps_cases.findings import Finding, applicable
 from lammps_cases.records.audit_record import EffectRecord
 from lammps_cases.verdict import runaway
@@ -32,28 +33,45 @@ def of_pressure(sample: ParticleSample, engine: str) -> list[str]:
     return [entry.id for entry in applicable(sample.problem(("press",)), lists=True) if entry.listed(engine)]
 
 
-def effects(sample: ParticleSample, engine: str, run: int, step: int, seen: Collection[str] = ()) -> list[EffectRecord]:
+def effects(
+    sample: ParticleSample,
+    engine: str,
+    run: int,
+    step: int,
+    reference: SampleEvaluation | None = None,
+    seen: Collection[str] = (),
+) -> list[EffectRecord]:
     """Return what each finding of an engine changes in the fields that a step of the sample's model needs.
 
-    Changes inside the bounds are left out but for findings that were ``seen`` to explain LAMMPS' fields.
+    Gravity, which would hide changes of pair forces, is left out; an evaluation that the sample has had is used again.
+    Of many particles those around the likeliest to run away are looked at. Changes inside the bounds are left out but
+    for findings that were ``seen`` to explain LAMMPS' fields.
     """
-    fields = needed_to_step(sample.model)
-    own = replace(sample, actions=())  # of the model itself: gravity would hide what becomes of pair forces
-    right = SampleEvaluation(own, fields)
+    variants = [(entry.id, v) for entry in touching(sample, engine) if (v := entry.model_variant) and v.stages]
+    reached = {name: [f for f in needed_to_step(sample.model) if v.reaches(sample.model, f)] for name, v in variants}
+    fields = list(dict.fromkeys(field for of in reached.values() for field in of))
+    if not fields:
+        return []
+    judged_n = np.ones(len(sample.mass_n), bool)
+    if len(judged_n) > MOST:
+        force_nc = value(reference.own("f")) if reference and reference.of_pairs is not None else None
+        problem = sample.problem(tuple(fields))
+        part = runaway.cut_out(problem, runaway.likeliest(problem, force_nc), MOST)
+        sample, judged_n, reference = sample.of(part.rows_k), ~part.held_k, None
+    evaluated = reference is not None and {*fields} <= {*reference.simulation.plan}
+    right = reference if reference and evaluated else SampleEvaluation(sample, fields)
     records = []
-    for entry in touching(sample, engine):
-        if entry.model_variant is None or entry.model_variant.stages is None:
-            continue
-        wrong = SampleEvaluation(own, fields, entry.model_variant.stages)
-        for field in fields:
-            sides = [by.output(field) for by in (right, wrong)]
-            a, b = (np.asarray(value(side), float) for side in sides)
-            bound = np.asarray(error(sides[0]), float) + np.asarray(error(sides[1]), float)
-            if effect := compare(a, b, bound) or (compare(a, b, 0 * bound) if entry.id in seen else None):
+    for finding, variant in variants:
+        wrong = SampleEvaluation(sample, reached[finding], variant.stages or ArrayEvaluator)
+        for field in reached[finding]:
+            sides = [by.own(field) for by in (right, wrong)]
+            a, b = (np.asarray(value(side), float)[judged_n] for side in sides)
+            bound = (np.asarray(error(sides[0]), float) + np.asarray(error(sides[1]), float))[judged_n]
+            if effect := compare(a, b, bound) or (compare(a, b, 0 * bound) if finding in seen else None):
                 particles, relative, factor = effect
                 records.append(
                     EffectRecord(
-                        finding=entry.id, field=field, run=run, step=step,
+                        finding=finding, field=field, run=run, step=step,
                         particles=particles, of=len(a), relative=relative, factor=factor,
                     )
                 )  # fmt: skip

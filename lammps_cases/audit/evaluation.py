@@ -7,7 +7,7 @@ Everything follows from the state as it is: densities, of walls too, are LAMMPS'
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -62,6 +62,17 @@ class ParticleSample:
         """Return the sample as a problem whose findings can be looked for."""
         return Problem(
             self.model, self.box, self.state, 0.0, fields, steps, ranks=self.ranks, unlists_bonded=self.unlists_bonded
+        )
+
+    def of(self, rows_k: Array) -> ParticleSample:
+        """Return some of the particles."""
+        arrays = {name: of[rows_k] for name, of in vars(self.state).items() if of is not None}
+        return replace(
+            self,
+            state=replace(self.state, **arrays),
+            mass_n=self.mass_n[rows_k],
+            actions=[(action, acts_n[rows_k]) for action, acts_n in self.actions],
+            z_n=None if self.z_n is None else self.z_n[rows_k],
         )
 
     def rounded(self) -> State:
@@ -131,17 +142,25 @@ class SampleEvaluation:
         s = sample.state
         evaluator: Any = in_blocks(type("Given", (_GivenDensities, at_cutoff(stages)), {}), len(s.type_n))
         self.sample = sample
+        self._outputs: dict[str, Any] = {}
         self.stages: _GivenDensities = evaluator(sample.model, sample.box, s.type_n, s.solid_n)
         self.stages.mass_n, self.stages.given_n = sample.mass_n, state.rho_n
         self.simulation = Simulation.with_evaluator(state, self.stages, fields)
         with np.errstate(all="ignore"):
             results = self.simulation.evaluate() if fields else {}
+            self.of_pairs = results.get("f")
             if "f" in results:
                 results["f"] = acted_on(results["f"], sample.actions, sample.mass_n)
 
     def output(self, field: str) -> Any:
         """Return a field of the evaluation; ``rho`` is the sum."""
-        return self.stages.summed_n if field == "rho" else self.simulation.output(field)
+        if field not in self._outputs:
+            self._outputs[field] = self.stages.summed_n if field == "rho" else self.simulation.output(field)
+        return self._outputs[field]
+
+    def own(self, field: str) -> Any:
+        """Return a field of the model itself: of forces those of pairs, without what fixes make of them."""
+        return self.of_pairs if field == "f" else self.output(field)
 
     def comparable(self, field: str) -> BoolArray:
         """Return the particles for which a field can be compared, (n,).

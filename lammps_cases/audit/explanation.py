@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, NamedTuple
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.findings import Finding, applicable
 from lammps_cases.findings.entry import DeckRun
+from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.findings.variants import combined
 
 Explained = dict[str, list[Finding]]  # by field
@@ -36,11 +38,12 @@ class SampleExplanation:
 
 def explain(
     sample: ParticleSample,
-    snapshot: Mapping[str, Any],
+    shown: Mapping[str, Any],
     listed: Sequence[Finding],
     before: frozenset[str],
     outside: Outside,
     last: Explained,
+    lists: Callable[[], Sequence[NeighbourList]] = tuple,
 ) -> SampleExplanation:
     """Return the findings that bring fields back inside their bounds, and for the others those that reach them.
 
@@ -50,33 +53,40 @@ def explain(
 
     Parameters
     ----------
-    snapshot : LAMMPS' fields by name, and its neighbour list (``lists``) if it was read
+    shown : LAMMPS' fields by name
     listed : findings of the engine
     before : the fields outside their bounds by the reference, at least one
     last : what explained fields of earlier samples, tried first
+    lists : reads LAMMPS' neighbour list; for variants that follow it alone, as that takes as long as an evaluation
     """
-    problem = sample.problem(tuple(name for name in snapshot if name != "lists"))
+    problem, read = sample.problem(tuple(shown)), cache(lists)
     setting = DeckRun(problem, sample.newton)
     of_stages = [
         e for e in applicable(problem, lists=True) if e in listed and e.model_variant and e.model_variant.stages
     ]
     # What follows lists says by its own rule whether it acts, and must not be tried where it does not.
     acting = [e for e in of_stages if not (e.model_variant and e.model_variant.lists) or e.acting(setting)]
-    fitting = [e for e in acting if e.model_variant and combined([e.model_variant], problem, dict(snapshot))]
     known: dict[tuple[str, ...], Left] = {(): Left(before)}
+
+    def fitted(entries: Sequence[Finding]) -> type[ArrayEvaluator] | None:
+        variants = [entry.model_variant for entry in entries if entry.model_variant]
+        follows = any(variant.lists for variant in variants) and read()
+        classes = combined(variants, problem, {**shown, **({"lists": follows} if follows else {})})
+        return classes[0] if classes else None
 
     def after(entries: Sequence[Finding]) -> Left:
         names = tuple(entry.id for entry in entries)
         if names not in known:
-            variants = [entry.model_variant for entry in entries if entry.model_variant]
-            classes = combined(variants, problem, dict(snapshot))
-            known[names] = outside(classes[0], any(v.undefined for v in variants)) if classes else Left(before)
+            undefined = any(entry.model_variant.undefined for entry in entries if entry.model_variant)
+            known[names] = outside(stages, undefined) if (stages := fitted(entries)) else Left(before)
         return known[names]
 
     if before <= last.keys():
-        entries = list(dict.fromkeys(entry for name in before for entry in last[name] if entry in fitting))
+        of_last = dict.fromkeys(entry for name in before for entry in last[name])
+        entries = [entry for entry in of_last if entry in acting and fitted([entry])]
         if not after(entries).outside and not before & after(entries).unbounded:
             return SampleExplanation({name: last[name] for name in before})
+    fitting = [entry for entry in acting if fitted([entry])]
     needed = _necessary(fitting, after)
     left = after(needed)
     if not left.outside <= before:

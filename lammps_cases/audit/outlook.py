@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
-from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Force, Model
+from eos_ref.model.parameters import Force, IntArray, Model
 from eos_ref.numbers.number import Array
 from lammps_cases.audit.effects import effects
 from lammps_cases.audit.evaluation import ParticleSample, acted_on
@@ -28,6 +28,7 @@ class Good:
     timestep: float
     run: int
     step: int
+    id_n: IntArray
 
 
 def outlook(
@@ -35,7 +36,8 @@ def outlook(
 ) -> tuple[OutlookRecord | None, list[EffectRecord]]:
     """Return why a run broke off, and what findings do to the particles that the reference makes of the sample.
 
-    A lattice at rest feels no force yet, right or wrong; some steps later it does.
+    A lattice at rest feels no force yet, right or wrong; some steps later it does. The latter is left out where the
+    particles are too many to follow them all.
 
     Parameters
     ----------
@@ -45,16 +47,14 @@ def outlook(
     """
     sample, model = boxed(good.sample), model_with_forces(good.sample)
 
-    def forces(simulation: Simulation, force_nc: Array) -> Any:
-        return acted_on(force_nc, sample.actions, simulation.mass_n)
+    def forces(force_nc: Array, mass_n: FloatArray, rows_n: IntArray) -> Any:
+        return acted_on(force_nc, [(action, acts_n[rows_n]) for action, acts_n in sample.actions], mass_n)
 
     start = replace(sample.problem(("f",)), model=model or sample.model, timestep=good.timestep)
-    attempts = Attempts(start, taken, None if model else forces)
-    if not attempts.count:
-        return None, []
+    attempts = Attempts(start, taken, good.id_n, None if model else forces)
     try:
         record = attempts.cause(engine, good.run, good.step)
-        if record.cause == "findings":
+        if record.cause == "findings" and record.of_particles is None:
             state = attempts.state_after(record.after or 0)
             step = good.step + (record.after or 0)
             return record, effects(replace(good.sample, state=state), engine, good.run, step)

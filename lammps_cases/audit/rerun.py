@@ -132,7 +132,7 @@ def _shared(force: Force, parts: int) -> Force:
 def _series(of: ChangedFluid, box: Box, good: Good, steps: int, every: int) -> SeriesRecord:
     """Run one fluid, with looks at the steps of the deck."""
     begin, dt = time.perf_counter(), good.timestep / of.finer
-    count = _affordable(len(of.state.x_nc), steps * of.finer, bool(of.findings)) // of.finer
+    count = affordable(len(of.state.x_nc), steps * of.finer, bool(of.findings)) // of.finer
     count = steps if count == steps else count - count % every  # a look that the others have, too
     record = SeriesRecord(name=of.name, findings=[e.id for e in of.findings], steps=[], kinetic=[], momentum=[])
     try:
@@ -158,7 +158,13 @@ def looks(steps: int, every: int) -> list[int]:
     return [*range(0, steps, every), steps]
 
 
-def _affordable(particles: int, steps: int, slow: bool) -> int:
+def shortened(particles: int, steps: int) -> str:
+    """Return which runs of the reference are shorter than the deck's, in words; nothing if none is."""
+    ends = {what: affordable(particles, steps, bool(slow)) for slow, what in enumerate(("as it is", "with a finding"))}
+    return " and ".join(f"those {what} end after step {end}" for what, end in ends.items() if end < steps)
+
+
+def affordable(particles: int, steps: int, slow: bool) -> int:
     """Return the steps, or fewer of a run that would take longer than a user waits."""
     return min(steps, (SLOW if slow else LARGE) // max(particles, 1))
 

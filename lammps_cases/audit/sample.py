@@ -91,6 +91,7 @@ class Sampler:
         self.listed = known(engine)
         self.explained: Explained = {}  # by earlier samples
         self.last: ParticleSample | None = None
+        self.reference: SampleEvaluation | None = None  # of the last one, once it is compared
         self.tilted = 0  # most particles of a 2D deck that do not lie in a plane with their neighbours
         self.columns: dict[str, slice] = {}
         end = 1
@@ -105,7 +106,7 @@ class Sampler:
 
     def take(self, n: int, x_nc: Array, setup: bool) -> ParticleSample:
         """Return the particles there are; ``setup`` on the set-up of a run."""
-        fix = self.model.fix
+        fix, self.reference = self.model.fix, None
         self.last = taken(self.lmp, self.model, self.actions, self.mass_t, n, x_nc)
         summed = setup and fix.rho_sum and fix.interface_reconstruct
         self.last = replace(self.last, summed=summed, unlists_bonded=self.unlists_bonded)
@@ -115,7 +116,7 @@ class Sampler:
         """Compare all fields of the sample taken last with those that LAMMPS shows."""
         assert self.last is not None
         found = judged(self.last, self.fields, tag_n, shown, self.listed, self.explained, lists=self._lists)
-        self.explained = found.explained
+        self.explained, self.reference = found.explained, found.reference
         self.tilted = max(self.tilted, int(found.reference.tilted().sum()))
         return found
 
@@ -172,7 +173,7 @@ def judged(
     earlier : what explained earlier samples
     evaluation : how the reference evaluates the sample
     printed : by how much LAMMPS' fields may be off, as they were printed
-    lists : reads LAMMPS' neighbour list, given the ids; only where a field differs
+    lists : reads LAMMPS' neighbour list, given the ids; only where a field differs and a finding follows it
     finite_only : whether particles for which LAMMPS has no number are left out, too
     """
     reference = evaluation(sample, fields)
@@ -204,9 +205,7 @@ def judged(
             frozenset(field for field, ratio_n in ratios.items() if not ratio_n.size),
         )
 
-    read = lists(tag_n)
-    snapshot = {**shown, **({"lists": read} if read else {})}
-    found = explain(sample, snapshot, listed, before, outside, earlier)
+    found = explain(sample, shown, listed, before, outside, earlier, lambda: lists(tag_n))
     for field, entries in found.explained.items():
         record = comparisons[field].record
         record.verdict, record.explained_by = "explained", [entry.id for entry in entries]

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from eos_ref import EOSTable
 from eos_ref.eos import bounds
 from eos_ref.errors import InputError
+from eos_ref.evaluation.pairs import Candidates, sharing
 from eos_ref.model.parameters import Model
 from eos_ref.numbers.rounded import value
 from eos_ref.syntax.manual import manual_of
@@ -36,7 +37,7 @@ from lammps_cases.audit.health import Health, mach
 from lammps_cases.audit.options import AuditOptions, PairShare, RunFacts, SampleRow, SampleRows
 from lammps_cases.audit.outlook import Good, model_with_forces, outlook
 from lammps_cases.audit.pressure import PressureSample
-from lammps_cases.audit.rerun import looks, reruns
+from lammps_cases.audit.rerun import looks, reruns, shortened
 from lammps_cases.audit.warn import SOLID, Kept, Questions
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, EffectRecord, OutlookRecord, SeriesRecord
@@ -118,6 +119,7 @@ class DeckWatch:
         self._broke_off: int | None = None  # step at which LAMMPS ended a run
         self._failure: BaseException | None = None
         self._shared: tuple[Any, ...] | None = None  # of the last sample that looks like a fluid; see `share`
+        self._near: list[Candidates] = []  # pairs of all evaluations, as long as particles have hardly moved
         self._open: Explained = {}  # by field of the last good sample, findings that cannot be evaluated
 
     def heed(self, values: list[str]) -> None:
@@ -274,7 +276,8 @@ class DeckWatch:
             keep.take_thermo(self.lmp, self.thermo)
             if run.table is not None and (step % self.options.every == 0 or step in (run.first, run.stop)):
                 id_n = gather.ids(self.lmp)
-                self._sample(run, run.table, int(step), id_n, gather.atoms(self.lmp, "x", len(id_n)))
+                with sharing(self._near):
+                    self._sample(run, run.table, int(step), id_n, gather.atoms(self.lmp, "x", len(id_n)))
             self._previous = int(step)
         except BaseException as error:  # ctypes would print and forget it
             self._failure = error
@@ -321,7 +324,8 @@ class DeckWatch:
         rows |= {(field, 0): SampleRow.of(len(c.bound_n), c.record) for field, c in others.items()}
         order = fields.offered()
         rows = dict(sorted(rows.items(), key=lambda item: (order.index(item[0][0]), item[0][1])))
-        of_findings = self._look_ahead(run, step, taken if others or sampler is None else None, unpredictable)
+        looked_at = taken if others or sampler is None else None
+        of_findings = self._look_ahead(run, step, tag_n, looked_at, unpredictable)
         budgets = self._budget(run, step, setup, bool(of_findings))
         open_ = {field: tuple(entry.id for entry in entries) for field, entries in unpredictable.items()}
         self.send(SampleRows(step, self.runs, self.done + step - run.first, rows, of_findings, budgets, open_))
@@ -358,7 +362,7 @@ class DeckWatch:
         return found.comparisons, found.unpredictable
 
     def _look_ahead(
-        self, run: WatchedRun, step: int, now: ParticleSample | None, unpredictable: Explained
+        self, run: WatchedRun, step: int, tag_n: Array, now: ParticleSample | None, unpredictable: Explained
     ) -> tuple[EffectRecord, ...]:
         """Keep a sample slower than sound; of the 1st, 2nd, 4th, 8th ... return what findings do to it."""
         count = 0 if now is None or run.sampler is None else len(now.mass_n)
@@ -369,7 +373,7 @@ class DeckWatch:
             return ()
         if self.health.broke is None or self._good is None:
             if "f" in run.choice.fields:
-                self._good = Good(now, float(self.lmp.extract_global("dt")), self.runs, step)
+                self._good = Good(now, float(self.lmp.extract_global("dt")), self.runs, step, tag_n.copy())
                 if self._first is None or self._first.run != self.runs:
                     self._first = self._good
             self._open = unpredictable | _undefined(run.sampler.explained)
@@ -377,7 +381,7 @@ class DeckWatch:
         doubled = self._judged & (self._judged - 1) == 0
         seen = {entry.id for entries in run.sampler.explained.values() for entry in entries}
         look = doubled or not seen <= self._harmful
-        harmful = tuple(effects(now, self.engine, self.runs, step, seen)) if look else ()
+        harmful = tuple(effects(now, self.engine, self.runs, step, run.sampler.reference, seen)) if look else ()
         self._harmful |= seen
         self._harmful |= {effect.finding for effect in harmful}
         return harmful
@@ -417,7 +421,13 @@ class DeckWatch:
             groups = ", ".join(dict.fromkeys(f"{a.style} on {a.group}" for a, _ in self._good.sample.actions))
             why = f"forces act on groups that are not of types ({groups})"
             return [f"--budgets: the reference does not run on from the first look, as {why}"]
-        return []
+        steps = self._good.step - self._first.step if self._first else 0
+        short = shortened(len(self._good.id_n), steps)
+        return (
+            [f"--budgets: the reference takes fewer than {steps} steps, as particles are many: {short}"]
+            if short
+            else []
+        )
 
     def outlook(self) -> tuple[OutlookRecord | None, list[EffectRecord]]:
         """Return why the state broke or LAMMPS ended a run before its time; nothing if neither, or if nobody knows."""

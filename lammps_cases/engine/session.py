@@ -430,6 +430,25 @@ def _computed(lmp: Any, compute: Compute, order_n: Array) -> Array:
 NUMBER_BITS = 2**29 - 1  # of an entry of a list; the others say how many bonds the two particles are apart
 
 
+def _pairs(lmp: Any, index: int) -> Array:
+    """Return the pairs of a neighbour list, (p, 2); LAMMPS keeps the neighbours of many atoms in a row.
+
+    An array of each atom's own would take three times as long.
+    """
+    read = [lmp.get_neighlist_element_neighbors(index, k) for k in range(lmp.get_neighlist_size(index))]
+    atom_k, count_k = np.array([of[:2] for of in read], np.int64).reshape(-1, 2).T
+    at_k = np.array([ctypes.addressof(of.contents) if count else 0 for _, count, of in read], np.int64)
+    atom_k, count_k, at_k = (of_k[count_k > 0] for of_k in (atom_k, count_k, at_k))
+    breaks = np.flatnonzero(np.diff(at_k) != ctypes.sizeof(ctypes.c_int) * count_k[:-1]) + 1
+    rows = [
+        np.ctypeslib.as_array((ctypes.c_int * int(counts.sum())).from_address(int(places[0])))
+        for counts, places in zip(np.split(count_k, breaks), np.split(at_k, breaks), strict=True)
+        if len(counts)
+    ]
+    other_p = np.concatenate([np.zeros(0, np.int32), *rows]).astype(np.int64)
+    return np.column_stack([np.repeat(atom_k, count_k), other_p & NUMBER_BITS])
+
+
 def read_list(lmp: Any) -> dict[str, Array]:
     """Return the neighbour list of pair style rheo, copied; it counts local atoms, then ghosts.
 
@@ -443,14 +462,11 @@ def read_list(lmp: Any) -> dict[str, Array]:
     """
     natoms = lmp.extract_global("nlocal") + lmp.extract_global("nghost")
     id_s = lmp.numpy.extract_atom("id", nelem=natoms).ravel()
-    neighbours = lmp.numpy.get_neighlist(lmp.find_pair_neighlist("rheo"))
-    pairs = [np.column_stack([np.full(len(of), atom), of.ravel()]) for atom, of in neighbours if len(of)]
-    pair_ps = np.concatenate([np.zeros((0, 2), int), *pairs]) & NUMBER_BITS
     return {
         "id_s": id_s.copy(),
         "own_s": np.arange(natoms) < lmp.extract_global("nlocal"),
         "x_sc": lmp.numpy.extract_atom("x", nelem=natoms, dim=3).copy(),
-        "pair_ps": pair_ps,
+        "pair_ps": _pairs(lmp, lmp.find_pair_neighlist("rheo")),
         "rank_s": np.zeros(natoms, int),
         "low_rc": np.array([lmp.extract_global("sublo_lambda" if lmp.extract_setting("triclinic") else "sublo")]),
         "newton": np.array([lmp.extract_setting(f"newton_{of}") for of in ("pair", "bond")], bool),

@@ -88,7 +88,7 @@ FORCE_PER_VOLUME = Finding(
     outcome="differs",
     ended="answered",
     differing="speed of sound",
-    model_variant=Variant(has_forces, ForcePerVolume),
+    model_variant=Variant(has_forces, ForcePerVolume, changes=("f", "stress/atom", "virial", "press")),
     acts=lambda setting: multiplied("forces of pairs", force_factors(setting.problem)),
     replaces=("collecting_volume",),
     expected_in_maps=(

@@ -10,6 +10,7 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.evaluator import PairInput
 from eos_ref.kernels.kernel import Kernel
 from eos_ref.kernels.quintic import QUINTIC
@@ -124,11 +125,13 @@ def falls_back(problem: Problem) -> bool:
     model = problem.model
     if not model.corrects_gradients:
         return False
-    stages = StaleGradient(model, problem.box, problem.state.type_n, problem.state.solid_n)
-    stages.move(problem.state.x_nc)
-    stages.correct(problem.state.rho_n)
-    drifts = problem.steps[-1] > 0 and not all(problem.box.periodic)
-    return drifts or not bool(np.all(stages.computed_n))
+    if problem.steps[-1] > 0 and not all(problem.box.periodic):
+        return True
+    state = problem.state
+    stages = in_blocks(ArrayEvaluator, len(state.x_nc))(model, problem.box, state.type_n, state.solid_n)
+    stages.move(state.x_nc)
+    stages.correct(state.rho_n)
+    return not stages.corrected_n.all()
 
 
 def _factor(dimension: int, h: float) -> float:

@@ -83,7 +83,7 @@ HEAT_IS_TEMPERATURE_RATE = Finding(
     "fast as the conductivity implies, and energy is not conserved.",
     workaround="Multiply the conductivity by m cv, with the same m/rho0 for every type; the factor rho/rho0 remains.",
     scene="two particles of different temperature and volume, cv different from 1",
-    model_variant=Variant(has_heat, HeatAsTemperatureRate),
+    model_variant=Variant(has_heat, HeatAsTemperatureRate, changes=("heatflow",)),
     acts=lambda setting: multiplied("heat flows", heat_factors(setting.problem)),
     replaces=("heated_volume",),
 )
@@ -104,7 +104,7 @@ HEAT_OVER_DENSITY = Finding(
     workaround="Multiply the conductivity by rho0, with the same rho0 for every type; the factor rho0 over the mean "
     "density of the pair remains.",
     scene="two particles of different temperature and a density different from 1",
-    model_variant=Variant(has_heat, HeatOverDensity),
+    model_variant=Variant(has_heat, HeatOverDensity, changes=("heatflow",)),
     acts=lambda setting: multiplied("heat flows", density_factors(setting.problem)),
 )
 

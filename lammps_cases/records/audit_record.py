@@ -69,6 +69,9 @@ class OutlookRecord(Record):
     taken: int = Field(description="steps that LAMMPS took from there")
     after: int | None = Field(None, description="steps after which the reference runs away, with the findings if any")
     steps: int = Field(description="steps that the reference was given")
+    particles: int | None = Field(None, description="that the reference was given, if not all; those at the rim held")
+    of_particles: int | None = Field(None, description="of how many these are")
+    around: int | None = Field(None, description="the atom in the middle: the fastest, or that with the largest force")
 
 
 class BudgetPart(Record):

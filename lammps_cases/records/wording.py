@@ -296,13 +296,14 @@ def message(case: CaseRecord, findings: bool = True) -> str:
 
 
 def outlook(case: CaseRecord) -> str:
-    """Say why LAMMPS stopped an audited run; empty if it did not."""
+    """Say why LAMMPS stopped an audited run, and in which particles that was looked for; empty if it did not."""
     of = case.outlook
     if of is None:
         return ""
+    part = "" if of.around is None else f" (in {of.particles} of {of.of_particles} particles around atom {of.around})"
     from_there = f"from step {of.step} of run {of.run}"
     after = counted(of.after or 0, "step")
-    stable = f"continued {from_there}, the reference is stable for {counted(of.steps, 'step')}"
+    stable = f"continued {from_there}, the reference is stable for {counted(of.steps, 'step')}{part}"
     if of.cause == "findings":
         bugs, these = ("bugs", "these bugs") if len(of.findings) > 1 else ("bug", "this bug")
         why = f"unstable because of the known {bugs} {listed(of.findings)}"
@@ -313,7 +314,7 @@ def outlook(case: CaseRecord) -> str:
         return f"not understood: {stable}"
     if of.after is None:
         return f"unstable as set up: {of.because}"
-    away = f"the reference also diverges after {after} {from_there}"
+    away = f"the reference also diverges after {after} {from_there}{part}"
     because = f"{of.because}; " if of.because else ""
     if of.cause == "time step":
         return f"unstable because of the time step: {because}{away}, but not with a tenth of the time step"

@@ -64,7 +64,6 @@ def evaluate(
     if case.scene.whole_model and diverged(record):
         with contextlib.suppress(InputError):  # the reference does not take the particles as they are
             start = problem_of(case.scene, atoms, case.where, (0,), predictor)
-            attempts = Attempts(start, case.scene.snapshots[-1])
-            record.outlook = attempts.cause(engine.distribution, 1, 0) if attempts.count else None
+            record.outlook = Attempts(start, case.scene.snapshots[-1], atoms.id_n).cause(engine.distribution, 1, 0)
     finish(record, outcome.seconds if isinstance(outcome, Answer) else 0.0, begin, predictor)
     return record, arrays

@@ -5,15 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
+from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Model
+from eos_ref.model.box import BoolArray
+from eos_ref.model.parameters import IntArray, Model
 from eos_ref.model.quantities import needed_to_step
-from eos_ref.model.state import State, masses
+from eos_ref.model.state import Gradients, State, masses
+from eos_ref.numbers.elementary import where
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import own_stages
 from lammps_cases.findings import Finding, applicable
@@ -22,7 +26,8 @@ from lammps_cases.records.audit_record import OutlookRecord
 from lammps_cases.records.run_record import CaseRecord
 
 STEPS = (50, 500)  # that an attempt takes at least and at most, else twice as many as LAMMPS took
-WORK = 1_000_000  # steps times particles of an attempt, beyond which it would take longer than a user waits
+MOST = 2_000  # particles of an attempt; of more, those around the one that is likeliest to run away are cut out
+RIM = 2  # cutoffs: who moves, and whom these meet, have all their neighbours
 FINER = 10  # a time step is too large if this part of it is not
 RUNAWAY = 10.0  # a speed, density or energy beyond this many times the largest there was is none of a fluid
 
@@ -33,7 +38,81 @@ LOST = re.compile(
 )
 
 Cause = Literal["findings", "time step", "set-up", "not understood"]
-External = Callable[[Simulation, Any], Any]  # forces with those of other fixes, given those of pairs
+# Forces with those of other fixes, given those of pairs, the masses and the rows of the particles they are of.
+External = Callable[[Any, FloatArray, IntArray], Any]
+
+
+@dataclass(frozen=True)
+class CutOut:
+    """Particles of a problem around one of them.
+
+    Attributes
+    ----------
+    problem : of these particles alone
+    rows_k : which they are, (k,)
+    held_k : those of the rim, (k,): without all their neighbours they are left as they are
+    around : the row of that in the middle
+    """
+
+    problem: Problem
+    rows_k: IntArray
+    held_k: BoolArray
+    around: int
+
+
+def cut_out(problem: Problem, around: int, most: int) -> CutOut:
+    """Return the nearest particles to one of a problem, in its box; all of them if they are not too many."""
+    state, n = problem.state, len(problem.state.x_nc)
+    if n <= most:
+        return CutOut(problem, np.arange(n), np.zeros(n, bool), around)
+    apart_nc = state.x_nc - state.x_nc[around]
+    r_n = np.linalg.norm(apart_nc - problem.box.shift(problem.box.periods(apart_nc)), axis=1)
+    radius = np.partition(r_n, most - 1)[most - 1]
+    rows_k = np.flatnonzero(r_n <= radius)
+    held_k = r_n[rows_k] > radius - min(RIM * problem.model.cut, radius / 2)
+    some = replace(state, **{name: of[rows_k] for name, of in vars(state).items() if of is not None})
+    return CutOut(replace(problem, state=some), rows_k, held_k, around)
+
+
+def likeliest(problem: Problem, force_nc: FloatArray | None = None) -> int:
+    """Return the row of the fastest particle of fluid, or of that with the largest force if all are at rest.
+
+    The forces are evaluated if they are not known.
+    """
+    size_n = np.abs(problem.state.v_nc).max(axis=1)
+    fluid_n = ~problem.state.solid_n
+    if not size_n[fluid_n].any():
+        if force_nc is None:
+            one = replace(problem, steps=(0,))
+            run = Simulation(problem.model, problem.box, problem.state, ("f",), own_stages(one))
+            run.setup()
+            force_nc = run.output("f")
+        size_n = np.abs(force_nc).max(axis=1)
+    return int(np.argmax(np.where(fluid_n, size_n, -1.0)))
+
+
+class _Given(ArrayEvaluator):
+    """Stages that sum no densities of particles that are held."""
+
+    part: CutOut
+
+    def density_sum(self) -> Any:
+        return where(self.part.held_k, self.part.problem.state.rho_n, super().density_sum())
+
+
+class _Acted(Simulation):
+    """Steps with the forces of other fixes, and with particles that are held."""
+
+    part: CutOut
+    other: tuple[External] | None  # in a tuple, as it is no method
+
+    def _external(self, force_nc: Any) -> Any:
+        rows_k = self.part.rows_k
+        acted_nc: Any = self.other[0](force_nc, self.mass_n, rows_k) if self.other else super()._external(force_nc)
+        return np.where(self.part.held_k[:, None], 0.0, acted_nc)
+
+    def _shift(self, dt: float, shift_nc: Any, gradient: Gradients) -> None:
+        super()._shift(dt, np.where(self.part.held_k[:, None], 0.0, shift_nc), gradient)
 
 
 def fastest(model: Model, state: State) -> float:
@@ -66,18 +145,27 @@ class Attempts:
     ----------
     start : the state with its time step, at step 0
     taken : steps that LAMMPS took from there
+    id_n : ids of the particles
     external : the forces of other fixes, where these are not those of the model
     """
 
     start: Problem
     taken: int
+    id_n: IntArray
     external: External | None = None
 
     @property
     def count(self) -> int:
-        """Steps of an attempt; 0 if the particles are too many."""
-        count = min(max(2 * self.taken, STEPS[0]), STEPS[1], WORK // max(len(self.start.state.x_nc), 1))
-        return count if count >= STEPS[0] else 0
+        """Steps of an attempt."""
+        return min(max(2 * self.taken, STEPS[0]), STEPS[1])
+
+    @cached_property
+    def part(self) -> CutOut:
+        """The particles that are followed; those that are held are at rest."""
+        part = cut_out(self.start, likeliest(self.start) if len(self.id_n) > MOST else 0, MOST)
+        state = part.problem.state
+        at_rest = replace(state, v_nc=np.where(part.held_k[:, None], 0.0, state.v_nc))
+        return replace(part, problem=replace(part.problem, state=at_rest))
 
     def cause(self, engine: str, run: int, step: int) -> OutlookRecord:
         """Return the likeliest cause of an end that came after a state, which is of a step of a run.
@@ -93,6 +181,9 @@ class Attempts:
         """
         dt = self.start.timestep
         record = OutlookRecord(cause="not understood", run=run, step=step, taken=self.taken, steps=self.count)
+        if len(self.part.rows_k) < len(self.id_n):
+            record.particles, record.of_particles = len(self.part.rows_k), len(self.id_n)
+            record.around = int(self.id_n[self.part.around])
         after = self.runaway(dt, ())
         if after is not None:
             finer = self.runaway(dt / FINER, (), 2 * FINER * after)
@@ -136,12 +227,16 @@ class Attempts:
 
     def _simulation(self, timestep: float, steps: int, entries: Sequence[Finding]) -> Simulation:
         fields = needed_to_step(self.start.model)
-        problem = replace(self.start, timestep=timestep, fields=fields, steps=(0, steps))
+        problem = replace(self.part.problem, timestep=timestep, fields=fields, steps=(0, steps))
         variants = [entry.model_variant for entry in entries if entry.model_variant]
         stages, stepping = combined(variants, problem, {}) or (ArrayEvaluator, Simulation)
-        if self.external:
-            stepping = type("Acted", (stepping,), {"_external": self.external})
-        return stepping(problem.model, problem.box, problem.state, fields, stages if entries else own_stages(problem))
+        stages = stages if entries else own_stages(problem)  # type: ignore[assignment]
+        if self.external or self.part.held_k.any():
+            other = (self.external,) if self.external else None
+            stepping = type("Acted", (_Acted, stepping), {"part": self.part, "other": other})
+        if self.part.held_k.any():
+            stages = type("Given", (_Given, stages), {"part": self.part})
+        return stepping(problem.model, problem.box, problem.state, fields, stages)
 
 
 def _sets(entries: Sequence[Finding]) -> Iterator[tuple[Finding, ...]]:

@@ -58,8 +58,7 @@ def judge(model: Model, box: Box, state: State, timestep: float | None, limits: 
         lines += time_step(model, numbers(model, state, timestep), measured)
         lines += tension(model, state, measured)
     lines += hyperbolicity(model, state)
-    if len(state.x_nc) <= MOST:
-        lines += _neighbourhoods(model, box, state)
+    lines += _neighbourhoods(model, box, state)
     return lines
 
 
@@ -178,6 +177,10 @@ def hyperbolicity(model: Model, state: State) -> Iterable[Advice]:
 def _neighbourhoods(model: Model, box: Box, state: State) -> Iterable[Advice]:
     surface = model.fix.surface_detection
     if not model.corrects_gradients and surface is None:
+        return
+    if len(state.x_nc) > MOST:
+        text = f"moment matrices and surface limits were not examined: {len(state.x_nc)} particles, more than {MOST}"
+        yield Advice(text, True, "examined")
         return
     evaluator = ArrayEvaluator(model, box, state.type_n, state.solid_n)
     try:

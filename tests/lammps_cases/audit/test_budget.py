@@ -124,7 +124,7 @@ def test_finer_particles_are_the_same_fluid(name: str) -> None:
 
 def test_runs_that_run_away_say_so() -> None:
     sample = sample_of(FORCES)
-    series = rerun.reruns(Good(sample, 50.0, 1, 0), 40, 10, ())
+    series = rerun.reruns(Good(sample, 50.0, 1, 0, np.arange(len(sample.mass_n))), 40, 10, ())
     assert series[0].name == rerun.AS_IT_IS and all(of.ended for of in series)
 
 
@@ -150,7 +150,7 @@ def vortices(**changes: object) -> Good:
         solid_n=np.zeros(count, bool), energy_n=None, mass_n=None,
     )  # fmt: skip
     box = Box((0.0, 0.0), (edge, edge), (True, True))
-    return Good(ParticleSample(one, box, replace(state, **changes), np.full(count, 2.0)), 0.5, 1, 0)
+    return Good(ParticleSample(one, box, replace(state, **changes), np.full(count, 2.0)), 0.5, 1, 0, np.arange(count))
 
 
 def test_vortices_are_recognised_by_their_velocities() -> None:

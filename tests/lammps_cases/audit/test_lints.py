@@ -13,9 +13,10 @@ from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model, PairRheo, Viscosity
 from eos_ref.model.state import State
 from lammps_cases.audit import AuditOptions, audit_deck
+from lammps_cases.audit import lints as audit_lints
 from lammps_cases.audit.deck import hyphens
 from lammps_cases.audit.evaluation import ParticleSample
-from lammps_cases.audit.lints import Stillness, number_density
+from lammps_cases.audit.lints import Stillness, lints, number_density
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.pages import unpacked
 
@@ -145,6 +146,23 @@ def sample_of(x_nc: np.ndarray, box: Box, v_nc: np.ndarray | None = None) -> Par
     )
     v_nc = np.zeros((n, d)) if v_nc is None else v_nc
     return ParticleSample(model, box, State(x_nc, v_nc, np.ones(n), np.ones(n, int), np.zeros(n, bool)), np.ones(n))
+
+
+def test_of_many_particles_blocks_are_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The numbers of the particles in evenly spaced blocks are those of all, and a line has their count."""
+    x_nc = np.stack(np.meshgrid(np.arange(30), np.arange(30), indexing="ij"), -1).reshape(-1, 2) + 0.5
+    sample = sample_of(x_nc, Box((0.0, 0.0), (30.0, 30.0), (True, False)))
+    n_n, full_n = number_density(sample)
+    assert not [of for of in lints(sample, np.arange(900)) if of.subject == "some"]
+    monkeypatch.setattr(audit_lints, "ROWS", 100)
+    monkeypatch.setattr(audit_lints, "MOST", 300)
+    some_n, some_full_n = number_density(sample)
+    judged_n = np.isfinite(some_n)
+    assert judged_n.sum() == 300 and judged_n[:100].all() and judged_n[400:500].all() and judged_n[-100:].all()
+    np.testing.assert_array_equal(some_n[judged_n], n_n[judged_n])
+    np.testing.assert_array_equal(some_full_n, full_n & judged_n)
+    (line,) = [of.line for of in lints(sample, np.arange(900)) if of.subject == "some"]
+    assert line.endswith("were judged by about 300 of 900 particles")
 
 
 @pytest.mark.parametrize("d", [2, 3])

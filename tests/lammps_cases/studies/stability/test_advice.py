@@ -147,6 +147,14 @@ def test_surfaces_say_how_near_the_limit_lies() -> None:
     assert f"surface limit 10 (coordination): 100.0 % {nearest}" in advice(*parts(made), LIMITS)
 
 
+def test_what_is_not_examined_of_many_particles_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lammps_cases.studies.stability.advice.MOST", 80)
+    made = square(1e-3, rheo={"surface_detection": {"style": "coordination", "limit": 20, "splash": 3}})
+    line = "warning: moment matrices and surface limits were not examined: 81 particles, more than 80"
+    assert line in advice(*parts(made), LIMITS)
+    assert not [line for line in advice(*parts(square(1e-3)), LIMITS) if "examined" in line]
+
+
 def test_matrices_say_their_worst_condition() -> None:
     def lines(x_nc: Any) -> list[str]:
         made = square(1e-3, rheo={"kernel": "RK1"})

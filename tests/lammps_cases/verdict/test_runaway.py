@@ -1,0 +1,110 @@
+"""Why a run diverged, looked for in all particles of a deck and in those around one of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eos_ref import EOS, EOSTable, parse_fix_rheo
+from eos_ref.evaluation.pairs import directed_pairs
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Model, PairRheo, Viscosity
+from eos_ref.model.state import State
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.records import wording
+from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.verdict import runaway
+from lammps_cases.verdict.runaway import Attempts, cut_out, likeliest
+
+ENGINE = "2025.7.22.4.0"
+EDGE = 32
+FEW = 600  # of the 1024 particles: two cutoffs of rim leave some that move
+
+
+def vortices(mass: float = 1.0, timestep: float = 0.1, words: str = "quintic 0", speed: float = 0.05) -> Problem:
+    """A square lattice in a periodic box, rho0 being 1; the time step is in units of the spacing."""
+    spacing = mass**0.5
+    model = Model(
+        2,
+        parse_fix_rheo(f"fix 1 all rheo {3 * spacing} {words}"),
+        (mass,),
+        EOSTable((EOS("linear"),)),
+        PairRheo(3 * spacing, artificial_viscosity=1.0),
+        (Viscosity("constant", 0.05 * spacing),),
+    )
+    x_nc = np.stack(np.meshgrid(np.arange(EDGE), np.arange(EDGE), indexing="ij"), -1).reshape(-1, 2) + 0.5
+    k = 2 * np.pi / EDGE * x_nc
+    v_nc = speed * np.column_stack([-np.cos(k[:, 0]) * np.sin(k[:, 1]), np.sin(k[:, 0]) * np.cos(k[:, 1])])
+    n = len(x_nc)
+    state = State(x_nc * spacing, v_nc, np.ones(n), np.ones(n, int), np.zeros(n, bool))
+    box = Box((0.0, 0.0), (EDGE * spacing,) * 2, (True, True))
+    return Problem(model, box, state, timestep * spacing, ("f",), (0,))
+
+
+@pytest.mark.parametrize("words", ["quintic 0", "RK1 0", "RK1 0 shift"])
+@pytest.mark.parametrize("around", [0, 300])
+def test_forces_in_a_cut_out_are_those_of_all(words: str, around: int) -> None:
+    """The middle of a cut-out may lie at a periodic boundary."""
+    problem = vortices(words=words)
+    part = cut_out(problem, around, FEW)
+    assert FEW <= len(part.rows_k) < FEW + 20 and 0 < (~part.held_k).sum() < len(part.rows_k)
+    i, j, _ = directed_pairs(problem.state.x_nc, problem.box, problem.model.cut)
+    moving = part.rows_k[~part.held_k]
+    assert np.isin(j[np.isin(i, moving)], part.rows_k).all()
+    forces = []
+    for of in (problem, part.problem):
+        sim = of.simulation()
+        sim.setup()
+        forces.append(sim.output("f"))
+    np.testing.assert_array_equal(forces[0][moving], forces[1][~part.held_k])
+
+
+def test_the_likeliest_is_the_fastest_fluid_or_feels_the_largest_force() -> None:
+    problem = vortices()
+    state = problem.state
+    fast_nc, solid_n = state.v_nc.copy(), state.solid_n.copy()
+    fast_nc[7], fast_nc[8], solid_n[8] = 0.2, 0.3, True
+    assert likeliest(replace(problem, state=replace(state, v_nc=fast_nc, solid_n=solid_n))) == 7
+    rho_n = state.rho_n.copy()
+    rho_n[100] = 3.0
+    assert likeliest(replace(problem, state=replace(state, v_nc=0 * state.v_nc, rho_n=rho_n))) in {
+        100 - EDGE,
+        99,
+        101,
+        100 + EDGE,
+    }
+
+
+@pytest.mark.parametrize("words", ["quintic 0", "quintic 0 shift", "quintic 0 rho/sum"])
+@pytest.mark.parametrize(
+    ("changed", "cause"),
+    [({"mass": 0.01}, "findings"), ({"timestep": 4.0}, "time step"), ({}, "not understood")],
+)
+def test_a_cut_out_has_the_cause_of_all(
+    words: str, changed: dict[str, float], cause: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = vortices(words=words, **changed)
+    id_n = np.arange(len(problem.state.x_nc)) + 1
+    whole = Attempts(problem, 10, id_n).cause(ENGINE, 1, 0)
+    monkeypatch.setattr(runaway, "MOST", FEW)
+    cut = Attempts(problem, 10, id_n).cause(ENGINE, 1, 0)
+    assert whole.cause == cause and whole.around is None
+    assert (cut.cause, cut.findings, cut.steps) == (whole.cause, whole.findings, 50)
+    assert cut.of_particles == len(id_n) and cut.around == likeliest(problem) + 1
+    said = wording.outlook(CaseRecord(case="in.deck", verdict="refused", outlook=cut))
+    assert f"(in {cut.particles} of 1024 particles around atom {cut.around})" in said
+
+
+def test_forces_of_other_fixes_go_with_their_particles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A force on a single particle, that in the middle, makes the set-up diverge, in all and in a cut-out."""
+    monkeypatch.setattr(runaway, "MOST", FEW)
+    problem = vortices()
+    n, at = len(problem.state.x_nc), likeliest(problem)
+    pushed_n = np.where(np.arange(n) == at, 1e5, 0.0)
+
+    def push(force_nc: np.ndarray, mass_n: np.ndarray, rows_k: np.ndarray) -> np.ndarray:
+        return force_nc + pushed_n[rows_k, None]
+
+    assert Attempts(problem, 10, np.arange(n), push).cause(ENGINE, 1, 0).cause == "set-up"

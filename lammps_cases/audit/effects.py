@@ -15,7 +15,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.quantities import needed_to_step
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
-from lammps_cases.audit.lints import MOST
+from lammps_cases.audit.lints import FEW, MOST
 from lammps_cases.findings import Finding, applicable
 from lammps_cases.records.audit_record import EffectRecord
 from lammps_cases.verdict import runaway
@@ -56,7 +56,7 @@ def effects(
     if len(judged_n) > MOST:
         force_nc = value(reference.own("f")) if reference and reference.of_pairs is not None else None
         problem = sample.problem(tuple(fields))
-        part = runaway.cut_out(problem, runaway.likeliest(problem, force_nc), MOST)
+        part = runaway.cut_out(problem, runaway.likeliest(problem, force_nc), FEW)
         sample, judged_n, reference = sample.of(part.rows_k), ~part.held_k, None
     evaluated = reference is not None and {*fields} <= {*reference.simulation.plan}
     right = reference if reference and evaluated else SampleEvaluation(sample, fields)

@@ -26,6 +26,7 @@ FAR = 0.1  # of rho0: ten times what a weakly compressible fluid is set up to va
 SLOW = 10.0  # times the largest speed is what sound takes for densities to vary by 1 %, Monaghan, JCP 110, 399 (1994)
 OUTER = 2 / 3  # of the cutoff, beyond which a full support has neighbours in every direction
 MOST = 100_000  # particles whose neighbours are looked at; of more, blocks of them
+FEW = 20_000  # particles by which it is then judged what known bugs do
 CLOSE = 0.5  # of the spacing: no lattice and no fluid that is well resolved has pairs that close
 
 
@@ -88,8 +89,8 @@ def lints(sample: ParticleSample, id_n: Array) -> Iterator[Lint]:
     yield from _weight(sample)
     state = sample.state
     if len(state.x_nc) > MOST:
-        some = f"about {MOST} of {len(state.x_nc)} particles"
-        yield Lint("some", f"masses and number densities, and what known bugs do, were judged by {some}")
+        some = f"by about {MOST} of {len(state.x_nc)} particles"
+        yield Lint("some", f"masses and number densities were judged {some}, what known bugs do by about {FEW}")
     try:
         n_n, full_n = number_density(sample)
     except InputError:  # particles far from the box, which the next step will lose

@@ -7,13 +7,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eos_ref.numbers.rounded import value
 from lammps_cases.audit import AuditOptions, audit_deck
+from lammps_cases.audit import effects as audit_effects
 from lammps_cases.audit.effects import compare, worst
+from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
+from lammps_cases.audit.sample import judged, known
 from lammps_cases.cli.audit import field_table
+from lammps_cases.findings.forces import ForcePerVolume
+from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.records import deck_wording
 from lammps_cases.records.audit_record import EffectRecord
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
+from lammps_cases.records.wording import number
 from lammps_cases.report import findings
+from tests.support.vortices import EDGE, vortices
+
+ENGINE = "2025.7.22.4.0"
 
 COLUMN = (Path(__file__).parents[2] / "decks" / "in.column").read_text()
 # The same with particles of unit volume, where no known finding of this LAMMPS makes a difference to forces at rest.
@@ -61,6 +71,35 @@ def test_the_largest_effect_is_kept() -> None:
     assert deck_wording.effect(other) == "drho is wrong where it should be 0 (1 of 2 particles, step 0)"
     multiple = large.model_copy(update={"factor": 100.0})
     assert deck_wording.effect(multiple) == "f is 100 times what it should be (1 of 2 particles, step 0)"
+
+
+def sample_of_vortices() -> ParticleSample:
+    """With volumes of 0.01."""
+    problem = vortices(mass=0.01)
+    return ParticleSample(problem.model, problem.box, problem.state, np.full(len(problem.state.x_nc), 0.01))
+
+
+def test_of_many_particles_some_show_what_a_finding_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    sample = sample_of_vortices()
+    (whole,) = audit_effects.effects(sample, ENGINE, 1, 0)
+    monkeypatch.setattr(audit_effects, "MOST", 900)
+    monkeypatch.setattr(audit_effects, "FEW", 600)
+    (some,) = audit_effects.effects(sample, ENGINE, 1, 0)
+    assert whole.of == EDGE**2 and 0 < some.of < 600
+    assert some.finding == whole.finding == "force-per-volume"
+    assert some.factor == pytest.approx(whole.factor, rel=1e-12) and number(some.factor) == "100"
+
+
+def test_lists_of_neighbours_are_read_for_findings_that_follow_them() -> None:
+    sample, listed = sample_of_vortices(), known(ENGINE)
+    wrong = SampleEvaluation(sample, ("f",), ForcePerVolume)
+    shown = {"f": np.asarray(value(wrong.output("f")))}
+
+    def never(tag_n: np.ndarray) -> tuple[NeighbourList, ...]:
+        raise AssertionError
+
+    found = judged(sample, ("f",), np.arange(EDGE**2), shown, listed, {}, lists=never)
+    assert [entry.id for entry in found.explained["f"]] == ["force-per-volume"]
 
 
 @pytest.mark.lammps

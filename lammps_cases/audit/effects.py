@@ -6,7 +6,7 @@ add to it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from lammps_cases.findings import Finding, applicable
 from lammps_cases.records.audit_record import EffectRecord
 from lammps_cases.verdict import runaway
 
+NOTHING: Mapping[str, SampleEvaluation] = {}
 MULTIPLE = 0.01  # part of the largest value by which a field may differ from a multiple of the right one
 
 
@@ -38,14 +39,18 @@ def effects(
     engine: str,
     run: int,
     step: int,
-    reference: SampleEvaluation | None = None,
+    evaluated: Mapping[str, SampleEvaluation] = NOTHING,
     seen: Collection[str] = (),
 ) -> list[EffectRecord]:
     """Return what each finding of an engine changes in the fields that a step of the sample's model needs.
 
-    Gravity, which would hide changes of pair forces, is left out; an evaluation that the sample has had is used again.
-    Of many particles those around the likeliest to run away are looked at. Changes inside the bounds are left out but
-    for findings that were ``seen`` to explain LAMMPS' fields.
+    Gravity, which would hide changes of pair forces, is left out. Of many particles those around the likeliest to run
+    away are looked at. Changes inside the bounds are left out but for findings that were ``seen`` to explain LAMMPS'
+    fields.
+
+    Parameters
+    ----------
+    evaluated : what the sample was evaluated by already: findings by id, the reference by no name
     """
     variants = [(entry.id, v) for entry in touching(sample, engine) if (v := entry.model_variant) and v.stages]
     reached = {name: [f for f in needed_to_step(sample.model) if v.reaches(sample.model, f)] for name, v in variants}
@@ -54,15 +59,18 @@ def effects(
         return []
     judged_n = np.ones(len(sample.mass_n), bool)
     if len(judged_n) > MOST:
-        force_nc = value(reference.own("f")) if reference and reference.of_pairs is not None else None
+        force_nc = value(evaluated[""].of_pairs) if "" in evaluated else None
         problem = sample.problem(tuple(fields))
         part = runaway.cut_out(problem, runaway.likeliest(problem, force_nc), FEW)
-        sample, judged_n, reference = sample.of(part.rows_k), ~part.held_k, None
-    evaluated = reference is not None and {*fields} <= {*reference.simulation.plan}
-    right = reference if reference and evaluated else SampleEvaluation(sample, fields)
-    records = []
+        sample, judged_n, evaluated = sample.of(part.rows_k), ~part.held_k, {}
+
+    def evaluation(name: str, wanted: Sequence[str], stages: type[ArrayEvaluator]) -> SampleEvaluation:
+        made = evaluated.get(name)
+        return made if made and {*wanted} <= {*made.simulation.plan} else SampleEvaluation(sample, wanted, stages)
+
+    right, records = evaluation("", fields, ArrayEvaluator), []
     for finding, variant in variants:
-        wrong = SampleEvaluation(sample, reached[finding], variant.stages or ArrayEvaluator)
+        wrong = evaluation(finding, reached[finding], variant.stages or ArrayEvaluator)
         for field in reached[finding]:
             sides = [by.own(field) for by in (right, wrong)]
             a, b = (np.asarray(value(side), float)[judged_n] for side in sides)

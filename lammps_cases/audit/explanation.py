@@ -24,8 +24,8 @@ class Left(NamedTuple):
     unbounded: frozenset[str] = frozenset()
 
 
-# What some stages leave; if the flag is set, particles without a bound are left out.
-Outside = Callable[[type[ArrayEvaluator], bool], Left]
+# What the stages of some findings leave; if the flag is set, particles without a bound are left out.
+Outside = Callable[[Sequence[Finding], type[ArrayEvaluator], bool], Left]
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def explain(
         names = tuple(entry.id for entry in entries)
         if names not in known:
             undefined = any(entry.model_variant.undefined for entry in entries if entry.model_variant)
-            known[names] = outside(stages, undefined) if (stages := fitted(entries)) else Left(before)
+            known[names] = outside(entries, stages, undefined) if (stages := fitted(entries)) else Left(before)
         return known[names]
 
     if before <= last.keys():

@@ -46,12 +46,14 @@ class JudgedSample:
     ----------
     comparisons : by field; without those that cannot be predicted, or of which no particle can be compared
     reference : the reference's evaluation
+    alone : evaluations with a finding that is not fitted to the sample, by id
     explained : what explained fields of this sample and of earlier ones
     unpredictable : by field, the findings that reach it and that cannot be evaluated in this sample
     """
 
     comparisons: dict[str, Comparison]
     reference: SampleEvaluation
+    alone: dict[str, SampleEvaluation]
     explained: Explained
     unpredictable: Explained
 
@@ -91,7 +93,7 @@ class Sampler:
         self.listed = known(engine)
         self.explained: Explained = {}  # by earlier samples
         self.last: ParticleSample | None = None
-        self.reference: SampleEvaluation | None = None  # of the last one, once it is compared
+        self.evaluated: dict[str, SampleEvaluation] = {}  # of the last one, once it is compared; see `effects`
         self.tilted = 0  # most particles of a 2D deck that do not lie in a plane with their neighbours
         self.columns: dict[str, slice] = {}
         end = 1
@@ -106,7 +108,7 @@ class Sampler:
 
     def take(self, n: int, x_nc: Array, setup: bool) -> ParticleSample:
         """Return the particles there are; ``setup`` on the set-up of a run."""
-        fix, self.reference = self.model.fix, None
+        fix, self.evaluated = self.model.fix, {}
         self.last = taken(self.lmp, self.model, self.actions, self.mass_t, n, x_nc)
         summed = setup and fix.rho_sum and fix.interface_reconstruct
         self.last = replace(self.last, summed=summed, unlists_bonded=self.unlists_bonded)
@@ -116,7 +118,7 @@ class Sampler:
         """Compare all fields of the sample taken last with those that LAMMPS shows."""
         assert self.last is not None
         found = judged(self.last, self.fields, tag_n, shown, self.listed, self.explained, lists=self._lists)
-        self.explained, self.reference = found.explained, found.reference
+        self.explained, self.evaluated = found.explained, {"": found.reference, **found.alone}
         self.tilted = max(self.tilted, int(found.reference.tilted().sum()))
         return found
 
@@ -195,10 +197,13 @@ def judged(
     }
     before = frozenset(field for field, c in comparisons.items() if c.record.verdict == "differs")
     if not before:
-        return JudgedSample(comparisons, reference, earlier, {})
+        return JudgedSample(comparisons, reference, {}, earlier, {})
 
-    def outside(stages: type[ArrayEvaluator], undefined: bool) -> Left:
+    alone: dict[str, SampleEvaluation] = {}
+
+    def outside(entries: Sequence[Finding], stages: type[ArrayEvaluator], undefined: bool) -> Left:
         by = evaluation(sample, fields, stages)
+        alone.update({e.id: by for e in entries if len(entries) == 1 and e.model_variant and not e.model_variant.fit})
         ratios = {field: _ratios(*sides(field, by), undefined) for field in rows_of}
         return Left(
             frozenset(field for field, ratio_n in ratios.items() if not np.all(ratio_n <= 1)),
@@ -211,7 +216,7 @@ def judged(
         record.verdict, record.explained_by = "explained", [entry.id for entry in entries]
     for field in found.unpredictable:
         del comparisons[field]
-    return JudgedSample(comparisons, reference, earlier | found.explained, found.unpredictable)
+    return JudgedSample(comparisons, reference, alone, earlier | found.explained, found.unpredictable)
 
 
 def known(engine: str) -> list[Finding]:

@@ -381,7 +381,7 @@ class DeckWatch:
         doubled = self._judged & (self._judged - 1) == 0
         seen = {entry.id for entries in run.sampler.explained.values() for entry in entries}
         look = doubled or not seen <= self._harmful
-        harmful = tuple(effects(now, self.engine, self.runs, step, run.sampler.reference, seen)) if look else ()
+        harmful = tuple(effects(now, self.engine, self.runs, step, run.sampler.evaluated, seen)) if look else ()
         self._harmful |= seen
         self._harmful |= {effect.finding for effect in harmful}
         return harmful

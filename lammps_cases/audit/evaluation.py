@@ -87,6 +87,11 @@ class _GivenDensities(ArrayEvaluator):
 
     given_n: Any
     summed_n: Any = None
+    forces = True  # whether they are wanted
+
+    def artificial(self, *given: Any) -> Any:
+        """Return nothing where no forces are wanted, of which these terms take the longest."""
+        return super().artificial(*given) if self.forces else 0.0
 
     def density_sum(self) -> Any:
         """Keep the sum, return the given densities."""
@@ -146,6 +151,7 @@ class SampleEvaluation:
         self.stages: _GivenDensities = evaluator(sample.model, sample.box, s.type_n, s.solid_n)
         self.stages.mass_n, self.stages.given_n = sample.mass_n, state.rho_n
         self.simulation = Simulation.with_evaluator(state, self.stages, fields)
+        self.stages.forces = "f" in self.simulation.plan
         with np.errstate(all="ignore"):
             results = self.simulation.evaluate() if fields else {}
             self.of_pairs = results.get("f")

@@ -218,6 +218,6 @@ class Follower:
             hint = f" (-var {unset[1]} VALUE defines it, as for lmp)" if unset else ""
             if _OTHER_RANKS in str(error):
                 hint = f" (--ranks {math.prod(int(n) for n in self.grid if n.isdecimal())} starts as many)"
-            said, *rest = " ".join(str(error).split()).split(" (src/", 1)  # the hint comes before the place in a source
-            place = "".join(f" (src/{part}" for part in rest)
-            raise type(error)(f"{said}{hint}{place} ({self.where})") from None
+            said = " ".join(str(error).split())
+            at = said.find(" (src/") if " (src/" in said else len(said)  # the hint comes before the place in a source
+            raise type(error)(f"{said[:at]}{hint}{said[at:]} ({self.where})") from None

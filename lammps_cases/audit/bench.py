@@ -18,7 +18,7 @@ from lammps_cases.audit.follow import Follower
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.watch import DeckWatch
-from lammps_cases.engine.session import open_lammps
+from lammps_cases.engine.session import describe, open_lammps
 
 
 class _FirstRun(DeckWatch):
@@ -28,10 +28,12 @@ class _FirstRun(DeckWatch):
     spent = 0.0
 
     def run(self, values: list[str], execute: Callable[..., None]) -> bool:
+        begin = time.process_time()
         if self.audited:
             self.begin(["run"])
-        begin = time.process_time()
         self.lmp.command(f"run {self.options.steps}")
+        if self.audited:  # what the samples that were kept are judged by
+            self.questions.lines()
         self.spent = time.process_time() - begin
         return True
 
@@ -42,7 +44,9 @@ def first_run(deck: str, steps: int, every: int, audited: bool) -> float:
         copy_folder(Path(deck).resolve().parent, Path(folder))
         os.chdir(folder)
         lmp = open_lammps()
-        watch = _FirstRun(lmp, AuditOptions(every=every, steps=steps), lambda message: None)
+        watch = _FirstRun(
+            lmp, AuditOptions(every=every, steps=steps), lambda message: None, describe(lmp)["distribution"]
+        )
         watch.audited = audited
         Follower(lmp, watch, lambda where, command: None).deck(Path(Path(deck).name))
         lmp.close()

@@ -26,7 +26,7 @@ FAR = 0.1  # of rho0: ten times what a weakly compressible fluid is set up to va
 SLOW = 10.0  # times the largest speed is what sound takes for densities to vary by 1 %, Monaghan, JCP 110, 399 (1994)
 OUTER = 2 / 3  # of the cutoff, beyond which a full support has neighbours in every direction
 MOST = 100_000  # particles whose neighbours are looked at; of more, blocks of them
-FEW = 20_000  # particles by which it is then judged what known bugs do
+FEW = 2_000  # particles by which it is then judged what known bugs do: no blocks, which would push out those of all
 CLOSE = 0.5  # of the spacing: no lattice and no fluid that is well resolved has pairs that close
 
 

@@ -248,7 +248,8 @@ class _Audit:
         if self.findings.blame is None:  # of the first snapshot in which a field differs, or the last one
             self.arrays = _arrays(sample, snapshot, id_n, compared)
         known = {"x", "v", "rho"} | ({"energy"} if sample.model.thermal else set())
-        looked = len(self.steps) & (len(self.steps) - 1) == 0 and held.keys() >= known  # at the 1st, 2nd, 4th, ...
+        doubled = len(self.steps) & (len(self.steps) - 1) == 0  # the 1st, 2nd, 4th, ... snapshot
+        looked = doubled and held.keys() >= known and not _coarse(held["x"], sample.model)
         found_here = effects(sample, self.findings.who["distribution"], run.number, snapshot.step) if looked else []
         self.findings.take(
             SampleRows(snapshot.step, run.number, snapshot.step, rows, tuple(found_here), unpredictable=open_)

@@ -142,6 +142,7 @@ ENTRIES: tuple[Finding, ...] = (
         "rheo/property/atom property'). A crash ends any program that uses LAMMPS as a library, without a message, "
         "and overwritten memory may also go unnoticed.",
         workaround="Write a single star.",
+        acts=lambda setting: any("**" in word for word in setting.shown),
         applies_to=("probes.compute-component-stars",),
         expected_inputs=("compute-*.star-twice",),
         outcome="crashed",

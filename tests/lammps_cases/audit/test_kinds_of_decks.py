@@ -90,8 +90,9 @@ def test_fields_of_stale_memory_are_not_predictable(tmp_path: Path) -> None:
 
 
 def test_a_stop_by_stale_memory_is_understood(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Memory is filled with bytes of 127, as doubles 1.4e306; only a trusted deck gets this variable."""
+    """Memory is filled with bytes of 127, as doubles 1.4e306; only a trusted deck gets these variables."""
     monkeypatch.setenv("MALLOC_PERTURB_", "128")
+    monkeypatch.setenv("GLIBC_TUNABLES", "glibc.malloc.tcache_count=0")  # what the cache returns is not filled
     case = case_of(tmp_path, [*ROOM, (RHEO, "RK1 20 density")], trust=True)
     assert case.verdict == "refused" and case.outlook is not None
     assert (case.outlook.cause, case.outlook.findings) == ("findings", ["stale-gradient-below-zmin"])

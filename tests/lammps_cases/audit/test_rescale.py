@@ -204,7 +204,7 @@ def test_three_dimensions_and_heat(tmp_path: Path) -> None:
     [
         (DRY.replace("* 0.01\n", "* 1.0\n", 1), "is 1 already"),
         (DRY.replace("density 1.0 1.0", "density 1.0 2.0"), "must be the same for all types"),
-        (DRY.replace("units           lj", "units           real"), "must be one of lj, si, cgs"),
+        (DRY.replace("units           lj", "units           micro"), "must be one of lj, si, cgs"),
         (DRY.replace(RUN, "fix 7 all nve\nrun 1\n"), r"command fix nve: .*\(in.deck:27\)"),
         (DRY.replace(RUN, "run 1\nset type 1 rheo/rho 2\nrun 1\n"), r"command set: .*\(in.deck:28\)"),
     ],

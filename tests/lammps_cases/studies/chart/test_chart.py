@@ -243,7 +243,8 @@ def test_flows_converge_on_both_engines_with_second_order_where_nothing_stands_b
 def test_everything_is_on_disk(quick: tuple[Chart, Path]) -> None:
     chart, out = quick
     assert record.DOCUMENT.read(out / "chart.json").panels == chart.panels
-    assert {p.name for p in out.iterdir()} == {"chart.json", "points.csv", "convergence.csv", "report.html", "figures"}
+    tables = {"chart.json", "sections.jsonl", "points.csv", "convergence.csv"}
+    assert {p.name for p in out.iterdir()} == {*tables, "report.html", "figures"}
     assert chart.engine["distribution"]
     assert chart.machine["processor"]
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from eos_ref import EOSTable, InputError
+from eos_ref import EOSTable
 from eos_ref.eos import bounds
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import EosState, evaluate, excess
+from lammps_cases.diagnosis.edits import made
 from lammps_cases.diagnosis.law_changes import law_changes
+from lammps_cases.diagnosis.reached import reached
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.scene.casefile import Case
@@ -46,7 +49,7 @@ class _RedLaw:
                 reference_n = evaluate(self.table, self.state)
                 outside = np.any(excess(self.lammps_n, reference_n, made[1])[1] > 1)
                 return bool(outside and np.all(excess(self.lammps_n, *made)[1] <= 1))
-        except (InputError, ValueError, ArithmeticError):  # a change that has no meaning for this law
+        except Exception:  # a change that has no meaning for this law
             return False
 
 
@@ -55,7 +58,8 @@ def hypotheses(records: Sequence[CaseRecord], cases: Mapping[str, Case], fields:
     red = {record.case: made for record in records if (made := _read(record, cases[record.case], fields))}
     types = max((len(case.table) for case in red.values()), default=1)
     tried, holds = 0, list[tuple[frozenset[str], str]]()
-    for sentence, change in _changes(types):
+    edits = _edits(next(iter(red.values()))) if red else ()
+    for sentence, change in itertools.chain(_changes(types), edits):
         tried += 1
         held = frozenset(name for name, case in red.items() if case.reproduced(change))
         if held:
@@ -104,6 +108,24 @@ def _changes(types: int) -> Iterator[tuple[str, Pressure]]:
             return p_n, bound_n + 4 * bounds.EPS * np.abs(p_n)
 
         yield f"the pressure of every particle {words}", times
+
+
+def _edits(case: _RedLaw) -> Iterator[tuple[str, Pressure]]:
+    """Yield edits of the functions that the laws of a case go through."""
+    for function in reached(lambda: evaluate(case.table, case.state)):
+        for edit in function.edits():
+
+            def edited(table: EOSTable, state: EosState, edit=edit) -> tuple[FloatArray, FloatArray]:  # type: ignore[no-untyped-def]
+                reference_n, bound_n = (
+                    evaluate(table, state),
+                    bounds.comparison(table, state.rho_n, state.type_n, state.e_n),
+                )
+                with made([edit]):
+                    p_n = evaluate(table, state)
+                larger_n = np.maximum(1.0, np.abs(p_n) / np.maximum(np.abs(reference_n), np.finfo(float).tiny))
+                return p_n, bound_n * larger_n + 4 * bounds.EPS * np.abs(p_n)
+
+            yield function.sentence(edit), edited
 
 
 def _rho0(table: EOSTable, state: EosState) -> FloatArray:

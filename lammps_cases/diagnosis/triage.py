@@ -27,8 +27,9 @@ from lammps_cases.scene.atoms import build, seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict.model_cases import problem_of
 
-SECONDS = 60.0  # of work on hypotheses, as estimated
+SECONDS = 30.0  # of work on hypotheses, as estimated
 STARTS = 3  # cases of a group, at most, whose formulas are searched from the beginning
+TRIED = 12  # hypotheses of one case that are tried on the others of its group
 NAMED = 6  # hypotheses of a group that are named; the others are counted
 
 Key = tuple[str, ...]
@@ -96,6 +97,7 @@ class _Diagnosis:
     predictor: Predictor
     left: float
     _kept: dict[tuple[str, tuple[str, ...]], RedCase | None] = field(default_factory=dict)
+    _found: list[Tried] = field(default_factory=list)  # what reproduces another group, which a fault may have, too
 
     def parts(self, records: Sequence[CaseRecord], work: Work) -> list[_Part]:
         """Return the groups that records of one first cause fall into."""
@@ -130,8 +132,10 @@ class _Diagnosis:
                 break
             own = min(ready, key=lambda pair: pair[0].size)[1]
             starts += 1
-            part: list[CaseRecord] = []
             begun = self._started(own)
+            part, named = self._reproduced(self._found, own, rest, work)
+            if part:
+                yield _Part(_group(part, named, tried := tried + len(self._found)), part)
             share = work.left / len(begun)  # that one of them has no pair takes nothing from the other
             searches = [HypothesisSearch(case, Work(share)) for case in begun]
             for paired, search in itertools.product((False, True), searches):
@@ -142,6 +146,7 @@ class _Diagnosis:
                 tried, spent = tried + search.tried - before, spent or search.spent
                 part, named = self._reproduced(survivors, own, rest, work)
                 if part:
+                    self._found += [changes for changes in survivors if changes not in self._found]
                     yield _Part(_group(part, named, tried, spent), part)
             work.left -= sum(share - max(search.work.left, 0.0) for search in searches)
             rest = [record for record in rest if record not in part]
@@ -157,11 +162,10 @@ class _Diagnosis:
         """Return the most cases that changes which reproduce one case reproduce, and the changes that do."""
         holds = {
             at: frozenset(record.case for record in records if self._holds(changes, record, work))
-            for at, changes in enumerate(survivors)
+            for at, changes in enumerate(survivors[:TRIED])
         }
         best = max((names for names in holds.values() if own.case in names), key=len, default=frozenset())
         named = [survivors[at] for at, names in holds.items() if best and names == best]
-        named.sort(key=lambda changes: sum(not change.number for change in changes))  # the plainest first
         sentences = [" and ".join(change.sentence for change in changes) for changes in named]
         return [record for record in records if record.case in best], [Hypothesis(sentence=s) for s in sentences]
 

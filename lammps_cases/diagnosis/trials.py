@@ -3,36 +3,43 @@
 from __future__ import annotations
 
 import itertools
+import math
 import warnings
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.pairs import Candidates, sharing
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.predictor import Made, Predictor
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Fields, Prediction, predict, visit
+from lammps_cases.diagnosis.candidates import candidates
 from lammps_cases.diagnosis.changes import Change, Watched
-from lammps_cases.diagnosis.grammar import changes
+from lammps_cases.diagnosis.edits import made
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.verdict.model_fields import nearest_image, sides
 
+R = TypeVar("R")
+
 NEARER = 0.05  # what is left of the largest difference, for a change to be looked at closely
-PROBED = 10  # a target with this many changes is tried with two of them first
 PAIRED = 60  # pairs of changes whose effects add up that are tried
 SUMMED = 1e-5  # of the largest difference: how near a sum of effects has to be to it
 COMPONENTS = 200  # values of the first red field that sums of effects are held against
 LONGEST_STEP = 20  # compared steps beyond this one are too far for hundreds of trials
+MORE = 500  # changes that are tried after one that reproduces a case, at least
+FAR = 1e3  # bounds of the reference by which a change may be off before the first red step
 # What a change raises in a scene where it has no meaning: an argument that the law does not take, a property that the
-# model lacks, a number type that a finding's variant does not know, a number out of range. Any other error is a fault.
+# model lacks, a number type that a finding's variant does not know, a number out of range. Any other error is a fault,
+# but for edits, which may be wrong in any way.
 MEANINGLESS = (InputError, AssertionError, TypeError, ArithmeticError)
 
 
@@ -53,7 +60,7 @@ class Work:
         ------
         Spent
         """
-        self.left -= times * (1 + problem.steps[-1]) * (2.0e-3 + 3.0e-5 * len(problem.state.x_nc))
+        self.left -= times * (1 + problem.steps[-1]) * (1.0e-3 + 1.0e-5 * len(problem.state.x_nc))
         if self.left < 0:
             raise Spent
 
@@ -66,7 +73,7 @@ class RedCase:
     ----------
     problem : compared up to the first red step
     snapshots : LAMMPS' fields at its steps
-    field : the first red one
+    red_field : the first red one
     base : stages and stepping of the findings that the case shows beside
     reference : what the reference predicts with these
     """
@@ -74,10 +81,11 @@ class RedCase:
     name: str
     problem: Problem
     snapshots: Sequence[Snapshot]
-    field: str
+    red_field: str
     base: Made
     reference: Prediction
     seed: int
+    near: list[Candidates] = field(default_factory=list)  # pairs, which all trials begin with
 
     @property
     def size(self) -> float:
@@ -87,12 +95,21 @@ class RedCase:
     @property
     def place(self) -> tuple[int, int]:
         """Return the first red step, and the place of its first red field in the order of a step."""
-        return self.problem.steps[-1], in_step_order(self.problem.fields).index(self.field)
+        return self.problem.steps[-1], in_step_order(self.problem.fields).index(self.red_field)
 
     @property
     def types(self) -> int:
         """Return the number of atom types."""
         return len(self.problem.model.mass_t)
+
+    @cached_property
+    def up_to_field(self) -> RedCase:
+        """Return the case with the fields up to the first red one."""
+        return replace(self, problem=replace(self.problem, fields=self._up_to_field()))
+
+    def _up_to_field(self) -> tuple[str, ...]:
+        names = in_step_order(self.problem.fields)
+        return tuple(names[: names.index(self.red_field) + 1])
 
     def made(self, tried: Sequence[Change]) -> Made | None:
         """Return stages and stepping with some changes; None where they have no meaning together."""
@@ -110,26 +127,48 @@ class RedCase:
             return None
 
     def values(self, tried: Sequence[Change]) -> list[Fields] | None:
-        """Return the fields with some changes at all steps; None where they have no meaning."""
-        made = self.made(tried)
-        if made is None:
+        """Return the fields with some changes at all steps; None where they have no meaning, or differ earlier."""
+        return self._meaningful(tried, self._values)
+
+    def _meaningful(self, tried: Sequence[Change], of: Callable[[Made], R | None]) -> R | None:
+        """Return what follows from stages and stepping with some changes; None where they have no meaning."""
+        classes = self.made(tried)
+        if classes is None:
             return None
-        stages, stepping = made
-        problem = self.problem
+        edits = [change.edit for change in tried if change.edit]
         try:
-            with np.errstate(all="ignore"), warnings.catch_warnings():
+            with made(edits), sharing(self.near), np.errstate(all="ignore"), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                sim = problem.simulation(stages, stepping)
-                visited = visit(sim, problem.steps, problem.timestep, problem.stops)
-                return [{f: np.array(sim.output(f), float) for f in problem.fields} for _ in visited]
-        except MEANINGLESS:
-            return None
+                return of(classes)
+        except Exception as error:
+            if edits or isinstance(error, MEANINGLESS):
+                return None
+            raise
+
+    def _values(self, classes: Made) -> list[Fields] | None:
+        problem, found = self.problem, list[Fields]()
+        sim = problem.simulation(*classes)
+        for at, _ in enumerate(visit(sim, problem.steps, problem.timestep, problem.stops)):
+            found.append({f: np.array(sim.output(f), float) for f in problem.fields})
+            if any(values.shape != self.reference.fields[at][f].shape for f, values in found[at].items()):
+                return None
+            if at + 1 < len(problem.steps) and any(self._far(at, name, found[at]) for name in problem.fields):
+                return None
+        return found
+
+    def _far(self, at: int, name: str, values: Fields) -> bool:
+        bound_n = np.broadcast_to(np.asarray(self.reference.bounds[at][name], float), values[name].shape)
+        return bool(np.any(excess(self._lammps(name, at, values), values[name], bound_n)[1] > FAR))
+
+    def evaluate(self) -> None:
+        """Evaluate the scene once, without changes."""
+        self._values(self.base)
 
     def first(self) -> tuple[Any, Any]:
         """Return the first red field: LAMMPS' and the reference's."""
         at = len(self.problem.steps) - 1
-        return self._lammps(self.field, at, self.reference.fields[at]), np.asarray(
-            self.reference.fields[at][self.field], float
+        return self._lammps(self.red_field, at, self.reference.fields[at]), np.asarray(
+            self.reference.fields[at][self.red_field], float
         )
 
     def _lammps(self, name: str, at: int, fields: Fields) -> Any:
@@ -142,14 +181,14 @@ class RedCase:
 
     def changed(self, values: list[Fields]) -> bool:
         """Return whether fields differ from the reference's where LAMMPS' do first."""
-        return not np.array_equal(values[-1][self.field], self.first()[1], equal_nan=True)
+        return not np.array_equal(values[-1][self.red_field], self.first()[1], equal_nan=True)
 
     def nearer(self, values: list[Fields]) -> bool:
         """Return whether fields are much nearer to LAMMPS' than the reference's, where these differ first."""
         lammps_n, reference_n = self.first()
         with np.errstate(all="ignore"):
             before = np.abs(lammps_n - reference_n).max(initial=0.0)
-            after = np.abs(lammps_n - values[-1][self.field]).max(initial=0.0)
+            after = np.abs(lammps_n - values[-1][self.red_field]).max(initial=0.0)
         return bool(after <= NEARER * before)
 
     def inside(self, values: Sequence[Fields], bounds: Sequence[Fields]) -> bool:
@@ -159,7 +198,7 @@ class RedCase:
         """
         names, last = in_step_order(self.problem.fields), len(self.problem.steps) - 1
         lammps_n, reference_n = self.first()
-        bound_n = np.broadcast_to(np.asarray(bounds[last][self.field], float), reference_n.shape)
+        bound_n = np.broadcast_to(np.asarray(bounds[last][self.red_field], float), reference_n.shape)
         if np.all(excess(lammps_n, reference_n, bound_n)[1] <= 1):
             return False
         for at, name in itertools.product(range(last + 1), names):
@@ -171,15 +210,7 @@ class RedCase:
 
     def own_bounds(self, tried: Sequence[Change]) -> Prediction | None:
         """Return the fields with some changes and their own bounds."""
-        made = self.made(tried)
-        if made is None:
-            return None
-        try:
-            with np.errstate(all="ignore"), warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                return predict(self.problem, *made, self.seed)
-        except MEANINGLESS:
-            return None
+        return self._meaningful(tried, lambda classes: predict(self.problem, *classes, self.seed))
 
     def reproduced(self, tried: Sequence[Change], work: Work, strictly: bool = False) -> bool:
         """Return whether changes reproduce LAMMPS on every atom, in all fields up to the end of the first red step.
@@ -211,19 +242,27 @@ class HypothesisSearch:
     effects: list[tuple[Change, FloatArray]] = field(default_factory=list)
 
     def singles(self) -> list[Tried]:
-        """Return the single changes that reproduce a case; keep what all of them do to its first red field."""
+        """Return the single changes that reproduce a case; keep what all of them do to its first red field.
+
+        After the first one half as many are tried as before it, at least `MORE`: others may do the same.
+        """
         survivors: list[Tried] = []
         shapes: set[bytes] = set()
+        last = math.inf
+        near = self.case.up_to_field
         try:
-            for change in self._worth_trying():
+            for change in candidates(near.types, near.evaluate):
+                if self.tried >= last:
+                    break
                 self.tried += 1
-                self.work.spend(self.case.problem)
-                values = self.case.values((change,))
-                if values is None or not self.case.changed(values):
+                self.work.spend(near.problem)
+                values = near.values((change,))
+                if values is None or not near.changed(values):
                     continue
-                if self.case.nearer(values) and self.case.reproduced((change,), self.work, strictly=True):
+                if near.nearer(values) and self.case.reproduced((change,), self.work, strictly=True):
                     survivors.append((change,))
-                shown = np.asarray(values[-1][self.case.field], float).ravel()
+                    last = min(last, self.tried + max(self.tried // 2, MORE))
+                shown = np.asarray(values[-1][near.red_field], float).ravel()
                 if np.isfinite(shown).all() and shown.tobytes() not in shapes:
                     shapes.add(shown.tobytes())
                     self.effects.append((change, shown))
@@ -239,32 +278,18 @@ class HypothesisSearch:
         lammps_n, reference_n = (side.ravel() for side in self.case.first())
         effects = np.array([shown for _, shown in self.effects]) - reference_n
         added = [(single[a], single[b]) for a, b in _adding_up(effects, lammps_n - reference_n)]
-        return self._survivors(iter(added)) or self._survivors(_of_one_target(single))
+        return self._survivors(added)
 
-    def _survivors(self, candidates: Iterator[Tried]) -> list[Tried]:
+    def _survivors(self, pairs: Sequence[Tried]) -> list[Tried]:
         survivors: list[Tried] = []
         try:
-            for tried in candidates:
+            for tried in pairs:
                 self.tried += 1
                 if self.case.reproduced(tried, self.work, strictly=True):
                     survivors.append(tried)
         except Spent:
             self.spent = True
         return survivors
-
-    def _worth_trying(self) -> Iterator[Change]:
-        """Yield all changes but those of targets that the red field does not follow from."""
-        by_target: dict[str, list[Change]] = defaultdict(list)
-        for change in changes(self.case.types):
-            by_target[change.target].append(change)
-        for members in by_target.values():
-            if len(members) < PROBED or any(self._has_effect(change) for change in (members[0], members[-1])):
-                yield from members
-
-    def _has_effect(self, change: Change) -> bool:
-        self.work.spend(self.case.problem)
-        values = self.case.values((change,))
-        return values is not None and self.case.changed(values)
 
 
 def _adding_up(effects: FloatArray, difference: FloatArray) -> list[tuple[int, int]]:
@@ -277,13 +302,6 @@ def _adding_up(effects: FloatArray, difference: FloatArray) -> list[tuple[int, i
         left = np.abs(effects[a + 1 :] - (difference - effect)).max(axis=1)
         sums += [(float(left[b]), a, a + 1 + int(b)) for b in np.flatnonzero(left <= SUMMED * size)]
     return [(a, b) for _, a, b in sorted(sums)[:PAIRED]]
-
-
-def _of_one_target(single: Sequence[Change]) -> Iterator[Tried]:
-    """Yield pairs of changes of the same target, one of which is a number: such effects do not add up."""
-    for one, other in itertools.combinations(single, 2):
-        if one.target == other.target and (one.number or other.number):
-            yield one, other
 
 
 def red_case(

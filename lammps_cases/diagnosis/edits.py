@@ -1,0 +1,421 @@
+"""Edits of one function of the reference: every expression of its source, replaced by what it could be mistaken for.
+
+An operand becomes another value of the same kind that is in scope, or stands for another particle; a factor or a term
+is left out, doubled, squared or negated; a branch is turned round; arguments are exchanged; a statement is left out.
+Kinds (number type, shape) are those of the values in a call that was watched.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from types import CodeType, FunctionType
+from typing import Any
+
+import numpy as np
+
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+
+Kind = tuple[Any, ...] | None
+Scope = Mapping[str, Any]
+
+_TWINS = {
+    "maximum": "minimum", "minimum": "maximum",
+    "arithmetic_mean": "harmonic_mean", "harmonic_mean": "arithmetic_mean",
+}  # fmt: skip
+_CONTAINERS = (ast.Tuple, ast.List, ast.ListComp, ast.Starred, ast.Slice)
+_OTHER_SIDE = {"i": "j", "j": "i"}
+_COMPARISONS: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
+    ast.Lt: (ast.Gt, ast.LtE), ast.Gt: (ast.Lt, ast.GtE), ast.LtE: (ast.Gt, ast.Lt), ast.GtE: (ast.Lt, ast.Gt),
+    ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,),
+}  # fmt: skip
+_PAIRS = (
+    "self.i > self.j",
+    "self.i < self.j",
+    "self.type_n[self.i] == self.type_n[self.j]",
+    "self.type_n[self.i] != self.type_n[self.j]",
+    "self.solid_n[self.i] == self.solid_n[self.j]",
+    "self.solid_n[self.i] != self.solid_n[self.j]",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Edit:
+    """One expression, or statement, of a function of the reference, changed.
+
+    Attributes
+    ----------
+    before, after : the expression; ``after`` is empty for a statement that is left out
+    statement : around it
+    """
+
+    of: FunctionEdits
+    put: Callable[[], None]
+    restore: Callable[[], None]
+    line: int
+    before: str
+    after: str
+    statement: str
+
+
+@contextmanager
+def made(edits: Iterable[Edit]) -> Iterator[None]:
+    """Have functions of the reference run edited code, in every module that has them; without compiled loops.
+
+    Raises
+    ------
+    SyntaxError, TypeError, ValueError
+        Edits that make no Python.
+    """
+    by_function: dict[FunctionType, list[Edit]] = {}
+    for edit in edits:
+        by_function.setdefault(edit.of.function, []).append(edit)
+    codes = {function: own[0].of.compiled(own) for function, own in by_function.items()}
+    right = {function: function.__code__ for function in codes}
+    loops = ArrayEvaluator.loops
+    ArrayEvaluator.loops = None if codes else loops
+    try:
+        for function, code in codes.items():
+            function.__code__ = code
+        yield
+    finally:
+        ArrayEvaluator.loops = loops
+        for function, code in right.items():
+            function.__code__ = code
+
+
+@dataclass
+class _Place:
+    """Where an expression stands: what holds it, how to put another there, and the variables around it."""
+
+    node: ast.expr
+    put: Callable[[Any], None]
+    scope: dict[str, Any]
+    parent: ast.AST
+    statement: str
+
+
+def kind(of: Any) -> Kind:
+    """Return number type and shape of a value; None of what no formula computes with."""
+    if isinstance(of, np.ndarray | np.generic | float | int | bool):
+        array = np.asarray(of)
+        number = "f" if array.dtype.kind == "f" else array.dtype.kind
+        return (number, *array.shape) if number in "fib" else None
+    if isinstance(of, list) and of:
+        first = kind(of[0])
+        return None if first is None else ("list", len(of), *first)
+    return None
+
+
+class FunctionEdits:
+    """The changes of one function.
+
+    Parameters
+    ----------
+    function : FunctionType
+    tree : ast.Module
+        Of its module; changed and restored on the way.
+    scope : mapping
+        Its local variables at the end of a call that was watched.
+    others : sequence of str
+        Operands of the same class that may stand for others.
+    """
+
+    def __init__(self, function: FunctionType, tree: ast.Module, scope: Scope, others: tuple[str, ...]) -> None:
+        self.function = function
+        self.node = definition(tree, function.__qualname__)
+        self.scope = {**function.__globals__, **scope}
+        self.wrapper = _wrapper(self.node, function.__qualname__)
+        self._values: dict[tuple[int, str], Kind] = {}
+        named = sorted({*operands(self.node), *others, *(name for name in scope if name.isidentifier())})
+        self.pool = [
+            (text, made, _parsed(text)) for text in named if (made := self._kind(text, self.scope)) is not None
+        ]
+
+    def __iter__(self) -> Iterator[Edit]:
+        for place in list(_places(self.node, self.scope)):
+            before, around = ast.unparse(place.node), place.statement
+            seen = {before}
+            for other in self._replacements(place):
+                if (after := ast.unparse(other)) not in seen:
+                    seen.add(after)
+                    put = partial(place.put, ast.copy_location(other, place.node))
+                    restore = partial(place.put, place.node)
+                    yield Edit(self, put, restore, place.node.lineno, before, after, around)
+        for body in list(_bodies(self.node)):
+            for k, statement in enumerate(body):
+                if _is_left_out(statement):
+                    text = ast.unparse(statement).partition("\n")[0]
+                    put = partial(body.__setitem__, k, ast.copy_location(ast.Pass(), statement))
+                    restore = partial(body.__setitem__, k, statement)
+                    yield Edit(self, put, restore, statement.lineno, text, "", text)
+
+    def compiled(self, edits: Iterable[Edit]) -> CodeType:
+        """Return the function's code with some edits."""
+        edits = list(edits)
+        try:
+            for edit in edits:
+                edit.put()
+            ast.fix_missing_locations(self.wrapper)
+            code = compile(self.wrapper, self.function.__code__.co_filename, "exec", dont_inherit=True)
+        finally:
+            for edit in reversed(edits):
+                edit.restore()
+        for _ in self.function.__qualname__.split("."):
+            code = next(const for const in code.co_consts if isinstance(const, CodeType))
+        return code
+
+    def _kind(self, text: str, scope: Scope) -> Kind:
+        try:
+            with np.errstate(all="ignore"):
+                return kind(eval(text, dict(scope)))
+        except Exception:  # not in this scope
+            return None
+
+    def _kind_of(self, node: ast.expr, scope: dict[str, Any]) -> Kind:
+        key = id(scope), ast.unparse(node)
+        if key not in self._values:
+            self._values[key] = self._kind(key[1], scope)
+        return self._values[key]
+
+    # --- what an expression could be mistaken for
+
+    def _replacements(self, place: _Place) -> Iterator[ast.expr]:
+        node, scope = place.node, place.scope
+        of = self._kind_of(node, scope)
+        if _is_operand(node) and of is not None:
+            yield from (other for _, made, other in self.pool if made == of)
+            if len(of) == 1 and of[0] == "f":
+                yield from (_parsed("0.0"), _parsed("1.0"))
+        yield from _structural(node)
+        if of is None and not isinstance(node, ast.Call):
+            return
+        if of is None or of[0] == "f":
+            yield from self._numbers(place, of)
+        if of is not None and of[0] == "i" and isinstance(place.parent, ast.Subscript) and "type_n" in _names_of(scope):
+            yield _parsed(f"self.type_n[{ast.unparse(node)}]")
+            yield _parsed(f"self.type_n[{ast.unparse(node)}] - 1")
+            yield _parsed(f"({ast.unparse(node)}) - 1")
+
+    def _numbers(self, place: _Place, of: Kind) -> Iterator[ast.expr]:
+        node = place.node
+        text = ast.unparse(node)
+        inside = isinstance(place.parent, ast.BinOp | ast.UnaryOp)
+        if isinstance(node, ast.Call) and not (inside or isinstance(place.parent, ast.Call | ast.Assign | ast.Return)):
+            return
+        for form in ("-({})", "2 * ({})", "0.5 * ({})", "({0}) * ({0})"):
+            yield _parsed(form.format(text))
+        if of is not None and isinstance(place.parent, ast.Assign | ast.Return) and not isinstance(node, ast.Constant):
+            for other, made, _ in self.pool:
+                if other != text and (made == of or made == ("f",)) and made[0] == "f":
+                    yield _parsed(f"({text}) * ({other})")
+                    yield _parsed(f"({text}) / ({other})")
+
+
+def _names_of(scope: Scope) -> tuple[str, ...]:
+    me = scope.get("self")
+    return ("type_n",) if hasattr(me, "type_n") else ()
+
+
+def _structural(node: ast.expr) -> Iterator[ast.expr]:
+    """Yield what follows from the form of an expression alone."""
+    match node:
+        case ast.BinOp(left=left, op=ast.Mult(), right=right):
+            yield from (left, right)
+        case ast.BinOp(left=left, op=ast.Div(), right=right):
+            yield left
+            yield ast.BinOp(left, ast.Mult(), right)
+        case ast.BinOp(left=left, op=ast.Add(), right=right):
+            yield from (left, right, ast.BinOp(left, ast.Sub(), right))
+        case ast.BinOp(left=left, op=ast.Sub(), right=right):
+            yield from (left, ast.UnaryOp(ast.USub(), right), ast.BinOp(left, ast.Add(), right))
+        case ast.BinOp(left=left, op=ast.BitAnd(), right=right):
+            yield from (left, right, ast.BinOp(left, ast.BitOr(), right))
+        case ast.BinOp(left=left, op=ast.BitOr(), right=right):
+            yield from (left, right, ast.BinOp(left, ast.BitAnd(), right))
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            yield left
+        case ast.UnaryOp(operand=operand):
+            yield operand
+        case ast.Compare(left=left, ops=[op], comparators=[right]):
+            for other in _COMPARISONS.get(type(op), ()):
+                yield ast.Compare(left, [other()], [right])
+        case ast.IfExp(test=test, body=body, orelse=orelse):
+            yield from (body, orelse, ast.IfExp(test, orelse, body))
+        case ast.Constant(value=bool()):
+            yield ast.Constant(not node.value)
+        case ast.Constant(value=int() | float() as number):
+            yield from map(ast.Constant, (0, 1, number + 1, number - 1, 2 * number, number / 2))
+        case ast.Call():
+            yield from _calls(node)
+    if isinstance(node, ast.BinOp | ast.Call | ast.Subscript | ast.IfExp):
+        for to in ("i", "j", ""):
+            yield _mirrored(node, to)
+
+
+def _calls(node: ast.Call) -> Iterator[ast.expr]:
+    arguments = node.args
+    name = ast.unparse(node.func).rpartition(".")[2]
+    if name == "where" and len(arguments) == 3:
+        test, yes, no = arguments
+        yield from (yes, no, ast.Call(node.func, [test, no, yes], []))
+    elif len(arguments) == 1 and not node.keywords:
+        yield arguments[0]
+    for a in range(len(arguments)):
+        for b in range(a + 1, len(arguments)):
+            other = list(arguments)
+            other[a], other[b] = other[b], other[a]
+            yield ast.Call(node.func, other, node.keywords)
+    if name in _TWINS:
+        yield _renamed(node, {name: _TWINS[name]})
+        yield from arguments
+    if name == "total":
+        for pairs in _PAIRS:
+            term = ast.unparse(arguments[0])
+            for factor in (0.0, 2.0, 0.5):
+                yield _parsed(f"{ast.unparse(node.func)}(({term}) * where({pairs}, {factor}, 1.0))")
+
+
+class _Renaming(ast.NodeTransformer):
+    def __init__(self, other: Callable[[str], str]) -> None:
+        self.other = other
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:
+        return ast.Name(self.other(node.id), node.ctx)
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        return ast.Attribute(self.visit(node.value), self.other(node.attr), node.ctx)
+
+
+def _renamed(node: ast.expr, names: Mapping[str, str]) -> ast.expr:
+    return _Renaming(lambda name: names.get(name, name)).visit(copy.deepcopy(node))  # type: ignore[no-any-return]
+
+
+def _mirrored(node: ast.expr, to: str) -> ast.expr:
+    """Return an expression of a pair with its particles exchanged, or with one of them for both."""
+
+    def other(name: str) -> str:
+        stem, _, end = name.rpartition("_")
+        if end in _OTHER_SIDE and (stem or name == end) and end != to:
+            return f"{stem}_{_OTHER_SIDE[end]}" if stem else _OTHER_SIDE[end]
+        return name
+
+    return _Renaming(other).visit(copy.deepcopy(node))  # type: ignore[no-any-return]
+
+
+def operands(tree: ast.AST) -> set[str]:
+    """Return the variables, attributes and elements of them that a tree reads."""
+    return {ast.unparse(node) for node in ast.walk(tree) if _is_operand(node)}
+
+
+def _parsed(text: str) -> ast.expr:
+    return ast.parse(text, mode="eval").body
+
+
+def _is_operand(node: ast.AST) -> bool:
+    """Return whether a node is a variable, an attribute or an element of one: no call, no operator."""
+    match node:
+        case ast.Name(ctx=ast.Load()):
+            return True
+        case ast.Attribute(value=value, ctx=ast.Load()):
+            return _is_operand(value)
+        case ast.Subscript(value=value, slice=index, ctx=ast.Load()):
+            return _is_operand(value) and (_is_operand(index) or isinstance(index, ast.Constant))
+    return False
+
+
+# --- the tree
+
+
+def definition(tree: ast.Module, name: str) -> ast.FunctionDef:
+    """Return what a module defines by a qualified name."""
+    node: Any = tree
+    for part in name.split("."):
+        node = next(n for n in node.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == part)
+    assert isinstance(node, ast.FunctionDef)
+    return node
+
+
+def _wrapper(node: ast.FunctionDef, name: str) -> ast.Module:
+    """Return a module of one function, in classes as where it is defined: ``super`` needs them."""
+    future = ast.ImportFrom("__future__", [ast.alias("annotations")], 0)
+    bare = copy.copy(node)
+    bare.decorator_list = []
+    body: ast.stmt = bare
+    for part in reversed(name.split(".")[:-1]):
+        body = ast.ClassDef(part, [], [], [body], [])
+    return ast.Module([future, body], [])
+
+
+def _bodies(node: ast.AST) -> Iterator[list[ast.stmt]]:
+    for each in ast.walk(node):
+        for name in ("body", "orelse"):
+            body = getattr(each, name, None)
+            if isinstance(body, list):
+                yield body
+
+
+def _is_left_out(statement: ast.stmt) -> bool:
+    """Return whether a function makes sense without a statement: a call, or another value of what has one."""
+    match statement:
+        case ast.Expr(value=ast.Call()) | ast.AugAssign():
+            return True
+        case ast.Assign():
+            return _updates(statement)
+    return False
+
+
+def _updates(statement: ast.Assign) -> bool:
+    target = ast.unparse(statement.targets[0])
+    return any(isinstance(n, ast.Name | ast.Attribute) and ast.unparse(n) == target for n in ast.walk(statement.value))
+
+
+def _places(function: ast.FunctionDef, scope: dict[str, Any]) -> Iterator[_Place]:
+    """Yield the expressions of a function, of comprehensions with what their variables are at first."""
+    for statement in function.body:
+        yield from _inside(statement, scope, "")
+
+
+def _inside(node: ast.AST, scope: dict[str, Any], around: str) -> Iterator[_Place]:
+    if isinstance(node, ast.stmt):
+        around = ast.unparse(node).partition("\n")[0]
+    if isinstance(node, ast.ListComp | ast.GeneratorExp | ast.SetComp | ast.DictComp):
+        scope = _first(node, scope)
+    for name, child in ast.iter_fields(node):
+        if name in ("annotation", "returns", "decorator_list", "ctx", "targets", "target"):
+            continue
+        if isinstance(node, ast.Call) and name in ("func", "keywords"):
+            continue
+        children = child if isinstance(child, list) else [child]
+        for k, each in enumerate(children):
+            if not isinstance(each, ast.AST):
+                continue
+            if isinstance(each, ast.expr) and not isinstance(each, _CONTAINERS):
+                put = _putting(node, name, k if isinstance(child, list) else None)
+                yield _Place(each, put, scope, node, around)
+            yield from _inside(each, scope, around)
+
+
+def _putting(node: ast.AST, name: str, k: int | None) -> Callable[[Any], None]:
+    def put(other: Any) -> None:
+        if k is None:
+            setattr(node, name, other)
+        else:
+            getattr(node, name)[k] = other
+
+    return put
+
+
+def _first(node: Any, scope: dict[str, Any]) -> dict[str, Any]:
+    inner = dict(scope)
+    for generator in node.generators:
+        try:
+            text = f"{ast.unparse(generator.target)} = next(iter({ast.unparse(generator.iter)}))"
+            exec(text, inner)
+        except Exception:
+            return inner
+    return inner

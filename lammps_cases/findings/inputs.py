@@ -8,15 +8,16 @@ ENTRIES: tuple[Finding, ...] = (
     Finding(
         id="range-tail-ignored",
         number=53,
-        title="Anything after the second number of a type range is ignored",
+        title="Stars and digits after the upper number of a type range are ignored",
         severity="low",
-        effect="Types after the second number keep another law, without a message",
+        effect="Types after the upper number keep another law, without a message",
         documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
         observed="'1*1*2' is read as '1*1', '*1*' as '*1' and '1*2*3' as '1*2', without a message: '* linear 1*1*2 "
         "tait/water' leaves type 2 linear.",
-        argument="A range of three numbers is a typing error, and '1*x' is refused ('Invalid range string'). What "
-        "remains of it may omit types that the user meant, and '1*2*3' hides a type that does not exist.",
-        workaround="Give two numbers at most.",
+        argument="A range of three numbers is a typing error, and '1*x', '1*1x' and '1*1*x' are refused ('Invalid "
+        "range string'). What remains of it may omit types that the user meant, and '1*2*3' hides a type that does not "
+        "exist.",
+        workaround="Write a single star, and at most one number on either side.",
         applies_to=("refused.range-three-numbers",),
         expected_inputs=(
             *("*.types*.two-ranges", "*.exclude.two-ranges"),

@@ -210,7 +210,8 @@ STALE_GRADIENT_BELOW_ZMIN = Finding(
     "particle uses that of the last pair before it in the neighbour list whose gradient was computed on the same "
     "side, first or second, in this loop or the previous one; or whatever an earlier use of the memory left there. "
     "The same happens, with any zmin, to a particle whose matrix of moments cannot be factorised: it has one "
-    "neighbour, or all of them lie in a row or, in 3D, in a plane. Sums of W do revert to the quintic kernel.",
+    "neighbour, or all of them lie in a row or, in 3D, in a plane. Sums of W use the quintic "
+    "kernel in any case (kernel-corrects-gradients-only).",
     argument="Two lone particles with RK1 and zmin 5 have one velocity gradient in a fresh process and a different "
     "one after another scene; neither is that of the quintic kernel. At a free surface, where particles run out of "
     "neighbours, gradients are arbitrary. With the order taken from LAMMPS' own lists, every gradient, force and "

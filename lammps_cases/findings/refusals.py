@@ -36,14 +36,15 @@ def _section_of_walls(scene: Scene) -> str:
 HYPHEN_RANGE_ACCEPTED = Finding(
     id="hyphen-range-accepted",
     number=8,
-    title="Only the first number of a type range with a hyphen is read",
+    title="In a type range, a hyphen after a number and the digits behind it are ignored",
     severity="medium",
     effect="Types after the hyphen keep another law, without a message",
     documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
-    observed="'1-2' is read as '1', without a message: '* linear 1-2 tait/water' leaves type 2 linear. '1-2 linear' "
-    "alone is refused because type 2 has no law ('Must specify pressure for atom type 2'), not for the range.",
-    argument="A user who writes '1-2' means both types, and is not told that one of them has another law; '1;2' "
-    "and '0*' are refused ('Invalid range string').",
+    observed="'1-2' is read as '1', '1-' as '1', '1-1*2' as '1*2' and '*1-2' as '*1', without a message: '* linear 1-2 "
+    "tait/water' leaves type 2 linear. '1-2 linear' alone is refused because type 2 has no law ('Must specify pressure "
+    "for atom type 2'), not for the range. A hyphen in front of a number is refused.",
+    argument="A user who writes '1-2' means both types, and is not told that one of them has another law; '1;2', "
+    "'0*', '-1' and '1*-2' are refused ('Invalid range string').",
     workaround="Write '1*2'.",
     applies_to=("refused.range-hyphen",),
     expected_inputs=("range-with-hyphen", "*.types*.hyphen", "*.exclude.hyphen"),
@@ -149,7 +150,7 @@ ENTRIES: tuple[Finding, ...] = (
     Finding(
         id="double-star-abort",
         number=6,
-        title="A type range with two stars aborts the process",
+        title="A type range whose first star is followed by another one aborts the process",
         severity="low",
         effect="LAMMPS aborts instead of printing an error message",
         documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
@@ -212,11 +213,12 @@ ENTRIES: tuple[Finding, ...] = (
         number=10,
         title="A specific heat of 0 is accepted and causes NaN",
         severity="medium",
-        effect="Everything becomes NaN within a few steps, without a message",
+        effect="Temperatures and energies become NaN, with ideal/gas everything, without a message",
         documented="fix rheo/thermal: the specific heat, by which energies are divided; LAMMPS' own error for a "
         "negative value: 'The specific heat must be positive'.",
-        observed="'specific/heat * constant 0.0' is accepted without a message; after three steps positions, "
-        "velocities, densities, pressures and energies are NaN.",
+        observed="'specific/heat * constant 0.0' is accepted without a message; after three steps temperatures and "
+        "energies are NaN. With ideal/gas, whose pressure follows from the energy, so are positions, velocities, "
+        "densities and pressures; with the other laws these are right.",
         argument="0 is not positive, and T = e/cv is undefined for it. A variable left at 0 ruins the run, whereas a "
         "negative value is refused immediately.",
         workaround="Give a positive value; 2026.7.4 or newer refuses 0.",

@@ -114,7 +114,7 @@ SOLIDS_SUMMED = Finding(
     "0.429 after the set-up, and by a linear law with rho0 = 1 and c = 2 the pressure -2.285 instead of -0.8: a wall "
     "thinner than the cutoff attracts fluid, whatever density it was given.",
     acts=lambda setting: sums_solids(setting.problem),
-    workaround="Use interface/reconstruct, or leave out rho/sum.",
+    workaround="Leave out rho/sum; or use interface/reconstruct, with which no force is that of the sum.",
     engines=WHEELS + NEWER,
     applies_to=("probes.solid-density-summed",),
     outcome="differs",
@@ -126,15 +126,16 @@ SOLIDS_SUMMED = Finding(
 WALL_DENSITY_STORED = Finding(
     id="wall-density-stored",
     number=43,
-    title="The density stored for a reconstructed solid is neither temporary nor limited",
+    title="The density stored for a reconstructed solid is neither temporary nor kept above rho0",
     severity="low",
     effect="Densities of solids in the output are not those used for the forces",
     documented="fix rheo, interface/reconstruct: a temporary apparent density is calculated for a solid; it cannot be "
     "less than the equilibrium density.",
-    observed="The reconstructed density overwrites the solid's own, without the limit, which is applied only where "
-    "forces use the density.",
+    observed="The reconstructed density overwrites the solid's own, with another limit, a tenth of rho0: that of rho0 "
+    "is applied only where forces use the density.",
     argument="A solid of density 1.7 beside a fluid of 1.2 has 1.2 from then on, even without the keyword. Beside a "
-    "fluid of 0.8 it reports 0.8 and the corresponding pressure, where 1 and the pressure 0 act.",
+    "fluid of 0.8 it reports 0.8 and the corresponding pressure, where 1 and the pressure 0 act; beside one of 0.05 it "
+    "reports 0.1 (rho0 = 1).",
     acts=lambda setting: pulls_walls(setting.problem),
     workaround="Set the densities of solids again before a run without the keyword; in output use the larger of the "
     "density and rho0.",
@@ -314,7 +315,7 @@ WALL_DENSITY_SHARED = Finding(
     observed="Velocities are reconstructed for every pair; the density of a solid is a single mean over its fluid "
     "neighbours, as published (Adami et al. 2012).",
     argument="A fluid particle on one side of a solid feels the pressure of a particle on the other side, 4 away "
-    "with a cutoff of 3: the force of the solid grows by an eighth when the density there rises from 1.2 to 1.4 "
+    "with a cutoff of 3: the force of the solid grows by 2/13 when the density there rises from 1.2 to 1.4 "
     "(rho0 = 1).",
     workaround="Make walls between two fluids at least as thick as two cutoffs.",
     engines=WHEELS + NEWER,

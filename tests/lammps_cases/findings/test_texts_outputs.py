@@ -22,6 +22,7 @@ def test_nbond_shell_segfault(lammps: Engine) -> None:
     (name,) = quoted("nbond-shell-segfault", "observed")
     reply = asked(lammps, name)
     assert reply.ended == "crashed" and reply.error.endswith("SIGSEGV"), "nothing more, so no message"
+    assert lammps.reply("oxide", (f"surface {name}", f"surface {name}")).ended == "answered", "with fix rheo/oxidation"
 
 
 def test_component_names_unchecked(lammps: Engine) -> None:
@@ -33,5 +34,6 @@ def test_component_names_unchecked(lammps: Engine) -> None:
     for word in (row, stars):
         reply = asked(lammps, f"{word} rho")
         assert reply.ended == "crashed" or reply.arrays["q"].shape[1] != 5
+    assert asked(lammps, "grad/v/xy shift/v/y grad/v/* shift/v/* rho").arrays["q"].shape[1] == 1 + 1 + 4 + 2 + 1
     refused = quoted("component-names-unchecked", "argument")[0]
     assert asked(lammps, f"{refused} rho").ended == "refused"

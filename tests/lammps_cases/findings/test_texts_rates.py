@@ -87,7 +87,6 @@ def test_the_missing_volume_depends_on_the_resolution(lammps: Engine) -> None:
 
 
 def test_unit_volumes_leave_a_factor(lammps: Engine) -> None:
-    assert ENTRIES[FORCES].workaround.endswith("m/rho0 is 1 for every type; the factor rho/rho0 remains.")
     rho, rho0 = np.array([1.47, 0.79]), np.array([1.4, 0.8])
     scene = pair(types=[{"mass": r, "rho0": r, "cs": 3.0} for r in rho0], rho=rho, v=[[0.2, 0.1], [0.0, 0.0]])
     found = lammps.fields(scene)[0]["f"]
@@ -153,9 +152,6 @@ def test_heat_flow_is_that_of_the_formula(lammps: Engine, harmonic: bool) -> Non
 
 @pytest.mark.parametrize("harmonic", [False, True])
 def test_heat_with_another_conductivity(lammps: Engine, harmonic: bool) -> None:
-    assert ENTRIES[HEAT].workaround == (
-        "Multiply the conductivity by m cv, with the same m/rho0 for every type; the factor rho/rho0 remains."
-    )
     rho0, rho, cv, kappa = np.array([1.27, 0.81]), np.array([1.3, 0.79]), np.array([1.5, 0.8]), np.array([0.7, 0.3])
     mass, means = 0.6 * rho0, {"pair": {"harmonic_means": harmonic}}
     options: dict[str, Any] = {"cv": cv, "rho0": rho0, "rho": rho} | means
@@ -184,7 +180,6 @@ def test_heat_over_density(older: Engine) -> None:
     assert flows(part / whole, (1.0, 1.0), [density] * 2)
     assert flows(1e-3, (900.0, 1100.0), [water] * 2)
     assert flows(2 / (1.3 + 0.8), (1.3, 0.6), [1.3, 0.8], kappa=(0.7, 0.3))
-    assert "Multiply the conductivity by rho0, with the same rho0 for every type" in ENTRIES[OVER].workaround
     rho0, cv = 1.25, np.array([1.5, 0.8])
     around = {"kappa": (0.7, 0.3), "rho0": (rho0, rho0), "factor": rho0, "cv": cv}
     assert flows(rho0 / (0.5 * (1.3 + 1.2)), (1.3, 0.6), [1.3, 1.2], **around)
@@ -205,7 +200,6 @@ def test_temperature_without_mass(lammps: Engine, older: Engine) -> None:
     np.testing.assert_array_equal(older.fields(scene)[0]["temperature"], wrong)
     assert agree(lammps.fields(scene)[0]["temperature"], scene.predicted(), "temperature")
     around = warm(mass, energy, cv=mass * cv, **temperature)
-    assert ENTRIES[MASS].workaround.startswith("Multiply the specific heat by the mass of a particle")
     assert agree(older.fields(around)[0]["temperature"], scene.predicted(), "temperature")
     fine = warm(mass / 4, energy / 4, cv=(cv, cv), **temperature)
     np.testing.assert_array_equal(older.fields(fine)[0]["temperature"], np.array(wrong) / 4)

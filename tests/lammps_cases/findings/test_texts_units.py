@@ -168,3 +168,13 @@ def test_densities_by_the_factor_of_forces(lammps: Engine) -> None:
         mean, more = (1 + later) / 2, (later - 1) ** 2
         assert scene.predicted(RAW).fields[0]["rho"][0] - 1 == pytest.approx(right * mean, rel=more, abs=0)
         assert found["rho"][0] - 1 == pytest.approx(wrong * mean, rel=0, abs=wrong * more + wrong.half_unit)
+
+
+def test_sums_have_no_rates_and_the_volumes_of_numbers_as_they_stand(lammps: Engine) -> None:
+    """What the workaround of density-by-force-factor says of rho/sum."""
+    (factor,) = said(DENSITY, "workaround", r"\(rho/sum\) have no rates, but are # times the right ones")
+    for name in NAMES:
+        scene = water(name, rho=None, rheo={"cut": 14.0, "rho_sum": True}, compare=["rho"])
+        (found,), right, raw = lammps.fields(scene), scene.predicted(), scene.predicted(RAW)
+        assert factor.is_rounded(UNITS[name].density)
+        assert is_multiple(found["rho"], UNITS[name].density, right, raw, "rho") and agree(found["rho"], raw, "rho")

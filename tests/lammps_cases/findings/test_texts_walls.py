@@ -25,17 +25,17 @@ COLUMNS = 4
 HELD = [{"style": "setforce", "types": 2, "vector": [0.0, 0.0]}]
 
 
-def over_rows(rows: int, v_fluid: float, v_solid: float) -> Told:
-    """A row of fluid over rows of solids, all volumes 1: a fluid particle sees one solid, right below it."""
+def over_rows(rows: int, v_fluid: float, v_solid: float, fluids: int = 1) -> Told:
+    """Rows of fluid over rows of solids, all volumes 1: a fluid particle sees one solid at most, right below it."""
     spacing, cut = said(LOST, "argument", r"\(spacing #, cutoff #\)")
     assert spacing == 1 and cut < np.sqrt(2)
-    x = [[i + 0.5, 4.0 - j] for j in range(rows) for i in range(COLUMNS)] + [[i + 0.5, 5.0] for i in range(COLUMNS)]
-    solids = rows * COLUMNS
+    x = [[i + 0.5, 5.0 - rows + j] for j in range(rows + fluids) for i in range(COLUMNS)]
+    solids, fluid = rows * COLUMNS, fluids * COLUMNS
     return told(
         x,
-        (COLUMNS, 9),
-        v=[[v_solid, 0.0]] * solids + [[v_fluid, 0.0]] * COLUMNS,
-        kind=[2] * solids + [1] * COLUMNS,
+        (COLUMNS, 11),
+        v=[[v_solid, 0.0]] * solids + [[v_fluid, 0.0]] * fluid,
+        kind=[2] * solids + [1] * fluid,
         types=[{"mass": 1.0, "viscosity": 0.2}, {"mass": 1.0, "viscosity": 0.2, "phase": "solid"}],
         rheo={"cut": float(cut), "interface_reconstruct": True},
     )
@@ -57,25 +57,39 @@ def ratio_of_distances(scene: Told) -> float:
 
 
 def test_wall_velocity_lost(lammps: Engine) -> None:
-    for rows, part in enumerate(said(LOST, "argument", "over one row of solids # U, over two rows # U"), 1):
-        u = 0.7
-        ratio = ratio_of_distances(over_rows(rows, 0.0, u))
+    parts = said(
+        LOST,
+        "argument",
+        "one row of fluid over one row of solids towards # U, over two rows # U, and several rows of fluid towards # U "
+        "and # U",
+    )
+    rows_of = [
+        (1, 1, parts[0]),
+        (2, 1, parts[1]),
+        *((1, n, parts[2]) for n in (2, 3)),
+        *((2, n, parts[3]) for n in (2, 3)),
+    ]
+    for rows, fluids, part in rows_of:
+        u, fluid = 0.7, slice(rows * COLUMNS, None)
+        scenes = {v: over_rows(rows, v, u, fluids) for v in (0.0, part * u, u)}
+        ratio = ratio_of_distances(scenes[0.0])
         assert part.is_rounded(ratio / (1 + ratio))
-        force = {v: lammps.fields(over_rows(rows, v, u))[0]["f"][-COLUMNS:, 0] for v in (0.0, part * u, u)}
-        right = {v: over_rows(rows, v, u).predicted() for v in force}
+        force = {v: lammps.fields(scene)[0]["f"][fluid, 0] for v, scene in scenes.items()}
+        right = {v: scene.predicted() for v, scene in scenes.items()}
         rounding = right[0.0].bounds[0]["f"].max()
-        assert np.all(np.abs(force[part * u]) < 4 * rounding) and np.all(force[0.0] > 0), "drags towards this velocity"
+        beside = slice(COLUMNS)  # the row of fluid that sees solids
+        assert np.all(np.abs(force[part * u]) < 4 * rounding) and np.all(force[0.0][beside] > 0), "drags towards it"
         # Together with the container: no force is right, LAMMPS' fluid sees a wall at 0.
         assert np.all(np.abs(right[u].fields[0]["f"][:, 0]) < rounding)
-        at_zero = over_rows(rows, 0.0, 0.0).predicted().fields[0]["f"]
+        at_zero = over_rows(rows, 0.0, 0.0, fluids).predicted().fields[0]["f"]
         assert not at_zero[:, 0].any()
-        assert np.all(force[u] < 0)
+        assert np.all(force[u][beside] < 0)
         # The workaround: in the frame of the wall LAMMPS has the forces of every frame.
-        at_rest = lammps.fields(over_rows(rows, 0.2, 0.0))[0]["f"][-COLUMNS:]
-        moving = over_rows(rows, 0.2 + u, u)
-        assert np.all(np.abs(at_rest - moving.predicted().fields[0]["f"][-COLUMNS:]) < 4 * rounding)
-        in_motion = lammps.fields(moving)[0]["f"][-COLUMNS:]
-        assert np.all(np.abs(at_rest - in_motion)[:, 0] > 0.1 * np.abs(at_rest[:, 0]))
+        at_rest = lammps.fields(over_rows(rows, 0.2, 0.0, fluids))[0]["f"][fluid]
+        moving = over_rows(rows, 0.2 + u, u, fluids)
+        assert np.all(np.abs(at_rest - moving.predicted().fields[0]["f"][fluid]) < 4 * rounding)
+        in_motion = lammps.fields(moving)[0]["f"][fluid]
+        assert np.all(np.abs(at_rest - in_motion)[beside, 0] > 0.1 * np.abs(at_rest[beside, 0]))
 
 
 def test_walls_are_not_summed_where_no_density_is_asked_for() -> None:
@@ -162,7 +176,6 @@ def test_walls_summed_after_setup(lammps: Engine) -> None:
         moved = replace(scene.atoms, x_nc=np.array(at["x"]))
         there = Told(summed(interface_reconstruct=False).scene, moved, (0,)).predicted()
         assert np.all(np.abs(at["rho"] - there.fields[0]["rho"])[solid] <= there.bounds[0]["rho"][solid])
-    assert ENTRIES[SUMMED].workaround == "Look at solids after a step, not after run 0."
 
 
 def rebuilt(name: str, **engine: Any) -> Told:
@@ -238,7 +251,6 @@ def numbered(x: Any, order: Any, kernel: str) -> Told:
 @pytest.mark.parametrize(("kernel", "x"), [("quintic", FOUR), ("RK1", FOUR), ("RK2", TWELVE)])
 def test_walls_depend_on_pair_order(lammps: Engine, older: Engine, kernel: str, x: Any) -> None:
     assert len(FOUR) == 4 and "the same four particles" in ENTRIES[ORDER].argument
-    assert ENTRIES[ORDER].workaround == "Use the quintic kernel, or 2025.7.22.2.0 or newer."
     solids = []
     for order in (np.arange(len(x)), np.arange(len(x))[::-1]):
         scene = numbered(x, order, kernel)

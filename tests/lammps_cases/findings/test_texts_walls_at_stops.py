@@ -77,10 +77,6 @@ def test_what_begins_right_after_a_stop_beside_a_wall(lammps: Engine) -> None:
         with pytest.raises(AssertionError, match=f"{refusal} reading restart file with per-atom info"):
             lammps.answer(beside_a_wall({"at": 0, "by": "restart", moves: {"x": 1.1}}))
     assert "displace_atoms and change_box are refused" in ENTRIES[BEGIN].observed
-    # The workarounds: continue, or define the fixes anew after read_restart.
-    continued = replace(beside_a_wall(), steps=(0, 1))
-    assert all(agree(at["rho"], continued.predicted(FORCES), "rho", k) for k, at in enumerate(lammps.fields(continued)))
-    assert quoted(BEGIN, "workaround") == ["run N pre no", "nofix"]
 
 
 def test_walls_begin_with_what_a_minimisation_evaluates(lammps: Engine) -> None:
@@ -141,7 +137,6 @@ def test_created_with_forces_of_others(lammps: Engine) -> None:
         assert abs(plain.fields[0]["rho"][0] - right) <= plain.bounds[0]["rho"][0]
     scene = beside_a_wall({"at": 0, "by": "recreated"}, positions={"x": x, **box})
     assert none.is_rounded(scene.predicted(BEGIN).fields[0]["rho"][0])
-    assert ENTRIES[CREATED].workaround == "Remove the RHEO fixes (unfix) and define them again after create_atoms."
     anew = beside_a_wall({"at": 0, "by": "redefined"}, positions={"x": x, **box})
     first, between, *others = scene.job.runs
     assert isinstance(between, Interlude) and isinstance(anew.job.runs[1], Interlude)
@@ -224,8 +219,6 @@ def test_walls_begin_with_parts(lammps: Engine) -> None:
         assert agree(first["rho"], scene.predicted(PARTS, snapshot=first), "rho")
         assert agree(first["rho"], scene.predicted(BEGIN), "rho") == (density == on)
         assert not agree(first["rho"], scene.predicted(), "rho")
-    anew = beside_a_wall({"at": 0, "by": "redefined"}, positions=across, engine={"newton": False})
-    assert agree(lammps.fields(anew)[0]["rho"], anew.predicted(), "rho"), "the workaround"
 
 
 def test_a_pair_that_counts_twice_begins_with_the_image_of_either_particle(lammps: Engine) -> None:

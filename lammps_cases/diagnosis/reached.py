@@ -69,19 +69,23 @@ class Reached:
         """Return whether the call can be made once more: it has a result, and leaves nothing changed."""
         if self.result is None or self.function.__code__.co_flags & (CO_VARARGS | CO_VARKEYWORDS | CO_GENERATOR):
             return False
-        with np.errstate(all="ignore"):
-            return not isinstance(self.scope.get("self"), Simulation) and _same(self._call(), self.result)
+        return not isinstance(self.scope.get("self"), Simulation) and self._as_before()
 
-    def _call(self) -> Any:
-        return self.function(**self.arguments)
+    def _as_before(self) -> bool:
+        """Return whether the call has the same result once more."""
+        try:
+            with np.errstate(all="ignore"), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                return _same(self.function(**self.arguments), self.result)
+        except Exception:  # the evaluator has gone on to other particles
+            return False
 
     def _idle(self, edit: Edit) -> bool:
         """Return whether an edit makes no difference to the call, or no sense."""
         try:
-            with made([edit]), np.errstate(all="ignore"), warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                return _same(self._call(), self.result)
-        except Exception:
+            with made([edit]):
+                return self._as_before()
+        except (SyntaxError, TypeError, ValueError):
             return True
 
     def _all(self) -> Iterator[Edit]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ast
 import copy
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -43,6 +43,9 @@ _PAIRS = (
 )
 
 
+EVERYWHERE = "in all its statements"
+
+
 @dataclass(frozen=True, eq=False)
 class Edit:
     """One expression, or statement, of a function of the reference, changed.
@@ -50,7 +53,7 @@ class Edit:
     Attributes
     ----------
     before, after : the expression; ``after`` is empty for a statement that is left out
-    statement : around it
+    statement : around it, or `EVERYWHERE`
     """
 
     of: FunctionEdits
@@ -99,6 +102,11 @@ class _Place:
     statement: str
 
 
+def _put(others: Sequence[tuple[_Place, ast.expr]]) -> None:
+    for place, other in others:
+        place.put(ast.copy_location(other, place.node))
+
+
 def kind(of: Any) -> Kind:
     """Return number type and shape of a value; None of what no formula computes with."""
     if isinstance(of, np.ndarray | np.generic | float | int | bool):
@@ -137,7 +145,8 @@ class FunctionEdits:
         ]
 
     def __iter__(self) -> Iterator[Edit]:
-        for place in list(_places(self.node, self.scope)):
+        places = list(_places(self.node, self.scope))
+        for place in places:
             before, around = ast.unparse(place.node), place.statement
             seen = {before}
             for other in self._replacements(place):
@@ -146,6 +155,7 @@ class FunctionEdits:
                     put = partial(place.put, ast.copy_location(other, place.node))
                     restore = partial(place.put, place.node)
                     yield Edit(self, put, restore, place.node.lineno, before, after, around)
+        yield from self._everywhere(places)
         for body in list(_bodies(self.node)):
             for k, statement in enumerate(body):
                 if _is_left_out(statement):
@@ -153,6 +163,20 @@ class FunctionEdits:
                     put = partial(body.__setitem__, k, ast.copy_location(ast.Pass(), statement))
                     restore = partial(body.__setitem__, k, statement)
                     yield Edit(self, put, restore, statement.lineno, text, "", text)
+
+    def _everywhere(self, places: Sequence[_Place]) -> Iterator[Edit]:
+        """Yield operands replaced in all places that have them."""
+        by_text: dict[str, list[_Place]] = {}
+        for place in places:
+            if _is_operand(place.node) and self._kind_of(place.node, place.scope) is not None:
+                by_text.setdefault(ast.unparse(place.node), []).append(place)
+        for before, same in by_text.items():
+            of = self._kind_of(same[0].node, same[0].scope)
+            for after, made, other in self.pool if len(same) > 1 else ():
+                if made == of and after != before:
+                    put = partial(_put, [(place, other) for place in same])
+                    restore = partial(_put, [(place, place.node) for place in same])
+                    yield Edit(self, put, restore, same[0].node.lineno, before, after, EVERYWHERE)
 
     def compiled(self, edits: Iterable[Edit]) -> CodeType:
         """Return the function's code with some edits."""

@@ -20,7 +20,7 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.diagnosis.edits import Edit, FunctionEdits, made, operands
+from lammps_cases.diagnosis.edits import EVERYWHERE, Edit, FunctionEdits, made, operands
 
 # Where formulas are; the others find pairs, propagate errors and read commands.
 MODULES = (
@@ -55,7 +55,7 @@ class Reached:
         where = self.words.format(edit.line)
         if not edit.after:
             return f"{where} left out `{edit.before}`"
-        around = "" if edit.before == edit.statement else f" in `{edit.statement}`"
+        around = {edit.before: "", EVERYWHERE: f" {EVERYWHERE}"}.get(edit.statement, f" in `{edit.statement}`")
         return f"{where} had `{edit.after}` for `{edit.before}`{around}"
 
     def edits(self) -> Iterator[Edit]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from eos_ref.model import interactions
-from lammps_cases.diagnosis.edits import Edit, FunctionEdits, made
+from lammps_cases.diagnosis.edits import EVERYWHERE, Edit, FunctionEdits, made
 from lammps_cases.diagnosis.reached import MODULES, reached
 
 HERE = """
@@ -98,6 +98,13 @@ def test_two_edits_of_a_function_are_made_together() -> None:
         both = Stage().term(**{**ARGUMENTS, "a_n": -(ARGUMENTS["a_n"] ** 2)})
     a_n, b_n, i = -(ARGUMENTS["a_n"] ** 2), ARGUMENTS["b_n"], ARGUMENTS["i"]
     np.testing.assert_array_equal(both, a_n[i] * b_n[i] / 3.0 - 1.5)
+
+
+def test_an_operand_is_replaced_in_all_places() -> None:
+    edit = next(e for e in edits_here() if (e.before, e.after, e.statement) == ("h", "cut", EVERYWHERE))
+    with made([edit]):
+        changed = Stage().term(**{**ARGUMENTS, "h": 7.0})
+    np.testing.assert_array_equal(changed, Stage().term(**{**ARGUMENTS, "h": ARGUMENTS["cut"]}))
 
 
 def test_functions_are_changed_wherever_they_are_called_from() -> None:

@@ -154,10 +154,10 @@ PLANTED = [
     ),
     Planted(("thermal.arithmetic.2d", "thermal.rk1.2d"), "had `0.5 * ", HalfHeat),
     Planted(("thermal.arithmetic.2d", "thermal.latent.2d"), "had `kappa_n[i]` for `kappa_n[j]`", OwnConductivity),
-    Planted(("shift.all.2d", "shift.exclude.2d"), "had `-(scale * sum_n)` for `scale * sum_n`", ShiftTheOtherWay),
+    Planted(("shift.all.2d", "shift.exclude.2d"), "had `-joined(shift)` for `joined(shift)`", ShiftTheOtherWay),
     Planted(
         ("forces.viscous.rk1.2d", "forces.viscous.rk2.2d"),
-        "had `self.gradw` for `self.g`",
+        "had `self.gradw` for `self.g` in all its statements",
         PlainKernelInForces,
     ),
     Planted(("images.quintic.two", "images.quintic.four"), "first half of the kick", stepping=NoFirstKick),
@@ -208,7 +208,7 @@ def test_what_red_scenes_share_and_green_ones_lack(tmp_path: Path, eos_ref_comma
     (tmp_path / "run.json").write_text(run.model_copy(update={"triage": None}).to_json())
     told = eos_ref_command("diagnose", tmp_path)
     assert told.code == 1
-    assert "had `-(scale * sum_n)` for `scale * sum_n`" in told.out
+    assert "had `-joined(shift)` for `joined(shift)`" in told.out
     assert read_run(tmp_path).triage == run.triage
     assert "all 3 scenes with `shift`; none of 2 others" in (tmp_path / "report.html").read_text()
     assert "### Triage" in (tmp_path / "summary.md").read_text()

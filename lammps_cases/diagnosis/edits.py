@@ -12,7 +12,7 @@ import copy
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -64,6 +64,11 @@ class Edit:
     after: str
     statement: str
 
+    @cached_property
+    def code(self) -> CodeType:
+        """The function's code with this edit alone."""
+        return self.of.compiled([self])
+
 
 @contextmanager
 def made(edits: Iterable[Edit]) -> Iterator[None]:
@@ -77,7 +82,9 @@ def made(edits: Iterable[Edit]) -> Iterator[None]:
     by_function: dict[FunctionType, list[Edit]] = {}
     for edit in edits:
         by_function.setdefault(edit.of.function, []).append(edit)
-    codes = {function: own[0].of.compiled(own) for function, own in by_function.items()}
+    codes = {
+        function: own[0].code if len(own) == 1 else own[0].of.compiled(own) for function, own in by_function.items()
+    }
     right = {function: function.__code__ for function in codes}
     loops = ArrayEvaluator.loops
     ArrayEvaluator.loops = None if codes else loops

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from eos_ref import EOSTable
-from eos_ref.errors import InputError
 from lammps_cases.records import wording
 from lammps_cases.records.audit_record import OutlookRecord
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
@@ -251,7 +250,9 @@ def test_same_bytes_again(run: RunRecord, folder: Path) -> None:
     assert sorted(path.name for path in folder.iterdir()) == sorted([*names, "fields"])
 
 
-def test_plotly_must_be_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_plotly_there_is_a_bare_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(InputError, match="plotly"):
-        write_report(RunRecord(engine=EngineRecord(), reference={}), tmp_path)
+    run = RunRecord(engine=EngineRecord(), reference={})
+    lacks = "not in this report: page: InputError: plotly: must be installed"
+    assert lacks in write_report(run, tmp_path).read_text() and lacks in (tmp_path / "summary.md").read_text()
+    assert run.exit_code() == 3

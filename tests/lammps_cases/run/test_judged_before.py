@@ -64,7 +64,9 @@ def store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Store:
     return open_store()
 
 
-def judged_into(folder: Path, ready: PreparedCase, outcomes: Outcomes, of: Store | None) -> tuple[CaseRecord, Drawn]:
+def judged_into(
+    folder: Path, ready: PreparedCase, outcomes: Outcomes, of: Store | None
+) -> tuple[CaseRecord, Drawn | None]:
     kept = judgement_store(of, case_journal.code())
     return case_judgement.judge_into(None, folder, ready, outcomes, ENGINE, of, kept)
 

@@ -37,10 +37,10 @@ def page(run: RunRecord) -> str:
 
 
 def summary(run: RunRecord) -> str:
-    """Return the summary, with what is Markdown in a text as it stands."""
+    """Return the summary, in which texts are no HTML."""
     wrong = [f"{case.case}: {wording.kind(case)}: {case.message}" for case in run.cases if not case.as_expected]
     lines = [f"## eos-ref: {headline(run)}", *_lines(run), *wrong]
-    return "\n\n".join(" ".join(line.split()) for line in lines) + "\n"
+    return "\n\n".join(escape(" ".join(line.split()), quote=False) for line in lines) + "\n"
 
 
 def _lines(run: RunRecord) -> list[str]:

@@ -14,6 +14,7 @@ import pytest
 from lammps_cases.cli import shared
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.comparison.compare import EosState, compare_pressure
+from lammps_cases.engine.installations import Engine
 from lammps_cases.history import store as history
 from lammps_cases.records import folders
 from lammps_cases.records.files import write_arrays
@@ -22,6 +23,7 @@ from lammps_cases.run import campaign, case_journal
 from lammps_cases.run.campaign import Campaign
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.run.provenance import run_record
+from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from tests.support import made_runs
 from tests.support.broken import called, plant, public
@@ -226,3 +228,22 @@ def test_what_the_harness_failed_to_judge_is_judged_again(run: Command, monkeypa
         patch.setitem(globals(), "judged", lambda *_: faulty)
         assert run(1.0, meanwhile=raises(KeyboardInterrupt())).code == 130
     assert run(1.0, "--resume").code == 0
+
+
+@pytest.mark.usefixtures("run")
+def test_a_command_that_cannot_resume_leaves_what_was_judged(
+    case_file: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An interrupt of ``claims``, ``compare`` or `lammps_cases.run` after the last case left nothing of it."""
+    cases = casefile.load_file(case_file())
+
+    def judge(self: Campaign, *_: Any) -> dict[str, Any]:
+        self.begun = self.journal.begin(case_journal.start(run_record(ENGINE, ""), self.cases))
+        self.journal.keep(judged(cases[0], self.folder, 1.0))
+        return {}
+
+    monkeypatch.setattr(Campaign, "judge", judge)
+    monkeypatch.setattr(campaign, "write_kept_run", raises(KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt, match=r"interrupted after 1 of 1 case: see .*/summary.md$"):
+        campaign.run_cases(cases, Engine(), 1, tmp_path / "report")
+    assert [case.case for case in read_run(tmp_path / "report.interrupted").cases] == ["mine"]

@@ -22,6 +22,7 @@ from lammps_cases.ci.pytest_cases import JUDGE, Abandoned, CaseItem, CaseJudge, 
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine import installations
 from lammps_cases.records import wording
+from lammps_cases.records.faults import part
 from lammps_cases.records.headline import Headline
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
@@ -154,7 +155,7 @@ class SessionPlugin:
         run = provenance.run_record(self._engine, command)
         run.fail_on = self._judge.fail_on
         run.cases = sorted(self._records, key=lambda record: record.case)
-        run.carried = findings.carried_over(run)
+        run.carried = part("carried findings", run.faults, lambda: findings.carried_over(run), None)
         run.seconds = round(time.perf_counter() - self._begin, 3)
         return run.counted()
 
@@ -207,7 +208,7 @@ class SessionPlugin:
 
 def _lines(run: RunRecord) -> list[str]:
     lines = [f"{wording.engine(run.engine)}: {wording.tally(run)}"]
-    lines += [*([wording.carried(run.carried)] if run.carried else []), *run.notes]
+    lines += [*([wording.carried(run.carried)] if run.carried else []), *wording.lacks(run.faults), *run.notes]
     if run.predictions.stored:
         lines.append(f"{run.predictions} (--eos-ref-fresh recomputes them)")
     return lines

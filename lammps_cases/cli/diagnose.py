@@ -21,16 +21,17 @@ def diagnose_command(run: Path, paths: tuple[Path, ...], as_json: bool) -> int:
     \b
     Example:  eos-ref diagnose reports/latest
     """
-    from lammps_cases import history
     from lammps_cases.comparison.prediction_keys import open_store
+    from lammps_cases.records.faults import part
     from lammps_cases.records.run_record import read_run
     from lammps_cases.run import campaign, report_files
 
     record = read_run(run)
     before = record.triage
-    record.triage = campaign.triaged(record, campaign.cases_of(record, paths), run, open_store())
-    if record.triage or before:
-        report_files.write_run(record, run, past=history.past(record))
-    if record.triage is None and not as_json:
+    cases = campaign.cases_of(record, paths)
+    record.triage = part("triage", record.faults, lambda: campaign.triaged(record, cases, run, open_store()), before)
+    if record.triage or before or record.faults:
+        report_files.write_run(record, run, past=report_files.past_of(record))
+    if record.triage is None and not record.faults and not as_json:
         click.echo("every case is as expected: nothing to group")
     return shared.finish(record, run, as_json)

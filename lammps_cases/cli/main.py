@@ -109,8 +109,8 @@ def group(context: click.Context) -> None:
     Example:  eos-ref run                     all cases against LAMMPS
               eos-ref audit in.deck           your own deck, checked live
 
-    Exit codes: 0 as expected, 1 something differs, 2 wrong usage or bad input, 3 LAMMPS failed or is missing,
-    130 interrupted (Ctrl-C, SIGTERM).
+    Exit codes: 0 as expected, 1 something differs, 2 wrong usage or bad input, 3 LAMMPS failed or is missing, or a
+    part of the report is, 130 interrupted (Ctrl-C, SIGTERM).
     """
     context.obj = time.time_ns()
     if context.invoked_subcommand is None:
@@ -123,8 +123,14 @@ def _index(context: click.Context, code: object) -> object:
     """Bring the index of the reports up to date after a command that wrote a report there."""
     if Path("reports").is_dir():
         from lammps_cases.pages import index
+        from lammps_cases.records.faults import MissingPart, part
+        from lammps_cases.records.wording import lacks
 
-        index.refresh(Path("reports"), context.obj)
+        faults: list[MissingPart] = []
+        part("reports/index.html", faults, lambda: index.refresh(Path("reports"), context.obj), None)
+        for line in lacks(faults, "not up to date"):
+            click.echo(f"eos-ref: {line}", err=True)
+        return code or (3 if faults else 0)
     return code
 
 

@@ -18,17 +18,20 @@ from lammps_cases.cli import shared
 def report_command(run: Path, news: bool, dashboard: Path | None, as_json: bool) -> int:
     """Render report.html, summary.md and junit.xml of a finished run again, from its run.json.
 
+    Of a run that was interrupted, killed or broken the cases that were judged are rendered.
+
     \b
     Example:  eos-ref report reports/latest
               eos-ref report reports/latest --dashboard data/eos-ref/run.json
     """
     from eos_ref import InputError
-    from lammps_cases import history
     from lammps_cases.records.run_record import read_run
-    from lammps_cases.report import write_report
+    from lammps_cases.run import campaign, report_files
 
     if news and dashboard:
         raise InputError("--dashboard", "cannot be combined with --news")
+    if not (news or dashboard) and (left := campaign.left(run)):
+        return shared.finish(*left, as_json)
     record = read_run(run)
     if news:
         from lammps_cases.report import markdown
@@ -50,7 +53,7 @@ def report_command(run: Path, news: bool, dashboard: Path | None, as_json: bool)
             raise InputError("--dashboard", f"cannot be written: {error.strerror}", where=str(dashboard)) from None
         click.echo(json.dumps({"dashboard": str(dashboard)}) if as_json else dashboard)
         return 0
-    write_report(record, run, history=history.past(record))
+    report_files.write_run(record, run, past=report_files.past_of(record))
     return shared.finish(record, run, as_json)
 
 

@@ -141,19 +141,17 @@ def _notes(own: Sequence[Case], run: RunRecord) -> Iterator[str]:
 
 def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json: bool) -> Iterable[str]:
     """Hold a run against what was accepted, unless the engine failed; return lines, and keep in the run what counts."""
-    from lammps_cases import history
     from lammps_cases.regression import pairs
     from lammps_cases.regression.baseline import check
     from lammps_cases.report.annotations import announce_changes
-    from lammps_cases.report.findings import outcome
     from lammps_cases.run import report_files
 
-    if outcome(run).exit_code == 3:
+    if run.failed:
         return ()
     changes = check(run, out, baseline, cases)
     run.changed = len(changes.faults)
     if run.changed:
-        report_files.write_run(run, out, past=history.past(run))
+        report_files.write_run(run, out, past=report_files.past_of(run))
     if not as_json:
         announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
     return pairs.checked(changes, f"eos-ref accept {out}")

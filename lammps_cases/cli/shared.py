@@ -239,28 +239,45 @@ def _remove_empty(made: Iterable[Path]) -> None:
 
 def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str] = ()) -> int:
     """Print the verdict of a run, what changed against a baseline, and where the report is; return the exit code."""
+    from lammps_cases.records.faults import part
     from lammps_cases.records.kept import is_part
-    from lammps_cases.report.annotations import announce
+    from lammps_cases.records.wording import lacks
+    from lammps_cases.report import bare
     from lammps_cases.report.findings import outcome
 
-    of_run = outcome(run)
+    def judged() -> Outcome:
+        of_run = outcome(run)
+        assert of_run.headline and of_run.rejected is not None  # both are made here
+        return of_run
+
     for line in changes:
         click.echo(line, err=as_json)
+    of_run = part("findings", run.faults, judged, None)
     if as_json:
-        click.echo(json.dumps(_document(of_run), indent=1))
-        return of_run.exit_code
-    _details(run)
-    part = " (selected cases only: reports/latest is unchanged)" if is_part(directory) else ""
-    click.echo(f"report: {directory / 'report.html'}{part}")
+        answer = part("output", run.faults, lambda: _answer(of_run) if of_run else {}, {})
+        click.echo(json.dumps(answer | json.loads(run.to_json()), indent=1))
+    else:
+        _details(run)
+        selected = " (selected cases only: reports/latest is unchanged)" if is_part(directory) else ""
+        click.echo(f"report: {directory / 'report.html'}{selected}")
+        part("output", run.faults, lambda: _close(of_run, directory) if of_run else say(bare.headline(run)), None)
+        for line in lacks(run.faults):
+            show(f"  {line}", "    ", fg="red")
+    return run.exit_code(of_run.rejected if of_run else ())
+
+
+def _close(of_run: Outcome, directory: Path) -> None:
+    """Print the headline of a run, and what to do next; tell the CI service."""
+    from lammps_cases.report.annotations import announce
+
     announce(of_run, directory, os.environ)
     say(of_run.headline)
     for line in of_run.closing():
         show(line, "        ")
-    return of_run.exit_code
 
 
-def _document(of_run: Outcome) -> dict[str, Any]:
-    """Return what --json prints of a run: the answer, and then run.json."""
+def _answer(of_run: Outcome) -> dict[str, Any]:
+    """Return what --json prints of a run before its run.json: the answer."""
     from lammps_cases.report.statements import statements
 
     findings = [
@@ -274,8 +291,7 @@ def _document(of_run: Outcome) -> dict[str, Any]:
     }
     if of_run.of_decks:
         answer["statements"] = {case.case: list(map(str, statements(case))) for case in of_run.run.cases}
-    record: dict[str, Any] = json.loads(of_run.run.to_json())
-    return answer | record
+    return answer
 
 
 def say(headline: Headline) -> None:
@@ -285,7 +301,7 @@ def say(headline: Headline) -> None:
 
 def _details(run: RunRecord) -> None:
     """Print the cases of a run counted, then those not as expected, and whatever else concerns the run as a whole."""
-    from lammps_cases.records.wording import carried, carried_rows, counted, tally, triage_lines
+    from lammps_cases.records.wording import carried, carried_rows, counted, notes, tally, triage_lines
 
     click.echo(f"{tally(run)} ({run.seconds:.1f} s)")
     for case in run.cases:
@@ -302,7 +318,7 @@ def _details(run: RunRecord) -> None:
         show(f"  {carried(run.carried)}", "    ", fg="yellow")
         for finding, what, cases in carried_rows(run.carried):
             show(f"    {finding:28s} {what}: {counted(cases, 'case')}", "      ")
-    for note in run.notes:
+    for note in notes(run):
         show(f"  {note}", "    ", fg="yellow")
 
 

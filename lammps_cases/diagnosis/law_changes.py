@@ -59,7 +59,7 @@ def _of_another(words: str, other: OtherType) -> Iterator[tuple[str, Law]]:
             return replace(law, **{key: getattr(of, key)}) if key else of
 
         return lambda table: EOSTable(
-            tuple(change(law, table.laws[other(t, len(table.laws))]) for t, law in enumerate(table.laws))
+            tuple(change(law, table[other(t, len(table)) + 1]) for t, law in enumerate(table.laws))
         )
 
     for name, key in _PARAMETERS.items():

@@ -43,10 +43,10 @@ class _RedLaw:
         """Return whether a change is inside its bound on every atom, which is none that the reference is in too."""
         try:
             with np.errstate(all="ignore"):
+                reference_n = evaluate(self.table, self.state)  # first: of a gas without energies there is none
                 made = change(self.table, self.state)
                 if made is None:
                     return False
-                reference_n = evaluate(self.table, self.state)
                 outside = np.any(excess(self.lammps_n, reference_n, made[1])[1] > 1)
                 return bool(outside and np.all(excess(self.lammps_n, *made)[1] <= 1))
         except Exception:  # a change that has no meaning for this law

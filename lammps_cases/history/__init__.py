@@ -1,6 +1,6 @@
 """Runs kept over time: how verdicts, errors and times went from one engine, and one day, to the next.
 
-`collect` keeps a run and `past` says what was before it; neither ever fails a run.
+`collect` keeps a run and `past` says what was before it; a history that cannot be used never fails a run.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from eos_ref.errors import InputError
 
 if TYPE_CHECKING:
     from lammps_cases.history.reported import Past
@@ -45,11 +47,11 @@ def past(run: RunRecord) -> Past | None:
 
 @contextmanager
 def _forgiven(complaint: str) -> Iterator[None]:
-    """Report what goes wrong in one line on standard error, and go on."""
+    """Report a history that cannot be used in one line on standard error, and go on."""
     try:
         yield
-    except Exception as error:
-        print(f"eos-ref: {complaint}: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
+    except (InputError, OSError) as error:
+        print(f"eos-ref: {complaint}: {' '.join(str(error).split())}", file=sys.stderr)
 
 
 def _revision() -> str:

@@ -23,6 +23,8 @@ class PastRun:
     run: StoredRun
     label: str
     own: bool
+    cases: int
+    counts: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,8 @@ def before(history: History, record: RunRecord) -> Past | None:
         return None
     lines = engines([*earlier, own])
     labels = {run.id: line.label for line in lines for run in line.runs}
-    shown = [PastRun(run, labels[run.id], run is own) for run in [own, *reversed(earlier)][:TABLE]]
+    latest = [own, *reversed(earlier)][:TABLE]
+    shown = [PastRun(run, labels[run.id], run is own, run.cases, run.ordered_counts) for run in latest]
     results = history.results([run.id for run in earlier], [case.case for case in record.cases])
     outcomes = history.outcomes({result.outcome for result in results}, fields=False)
     rows = {

@@ -5,9 +5,10 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 from eos_ref import InputError
 from lammps_cases.claims import model, verdicts
@@ -17,6 +18,7 @@ from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON, SHOWN_BY, engines
 from lammps_cases.intake.record import DOCUMENT, AdoptedInput, Adoption, ClaimRow, Difference, FindingRow, FindingStatus
 from lammps_cases.probes import manual
+from lammps_cases.records.faults import MissingPart, part
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, RunRecord
@@ -31,6 +33,8 @@ from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.inputs import table
 
+T = TypeVar("T")
+
 
 @dataclass(frozen=True)
 class Intake:
@@ -43,18 +47,20 @@ class Intake:
     probes: Sequence[manual.ManualProbe]
     bad_inputs: Sequence[table.BadWords]
     progress: Progress = SILENT
+    resume: bool = False
 
 
-def everything(engine: Engine, jobs: int, out: Path, progress: Progress = SILENT) -> Intake:
+def everything(engine: Engine, jobs: int, out: Path, progress: Progress = SILENT, resume: bool = False) -> Intake:
     """Return all that an engine is asked before it is known."""
     cases = casefile.select(casefile.load(), (), None)
-    return Intake(engine, jobs, out, cases, manual.probes(), table.every(), progress)
+    return Intake(engine, jobs, out, cases, manual.probes(), table.every(), progress, resume)
 
 
 def collect(intake: Intake, baselines: Path) -> Adoption:
     """Run all cases, probes and bad inputs on an engine, and hold the outcome against what is known.
 
-    The report of the cases is left in the folder ``run``, the record of all in ``adopt.json``.
+    The report of the cases is left in the folder ``run``, the record of all in ``adopt.json``. A fault of eos-ref after
+    the cases are judged costs a part of that, and is noted in it.
 
     Raises
     ------
@@ -63,38 +69,50 @@ def collect(intake: Intake, baselines: Path) -> Adoption:
         The engine has no version by which it could be known.
     """
     seconds: dict[str, float] = {}
+    faults: list[MissingPart] = []
     command, store = provenance.command_line(), prediction_keys.open_store()
+
+    def timed(name: str, make: Callable[[], list[T]]) -> list[T]:
+        begin = time.perf_counter()
+        made = part(name, faults, make, list[T]())
+        seconds[name] = round(time.perf_counter() - begin, 1)
+        return made
+
     begin = time.perf_counter()
     run = campaign.run_cases(
-        intake.cases, intake.engine, intake.jobs, intake.out / "run", command, progress=intake.progress, store=store
+        intake.cases,
+        intake.engine,
+        intake.jobs,
+        intake.out / "run",
+        command,
+        progress=intake.progress,
+        store=store,
+        resume=intake.resume,
     )
     if not run.engine.distribution:
         raise InputError("engine", "must say its version to be taken in", intake.engine.name)
     seconds["cases"] = round(time.perf_counter() - begin, 1)
-    begin = time.perf_counter()
     with Workers(intake.engine.site, intake.jobs) as workers:
         probes = [probe for probe in intake.probes if probe.made_in(run.engine.manual)]
-        probed = manual.put(probes, workers, intake.progress)
-        seconds["probes"] = round(time.perf_counter() - begin, 1)
-        begin = time.perf_counter()
-        rows = table.table(workers, intake.progress, intake.bad_inputs)
-        seconds["bad inputs"] = round(time.perf_counter() - begin, 1)
+        probed = timed("probes", lambda: manual.put(probes, workers, intake.progress))
+        rows = timed("bad inputs", lambda: table.table(workers, intake.progress, intake.bad_inputs))
     whole = run.model_copy(update={"cases": [*run.cases, *probed]})
-    nearest, changed, differences = _against_known(run, intake.out / "run", baselines)
+    known = part("nearest engine", faults, lambda: _against_known(run, intake.out / "run", baselines), ("", {}, ()))
     adoption = Adoption(
         engine=run.engine,
         date=run.date,
         command=command,
-        findings=tuple(_finding_rows(whole)),
-        claims=tuple(_claim_rows(whole)),
+        findings=tuple(part("findings", faults, lambda: _finding_rows(whole), [])),
+        claims=tuple(part("claims", faults, lambda: _claim_rows(whole), [])),
         inputs=tuple(AdoptedInput(row.id, row.words, row.reaction, row.text, row.ledger) for row in rows),
         unexplained=tuple(_differences(whole.cases, skipped=False)),
         skipped=tuple(_differences(whole.cases, skipped=True)),
         counts=run.summary,
-        nearest=nearest,
-        changed=changed,
-        differences=differences,
+        nearest=known[0],
+        changed=known[1],
+        differences=known[2],
         seconds=seconds,
+        faults=faults,
     )
     DOCUMENT.write(intake.out / "adopt.json", adoption)
     return adoption

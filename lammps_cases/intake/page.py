@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lammps_cases.intake.record import Adoption
 from lammps_cases.pages import frame
+from lammps_cases.records import wording
 from lammps_cases.records.levels import SEVERITIES
 
 ASSETS = Path(__file__).with_name("assets")
@@ -19,10 +20,11 @@ def render(adoption: Adoption) -> str:
     return frame.page(
         ASSETS,
         "adopt",
-        "bad" if adoption.unexplained else "good",
+        "bad" if adoption.unexplained or adoption.faults else "good",
         engine=adoption.engine.label,
         adoption=adoption,
         rows=rows,
         reactions=dict(sorted(Counter(row.reaction for row in adoption.inputs).items())),
+        lacks=wording.lacks(adoption.faults),
         claims=Counter(row.verdict for row in adoption.claims),
     )

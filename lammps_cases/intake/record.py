@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.faults import MissingPart
 from lammps_cases.records.run_record import EngineRecord
 
 FindingStatus = Literal["there", "gone in some cases", "gone", "not asked"]
@@ -72,6 +73,7 @@ class Adoption:
     changed : by baseline, how many fields and cases are not the same
     differences : what changed from the nearest baseline, a sentence for each group
     seconds : wall time of each part
+    faults : what is missing because eos-ref failed to make it
     """
 
     engine: EngineRecord
@@ -87,6 +89,7 @@ class Adoption:
     changed: dict[str, int] = field(default_factory=dict)
     differences: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
+    faults: list[MissingPart] = field(default_factory=list)
     schema: str = SCHEMAS["adopt"]
 
     @property

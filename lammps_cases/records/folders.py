@@ -97,6 +97,12 @@ def interrupted(target: Path) -> Path:
     return target.with_name(f"{target.name}{INTERRUPTED}")
 
 
+def target(folder: Path) -> Path:
+    """Return the target of a folder in the making, wherever that lies; another folder is its own target."""
+    name = folder.name.removesuffix(INTERRUPTED).removesuffix(".partial")
+    return folder.with_name(name.removeprefix(".") if folder.name.endswith(".partial") else name)
+
+
 def resumable(target: Path) -> Path | None:
     """Return the folder in the making that can be gone on with; after a kill it lies where it was made."""
     left = max((making(target), interrupted(target)), key=_done)

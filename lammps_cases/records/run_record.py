@@ -30,6 +30,7 @@ from lammps_cases.records.audit_record import (
     SeriesRecord,
 )
 from lammps_cases.records.documents import SCHEMAS, Document, Record
+from lammps_cases.records.faults import MissingPart
 from lammps_cases.records.levels import EFFECT, FailOn, State
 
 Verdict = Literal["exact", "pass", "explained", "differs", "refused", "crashed", "timeout", "error", "skipped"]
@@ -412,10 +413,14 @@ class RunRecord(Record):
     allowed: dict[str, str] = Field({}, description="findings that fail nothing, with the reason (eos-ref.toml)")
     shard: str = Field("", description="i/n, if this is a part of a run", pattern=f"^({SHARD})?$")
     divided: str = Field("", description="hash of the names of all cases of the run that this is a part of")
+    older: dict[str, Literal["code", "reference"]] = Field(
+        {}, description="cases judged before the run was resumed by other code: what has changed since"
+    )
     missing: int = Field(0, description="cases that were not judged when the run was interrupted")
     carried: CarriedOver | None = None
     triage: Triage | None = Field(None, description="of a run that is not all as expected")
     notes: list[str] = Field([], description="what concerns the run as a whole")
+    faults: list[MissingPart] = Field([], description="parts that the report lacks because eos-ref failed to make them")
     cases: list[CaseRecord] = Field([])
     summary: dict[str, int] = Field({})
     predictions: Predictions = Predictions()
@@ -439,19 +444,24 @@ class RunRecord(Record):
         self.predictions = Predictions(**sums)
         return self
 
+    @property
+    def failed(self) -> bool:
+        """Whether a case ended without an answer that could be compared."""
+        failures = ("refused", "crashed", "timeout", "error")
+        return any(case.verdict in failures and not case.as_expected for case in self.cases)
+
     def exit_code(self, rejected: Collection[str] = ()) -> int:
-        """Exit code: 0 all as expected, 1 something differs or is rejected, 2 a bad case, 3 a failure."""
+        """Exit code: 0 all as expected, 1 something differs or is rejected, 2 a bad case, 3 a failure.
+
+        A part that the report lacks is a failure if nothing else is wrong.
+        """
         if any(case.unexercised and case.verdict == "error" for case in self.cases):
             return 2
-        verdicts = {case.verdict for case in self.cases if not case.as_expected}
-        if verdicts & {"refused", "crashed", "timeout", "error"}:
+        if self.failed:
             return 3
-        return int(
-            "differs" in verdicts
-            or self.changed > 0
-            or self.missing > 0
-            or not all(case.accepted(rejected) for case in self.cases)
-        )
+        if self.changed > 0 or self.missing > 0 or not all(case.accepted(rejected) for case in self.cases):
+            return 1
+        return 3 if self.faults else 0
 
     def check_whole(self, folder: Path) -> None:
         """Refuse a run that was interrupted.

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
+from lammps_cases.records.faults import MissingPart
 from lammps_cases.records.run_record import (
     BY_SEVERITY,
     HASH,
@@ -136,6 +137,28 @@ def plain(item: Any) -> Any:
     if isinstance(item, float) and not math.isfinite(item):
         return "NaN" if math.isnan(item) else "Infinity" if item > 0 else "-Infinity"
     return item
+
+
+def lacks(faults: Iterable[MissingPart], how: str = "not in this report") -> list[str]:
+    """Say which parts a report lacks, and why: a line for each cause."""
+    parts: dict[str, list[str]] = {}
+    for fault in faults:
+        place = f" ({fault.trace[-1]})" if fault.trace else ""
+        of = f" of {by_file(fault.cases)}" if fault.cases else ""
+        parts.setdefault(f"{fault.exception}: {fault.text}{place}", []).append(f"{fault.part}{of}")
+    return [f"{how}: {listed(names)}: {why}" for why, names in parts.items()]
+
+
+def notes(run: RunRecord) -> list[str]:
+    """Say what concerns a run as a whole, such as which of its judgements are not by its own code."""
+    if not run.older:
+        return run.notes
+    changed = sorted(case for case, what in run.older.items() if what == "reference")
+    line = f"{len(run.older)} of {counted(len(run.cases), 'case')} judged by other code, before --resume continued"
+    line += f": {by_file(sorted(run.older))}"
+    since = "; the reference has changed since"
+    line += since if len(changed) == len(run.older) else f"{since} {by_file(changed)}" if changed else ""
+    return [line, *run.notes]
 
 
 # --- triage

@@ -10,8 +10,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lammps_cases.records.faults import part
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.run_record import RunRecord
+from lammps_cases.records.run_record import HeadlineRecord, RunRecord
 
 if TYPE_CHECKING:
     from lammps_cases.findings import Finding
@@ -48,21 +49,35 @@ def write_report(
     Returns
     -------
     Path
-        The page. The same input gives the same bytes.
-
-    Raises
-    ------
-    InputError
-        plotly, whose script is embedded in the page, is not installed.
+        The page. The same input gives the same bytes. What cannot be made of the report is noted in the run's faults,
+        and costs that part; without its own page or summary the report has a bare one.
     """
     from lammps_cases.findings import LEDGER
-    from lammps_cases.report import junit, markdown, page
-    from lammps_cases.report.findings import outcome
+    from lammps_cases.report import bare, junit, markdown, page
+    from lammps_cases.report.findings import Outcome, outcome
 
-    of_run = outcome(run, LEDGER if ledger is None else ledger)
-    of_cases = page.RunPage(of_run, directory / "fields", drawn, history, making or page.here)
-    write_atomically(directory / "summary.md", markdown.summary(of_run))
-    write_atomically(directory / "junit.xml", junit.document(of_run))
+    def judged() -> Outcome:
+        of_run = outcome(run, LEDGER if ledger is None else ledger)
+        run.headline = HeadlineRecord(state=of_run.headline.state, sentence=of_run.headline.sentence)
+        return of_run
+
+    def made() -> tuple[str, str, bytes | None]:
+        of_run = part("findings", run.faults, judged, Outcome(run, []))
+        begun = lambda: page.RunPage(of_run, directory / "fields", drawn, history, making or page.here)  # noqa: E731
+        of_cases = part("list of cases", run.faults, begun, None)
+        summary = part("summary.md", run.faults, lambda: markdown.summary(of_run), None)
+        document = part("junit.xml", run.faults, lambda: junit.document(of_run), None)
+        html = part("page", run.faults, of_cases.render, None) if of_cases else None
+        return html or bare.page(run), summary or bare.summary(run), document
+
+    before = [fault.part for fault in run.faults]
+    html, summary, document = made()
+    if [fault.part for fault in run.faults] != before:  # each says what the others lack
+        html, summary, document = made()
+    write_atomically(directory / "summary.md", summary)
+    (directory / "junit.xml").unlink(missing_ok=True)
+    if document:
+        write_atomically(directory / "junit.xml", document)
     path = directory / "report.html"
-    write_atomically(path, of_cases.render())
+    write_atomically(path, html)
     return path

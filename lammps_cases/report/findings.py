@@ -118,6 +118,8 @@ class Outcome:
     def headline(self) -> Headline:
         """The headline of the run."""
         new = [f"{counted(self.run.changed, 'change')} against the baseline"] if self.run.changed else []
+        if self.run.faults:
+            new.append(f"the report lacks {', '.join(fault.part for fault in self.run.faults)}")
         if self.run.missing:
             total = self.run.missing + len(self.run.cases)
             new.insert(0, f"interrupted: {self.run.missing} of {counted(total, 'case')} not judged")

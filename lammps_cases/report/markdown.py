@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from lammps_cases.records import wording
+from lammps_cases.records.faults import part
 from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
 from lammps_cases.report import agreement
@@ -27,9 +28,9 @@ def summary(of_run: Outcome) -> str:
         *map(_statements, run.cases),
         _triage(run),
         _carried(run),
-        "\n".join(f"> **Note:** {text(note)}" for note in run.notes),
+        "\n".join(f"> **Note:** {text(note)}" for note in [*wording.lacks(run.faults), *wording.notes(run)]),
         "" if of_run.of_decks else _unseen(of_run.findings),
-        *(_twins(matrix) if matrix.twins else _agreement(matrix) for matrix in agreement.matrices(run)),
+        *part("agreement in summary.md", run.faults, lambda: [*_agreements(run)], []),
         _slowest(run),
         _worst_conditioned(run),
         _provenance(run),
@@ -111,6 +112,11 @@ def _unseen(of_run: Sequence[RunFinding]) -> str:
     rest = f"{counted(absent, 'finding')} of the ledger not applicable in this run." if absent else ""
     head = ("severity", "finding", "what LAMMPS did", "cases")
     return "\n\n".join(filter(None, [f"### Not seen where they apply\n\n{table(head, rows)}" if rows else "", rest]))
+
+
+def _agreements(run: RunRecord) -> Iterator[str]:
+    for matrix in agreement.matrices(run):
+        yield _twins(matrix) if matrix.twins else _agreement(matrix)
 
 
 def _agreement(matrix: agreement.Matrix) -> str:

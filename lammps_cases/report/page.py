@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import jinja2
 from markupsafe import Markup
 
 from eos_ref.errors import InputError
@@ -19,6 +20,7 @@ from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
 from lammps_cases.pages.packed import packed, packed_once
 from lammps_cases.records import deck_wording, wording
+from lammps_cases.records.faults import MissingPart, part
 from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
 from lammps_cases.report import agreement, plots
@@ -31,6 +33,7 @@ ASSETS = Path(__file__).parent / "assets"
 HISTORY_CSS = Path(__file__).parent.parent / "history" / "assets" / "history.css"
 ROWS = 200  # checks of an audit listed per case
 LISTED = 1000  # cases that the page lists: a browser opens twice as many in two seconds
+PICTURES = "pictures"  # what a case lacks
 WHOLE = 100  # cases of a run whose fields are all drawn at all steps
 
 
@@ -94,31 +97,40 @@ class Family:
         return [entry.record.case for entry in self.entries]
 
 
-Articles = Callable[[], list[Markup]]  # of every family, to be waited for
+FamilyArticles = tuple[Markup, list[MissingPart]]  # packed, empty if there are none; and what cases lack
+Articles = Callable[[], list[FamilyArticles]]  # of every family, to be waited for
 Making = Callable[[Sequence[Family]], Articles]  # what begins to make them
 
 
-def articles(families: Sequence[Family]) -> list[Markup]:
+def articles(families: Sequence[Family]) -> list[FamilyArticles]:
     """Return the packed articles of every family."""
     environment = frame.environment_of(ASSETS)
     environment.filters |= FILTERS
-    template = environment.get_template("articles.html.j2")
-    return [
-        packed(
-            template.render(
-                entries=[_article(entry, family.fields) for entry in family.entries],
-                marks=family.marks,
-                known=family.known,
-                whole=family.whole,
-                wording=wording,
-                deck_wording=deck_wording,
-                statements_of=statements,
-                subjects=SUBJECTS,
-                rules=RULES,
-            )
+    return [_articles(family, environment.get_template("articles.html.j2")) for family in families]
+
+
+def _articles(family: Family, template: jinja2.Template) -> FamilyArticles:
+    faults: list[MissingPart] = []
+
+    def article(entry: CaseEntry) -> CaseArticle:
+        bare = CaseArticle(entry.record, entry.accepted, Drawn(), [], [], [])
+        return part(PICTURES, faults, lambda: _article(entry, family.fields), bare, [entry.record.case])
+
+    def text() -> Markup:
+        made = template.render(
+            entries=[article(entry) for entry in family.entries],
+            marks=family.marks,
+            known=family.known,
+            whole=family.whole,
+            wording=wording,
+            deck_wording=deck_wording,
+            statements_of=statements,
+            subjects=SUBJECTS,
+            rules=RULES,
         )
-        for family in families
-    ]
+        return packed(made)
+
+    return part(PICTURES, faults, text, Markup(), family.names), faults
 
 
 def here(families: Sequence[Family]) -> Articles:
@@ -142,7 +154,8 @@ class RunPage:
     ) -> None:
         self.of_run, self.history = of_run, history
         run, at_hand = of_run.run, drawn or {}
-        self.matrices, self.claims = agreement.matrices(run), verdicts.summary(run)
+        self.matrices = part("agreement", run.faults, lambda: agreement.matrices(run), [])
+        self.claims = part("claims", run.faults, lambda: verdicts.summary(run), None)
         cases = listed(of_run, _named(self.matrices, self.claims))
         self.entries = [CaseEntry(case, of_run.accepted(case), at_hand.get(case.case)) for case in cases]
         self.families = list(self._families(fields))
@@ -151,6 +164,12 @@ class RunPage:
     def render(self) -> str:
         """Return the page."""
         of_run, run = self.of_run, self.of_run.run
+        made = self._articles()
+        lacking = [fault for _, of_family in made for fault in of_family]
+        run.faults[:] = [fault for fault in run.faults if fault.part != PICTURES]
+        if lacking:
+            cases = sorted({case for fault in lacking for case in fault.cases})
+            run.faults.append(lacking[0].model_copy(update={"cases": cases}))
         plotly = _plotly().read_text(encoding="utf-8")
         tags = Counter(tag for case in run.cases for tag in set(case.tags))
         return frame.page(
@@ -170,7 +189,7 @@ class RunPage:
             entries=self.entries,
             names={entry.record.case for entry in self.entries},
             families=self.families,
-            articles=self._articles,
+            articles=[text for text, _ in made],
             tags={tag: tags[tag] for tag in sorted(tags)},
             matrices=self.matrices,
             findings=of_run.findings,
@@ -263,11 +282,11 @@ def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
         yield "predictions", f"{run.predictions}, bit-identical to computed ones (--fresh recomputes them)"
     of_severity = f"those that are {run.fail_on} or worse" if run.fail_on in SEVERITIES else f"above {run.fail_on}"
     yield "known findings that fail", "none" if run.fail_on == "new" else of_severity
-    for part in ("engine", "reference", "machine"):
-        values = getattr(run, part)
+    for about in ("engine", "reference", "machine"):
+        values = getattr(run, about)
         for name, value in (values if isinstance(values, dict) else values.model_dump()).items():
             if value:
-                yield f"{part}: {name.replace('_', ' ')}", str(value)
+                yield f"{about}: {name.replace('_', ' ')}", str(value)
     yield "record", run.schema_
 
 

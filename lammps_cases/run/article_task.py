@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from markupsafe import Markup
-
 from lammps_cases.engine.workers import Failure, Workers
 
 if TYPE_CHECKING:  # the main process starts sooner without
-    from lammps_cases.report.page import Articles, Family
+    from lammps_cases.report.page import Articles, Family, FamilyArticles
 
 SHARES = 4  # tasks for each worker: the largest first, so that all end at about the same time
 LIMIT = 600.0  # seconds that a task may take
 
 
-def make_articles(site: str | None, families: Sequence[Family]) -> list[Markup]:
+def make_articles(site: str | None, families: Sequence[Family]) -> list[FamilyArticles]:
     """Task: return the packed articles of some families of cases."""
     from lammps_cases.report import page
 
@@ -28,10 +26,10 @@ def begin_articles(workers: Workers, families: Sequence[Family]) -> Articles:
     shares = divided(families, SHARES * workers.count)
     futures = [workers.call(make_articles, [families[k] for k in share], time_limit=LIMIT) for share in shares]
 
-    def made() -> list[Markup]:
+    def made() -> list[FamilyArticles]:
         from lammps_cases.report import page
 
-        found: dict[int, Markup] = {}
+        found: dict[int, FamilyArticles] = {}
         for share, future in zip(shares, futures, strict=True):
             texts = workers.outcome(future)
             if isinstance(texts, Failure):

@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING, Any
 
 from eos_ref import InputError
 from eos_ref.syntax.manual import Manual
-from lammps_cases import history
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records import folders, wording
+from lammps_cases.records.faults import part
 from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage
 from lammps_cases.records.stages import stage
 from lammps_cases.run.article_task import begin_articles
-from lammps_cases.run.case_journal import CaseJournal, start
+from lammps_cases.run.case_journal import CaseJournal, RunStart, start
 from lammps_cases.run.case_judgement import JUDGING, unjudged
 from lammps_cases.run.case_task import Told, forget, judge_answers
-from lammps_cases.run.output_folder import output_folder
+from lammps_cases.run.output_folder import WHAT, output_folder
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.run.provenance import engine_record, run_record
-from lammps_cases.run.report_files import write_partial, write_run
+from lammps_cases.run.report_files import past_of, write_kept_run, write_partial, write_run
 from lammps_cases.scene import FromFile
 from lammps_cases.scene.casefile import Case
 
@@ -76,8 +76,8 @@ def run_cases(
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
 
     With a store, predictions of the reference are taken from there and kept there. With ``resume`` a run that was
-    interrupted is gone on with, or begun anew (False); unless it is given nothing is kept of one that is interrupted. A
-    ``part`` is the name of a shard, and what it has in common with the others (`lammps_cases.run.shards.divided`).
+    interrupted is gone on with; None: the command that runs has no such option. A ``part`` is the name of a shard, and
+    what it has in common with the others (`lammps_cases.run.shards.divided`).
 
     Raises
     ------
@@ -86,11 +86,11 @@ def run_cases(
     EngineMissing
         There is no LAMMPS with RHEO.
     KeyboardInterrupt
-        With where the partial report is, if any of it is kept.
+        With where the partial report is, if any case is judged.
     """
     begin = time.perf_counter()
     options = {"fail_on": fail_on, "shard": part[0], "divided": part[1]}
-    with output_folder(directory, resume) as folder:
+    with output_folder(directory, bool(resume)) as folder:
         campaign = Campaign(cases, folder, options, progress, store)
         try:
             with Workers(engine.site, max(1, min(jobs, len(cases)))) as workers:
@@ -103,14 +103,13 @@ def run_cases(
         except InputError as error:
             raise (error if error.where or not campaign.begun else error.at(str(directory))) from None
         except KeyboardInterrupt:
-            if resume is None or not campaign.collect():
+            if not (campaign.begun and campaign.collect()):
                 raise
             write_partial(campaign.run(), folder)
             partial = folders.interrupted(directory) / "summary.md"
             judged = f"{len(campaign.judged)} of {wording.counted(len(cases), 'case')}"
-            rest = "the same command with --resume continues"
-            raise KeyboardInterrupt(f"interrupted after {judged}: see {partial}; {rest}") from None
-    history.collect(run, directory)
+            rest = "" if resume is None else "; the same command with --resume continues"
+            raise KeyboardInterrupt(f"interrupted after {judged}: see {partial}{rest}") from None
     if store and run.predictions.computed:
         store.trim()
     return run
@@ -120,11 +119,11 @@ def _finished(campaign: Campaign, workers: Workers, drawn: dict[str, Drawn], beg
     """Return the record of a campaign whose cases are judged, and write the report."""
     campaign.collect()  # and what workers left half-written that were killed goes
     run = campaign.run()
-    run.triage = triaged(run, campaign.cases, campaign.folder, campaign.store)
+    run.triage = part("triage", run.faults, lambda: triaged(run, campaign.cases, campaign.folder, campaign.store), None)
     run.seconds = round(time.perf_counter() - begin, 3)
     with stage("report"):
         making = (lambda families: begin_articles(workers, families)) if workers.local else None
-        write_run(run, campaign.folder, drawn, history.past(run), making)
+        write_kept_run(run, campaign.folder, drawn, making)
     return run
 
 
@@ -150,7 +149,11 @@ class Campaign:
         self.whole = True
         self.judged = set[str]()
         self.records: dict[str, CaseRecord] = {}
-        if self.collect() > KEPT:
+        self.collect()
+        for name in [name for name, record in self.records.items() if record.harness_error]:  # by code mended since
+            self.records.pop(name)
+            self.judged.remove(name)
+        if len(self.judged) > KEPT:
             self.records.clear()
 
     def judge(self, workers: Workers, engine: Engine, command: str) -> dict[str, Drawn]:
@@ -178,7 +181,7 @@ class Campaign:
         if isinstance(who, Failure):
             raise EngineMissing(f"LAMMPS cannot be opened, for any case: {wording.one_line(who.message)}")
         now.run.engine = answering = engine_record(engine, who)
-        self.begun = self.journal.begin(now)
+        self.begun = self.journal.begin(now, self.judged)
         rest = [following(each, answering.manual) for each in rest]
         for ready, verdict in self._judged(workers, rest, answering):
             judgement = workers.outcome(verdict, JUDGING)
@@ -187,7 +190,8 @@ class Campaign:
             else:
                 record, shown = judgement
                 if len(self.records) < KEPT:
-                    self.records[record.case], drawn[record.case] = record, shown
+                    self.records[record.case] = record
+                    drawn |= {record.case: shown} if shown else {}
             self.judged.add(ready.case.name)
             if self.store and len(self.judged) % KEPT == 0:
                 self.store.trim()
@@ -197,7 +201,7 @@ class Campaign:
 
     def _judged(
         self, workers: Workers, cases: Sequence[MaybePrepared], engine: EngineRecord
-    ) -> Iterator[tuple[PreparedCase, Future[tuple[CaseRecord, Drawn]]]]:
+    ) -> Iterator[tuple[PreparedCase, Future[tuple[CaseRecord, Drawn | None]]]]:
         """Yield every case with its judgement when that is there; no more are under way than keep the workers busy."""
         from lammps_cases.run.judged_before import judgement_store
 
@@ -234,14 +238,44 @@ class Campaign:
 
     def run(self) -> RunRecord:
         """Return the record of the cases that are judged."""
-        from lammps_cases.report.findings import carried_over
-
         assert self.begun is not None
-        run = self.begun.run.model_copy()
-        run.cases = sorted(self.records.values(), key=lambda record: record.case)
-        run.missing = len(self.cases) - len(run.cases)
-        run.carried = carried_over(run)
-        return run.counted()
+        return run_of(self.begun, self.records)
+
+
+def run_of(begun: RunStart, records: Mapping[str, CaseRecord]) -> RunRecord:
+    """Return the record of a run that began with some cases, of which some are judged."""
+    from lammps_cases.report.findings import carried_over
+
+    run = begun.run.model_copy(update={"faults": []})
+    run.cases = sorted(records.values(), key=lambda record: record.case)
+    run.missing = len(begun.cases) - len(run.cases)
+    run.carried = part("carried findings", run.faults, lambda: carried_over(run), None)
+    return run.counted()
+
+
+def left(directory: Path) -> tuple[RunRecord, Path] | None:
+    """Write the report of the cases that an interrupted or broken run has judged; return it, and its folder.
+
+    ``directory`` is where the report would be, or where the run left its journal; None if there is no such run.
+
+    Raises
+    ------
+    InputError
+        Another run is writing there, or the journal is damaged.
+    """
+    target = folders.target(directory)
+    if (directory == target and directory.exists()) or folders.resumable(target) is None:
+        return None
+    with (
+        folders.exclusive(target, WHAT, "another run is writing into it"),
+        folders.replacement(target, resume=True) as folder,
+    ):
+        journal = CaseJournal(folder)
+        if (begun := journal.begun()) is None:
+            raise InputError("journal", "is damaged: nobody knows which run it is of", where=str(directory))
+        run = run_of(begun, journal.records())
+        write_run(run, folder, past=past_of(run))
+    return run, folders.interrupted(target)
 
 
 def _kept(ready: PreparedCase, number: int) -> MaybePrepared:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -30,13 +30,14 @@ RESUME = "--resume"  # what complaints call it
 
 
 class RunStart(BaseModel):
-    """What a run began as: whoever goes on with it has to be the same."""
+    """What a run is: whoever goes on with it has to be the same, but for the code."""
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True)
 
     schema_: str = Field(SCHEMAS["journal"], alias="schema")
     run: RunRecord = Field(description="without cases, as it began")
     code: str
+    context: str = Field("", description="hash of all that predictions depend on")
     cases: dict[str, str]
 
 
@@ -73,8 +74,8 @@ class CaseJournal:
         except InputError:
             return None
 
-    def begin(self, now: RunStart) -> RunStart:
-        """Note what the run is; return what it was when it began, if it goes on.
+    def begin(self, now: RunStart, judged: Collection[str] = ()) -> RunStart:
+        """Note what the run is, and return it; if it goes on it is as it began, with the cases that are ``judged``.
 
         Raises
         ------
@@ -83,8 +84,9 @@ class CaseJournal:
         """
         if begun := self.begun():
             _check_same(begun, now)
-            return begun
-        self.forget()
+            now = _resumed(begun, now, judged)
+        else:
+            self.forget()
         _START.write(self._start, now)
         return now
 
@@ -136,7 +138,9 @@ class CaseJournal:
 
 def start(run: RunRecord, cases: Sequence[Case]) -> RunStart:
     """Return what a run is that begins with some cases."""
-    return RunStart(run=run, code=code(), cases={case.name: _hash_of_case(case) for case in cases})
+    context = prediction_keys.context()
+    hashes = {case.name: _hash_of_case(case) for case in cases}
+    return RunStart(run=run, code=code(context), context=context, cases=hashes)
 
 
 def _hash(path: Path) -> str:
@@ -152,10 +156,10 @@ def _hash_of_case(case: Case) -> str:
     return prediction_keys.fingerprint(said(case), [_hash(case.source.parent / file) for file in case.scene.files])
 
 
-def code() -> str:
+def code(context: str = "") -> str:
     """Return the hash of all that judges and reports: the sources, and what predictions depend on beside them."""
     root = Path(__file__).parents[2]
-    digest = hashlib.sha256(prediction_keys.context(root).encode())
+    digest = hashlib.sha256((context or prediction_keys.context()).encode())
     for folder, below, names in (found for package in PACKAGES for found in os.walk(root / package)):
         below[:] = sorted(name for name in below if name != "__pycache__" and Path(folder, name) != SHIPPED)
         for path in (Path(folder, name) for name in sorted(names)):
@@ -164,7 +168,7 @@ def code() -> str:
 
 
 def _check_same(begun: RunStart, now: RunStart) -> None:
-    """Refuse to go on with a run of another engine, other cases or options, or by other code."""
+    """Refuse to go on with a run of another engine, other cases or options."""
     one, other = begun.run, now.run
     rule = "needs the {} of the interrupted run"
     if one.engine != other.engine:
@@ -174,8 +178,17 @@ def _check_same(begun: RunStart, now: RunStart) -> None:
     for option, before, after in (("fail-on", one.fail_on, other.fail_on), ("shard", one.shard, other.shard)):
         if before != after:
             raise InputError(RESUME, f"{rule.format(f'--{option}')}, {before or 'none'}", after or "none")
-    if begun.code != now.code or one.reference != other.reference:
-        raise InputError(RESUME, f"{rule.format('code')}: eos-ref, a library or the machine differ")
+
+
+def _resumed(begun: RunStart, now: RunStart, judged: Collection[str]) -> RunStart:
+    """Return a run that goes on, by the code that there is now: cases that other code has judged are named."""
+    older = {case: what for case, what in begun.run.older.items() if case in judged}
+    if (begun.context, begun.run.reference) != (now.context, now.run.reference):
+        older = dict.fromkeys(judged, "reference")
+    elif begun.code != now.code:
+        older = {case: older.get(case, "code") for case in judged}
+    changed = {"reference": now.run.reference, "machine": now.run.machine, "older": older}
+    return now.model_copy(update={"run": begun.run.model_copy(update=changed)})
 
 
 def _difference(before: Mapping[str, str], now: Mapping[str, str]) -> str:

@@ -39,7 +39,7 @@ def judge_into(
     engine: EngineRecord,
     store: Store | None,
     judgements: Store | None = None,
-) -> tuple[CaseRecord, Drawn]:
+) -> tuple[CaseRecord, Drawn | None]:
     """Task: judge a case, write its arrays and its entry in the journal, and take from them what the page shows.
 
     An answer that was judged before is not judged again; see `lammps_cases.run.judged_before`.
@@ -64,13 +64,15 @@ def _judged_into(
     engine: EngineRecord,
     store: Store | None,
     before: JudgedBefore | None,
-) -> tuple[CaseRecord, Drawn]:
-    """Judge a case and write its arrays."""
+) -> tuple[CaseRecord, Drawn | None]:
+    """Judge a case and write its arrays; what cannot be drawn of them the page tries again, and says why not."""
     from lammps_cases.report.drawn import beside_file, drawn, split
 
     with stage("comparison"):
         record, arrays, looked = _judgement(site, ready, outcomes, engine, store)
-    with stage("report"):
+    beside: Arrays = {}
+    shown: Drawn | None = None
+    with contextlib.suppress(Exception), stage("report"):
         arrays, beside = split(arrays)
         shown = drawn(record, arrays, beside)
     if arrays:
@@ -84,7 +86,7 @@ def _judged_into(
             assert isinstance(outcomes[0], Answer)
             kept.keep(folder / "fields", record.case, ready.case.scene, outcomes[0])
     with stage("writing"):
-        if before and record.as_expected:
+        if before and shown and record.as_expected:
             before.keep(folder, record, shown, looked)
     return record, shown
 

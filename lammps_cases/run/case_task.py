@@ -29,14 +29,14 @@ def judge_answers(
     store: Store | None,
     judgements: Store | None,
     whole: bool,
-) -> tuple[CaseRecord, Drawn]:
+) -> tuple[CaseRecord, Drawn | None]:
     """Task: `lammps_cases.run.case_judgement.judge_into`, of answers that other tasks left.
 
     What only a ``whole`` page shows of cases as expected is not sent for another.
     """
     outcomes = [_read(site, each, ready, k) if isinstance(each, KeptAnswer) else each for k, each in enumerate(told)]
     record, shown = judge_into(site, folder, ready, outcomes, engine, store, judgements)
-    return record, shown if whole or not record.as_expected else replace(shown, more=None)
+    return record, replace(shown, more=None) if shown and record.as_expected and not whole else shown
 
 
 def _read(site: str | None, kept: KeptAnswer, ready: PreparedCase, at: int) -> Answer:

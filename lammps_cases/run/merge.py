@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from eos_ref import InputError
-from lammps_cases import history
+from lammps_cases.records.faults import part
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import strictest
 from lammps_cases.records.run_record import RunRecord, read_run
@@ -15,7 +15,7 @@ from lammps_cases.report.findings import carried_over
 from lammps_cases.run.campaign import cases_of, triaged
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.run.provenance import command_line
-from lammps_cases.run.report_files import write_run
+from lammps_cases.run.report_files import write_kept_run
 from lammps_cases.run.shards import check_complete
 
 
@@ -39,9 +39,11 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
             raise InputError("engine", rule, one.distribution, str(folder))
         merged.cases += run.cases
         merged.seconds += run.seconds
+        merged.older |= run.older
     merged.fail_on = strictest([run.fail_on for run in runs])
     merged.shard = merged.divided = ""
-    merged.carried = carried_over(merged)
+    merged.faults = []
+    merged.carried = part("carried findings", merged.faults, lambda: carried_over(merged), None)
     merged.cases.sort(key=lambda record: record.case)
     for case, following in itertools.pairwise(merged.cases):
         if case.case == following.case:
@@ -51,7 +53,6 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
         for source in directories:
             for file in sorted((source / "fields").glob("*.npz")):
                 write_atomically(folder / "fields" / file.name, file.read_bytes())
-        merged.triage = triaged(merged, cases_of(merged), folder)
-        write_run(merged.counted(), folder, past=history.past(merged))
-    history.collect(merged, directory)
+        merged.triage = part("triage", merged.faults, lambda: triaged(merged, cases_of(merged), folder), None)
+        write_kept_run(merged.counted(), folder)
     return merged

@@ -8,13 +8,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lammps_cases import history
+from lammps_cases.records.faults import part
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.run_record import HeadlineRecord, RunRecord
 
 if TYPE_CHECKING:
     from lammps_cases.history.reported import Past
     from lammps_cases.report.drawn import Drawn
-    from lammps_cases.report.findings import Outcome
     from lammps_cases.report.page import Making
 
 
@@ -26,13 +27,31 @@ def write_run(
     making: Making | None = None,
 ) -> None:
     """Write run.json and the reports made from it; what is given is as in `lammps_cases.report.write_report`."""
-    from lammps_cases.report import write_report
-    from lammps_cases.report.findings import outcome
+    from lammps_cases.report import bare, write_report
 
     with _uncollected():
-        _with_headline(run, outcome(run))
-        write_atomically(folder / "run.json", run.to_json())
-        write_report(run, folder, drawn=drawn, history=past, making=making)
+        made = lambda: write_report(run, folder, drawn=drawn, history=past, making=making)  # noqa: E731
+        if part("report", run.faults, made, None) is None:
+            write_atomically(folder / "summary.md", bare.summary(run))
+            write_atomically(folder / "report.html", bare.page(run))
+        write_atomically(folder / "run.json", run.to_json())  # last: it holds what the report lacks
+
+
+def write_kept_run(
+    run: RunRecord, folder: Path, drawn: Mapping[str, Drawn] | None = None, making: Making | None = None
+) -> None:
+    """Write a run with the runs before it, and keep it in the user's history."""
+    past = past_of(run)
+    write_run(run, folder, drawn, past, making)
+    before = len(run.faults)
+    part("entry in the history", run.faults, lambda: history.collect(run, folder), None)
+    if len(run.faults) > before:
+        write_run(run, folder, drawn, past, making)
+
+
+def past_of(run: RunRecord) -> Past | None:
+    """Return what the report of a run shows of the runs before it."""
+    return part("history", run.faults, lambda: history.past(run), None)
 
 
 @contextmanager
@@ -49,15 +68,16 @@ def _uncollected() -> Iterator[None]:
 
 def write_partial(run: RunRecord, folder: Path) -> None:
     """Write what there is in a moment of the report of an interrupted run; ``eos-ref report`` makes the page."""
-    from lammps_cases.report import junit, markdown
+    from lammps_cases.report import bare, junit, markdown
     from lammps_cases.report.findings import outcome
 
-    of_run = outcome(run)
-    _with_headline(run, of_run)
+    def made() -> tuple[str, bytes]:
+        of_run = outcome(run)
+        run.headline = HeadlineRecord(state=of_run.headline.state, sentence=of_run.headline.sentence)
+        return markdown.summary(of_run), junit.document(of_run)
+
+    summary, document = part("summary.md", run.faults, made, None) or (bare.summary(run), None)
     write_atomically(folder / "run.json", run.to_json())
-    write_atomically(folder / "summary.md", markdown.summary(of_run))
-    write_atomically(folder / "junit.xml", junit.document(of_run))
-
-
-def _with_headline(run: RunRecord, of_run: Outcome) -> None:
-    run.headline = HeadlineRecord(state=of_run.headline.state, sentence=of_run.headline.sentence)
+    write_atomically(folder / "summary.md", summary)
+    if document:
+        write_atomically(folder / "junit.xml", document)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -9,15 +10,22 @@ from pathlib import Path
 import pytest
 
 from eos_ref import InputError
+from lammps_cases.claims import verdicts
 from lammps_cases.engine.installations import Engine
 from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON, engines
 from lammps_cases.intake import adopt, page
 from lammps_cases.intake.adopt import Intake, collect, engines_showing
 from lammps_cases.intake.record import DOCUMENT, Adoption, FindingRow
 from lammps_cases.probes import manual
-from lammps_cases.regression import evidence
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import RunRecord
+from lammps_cases.regression import evidence, outcomes
+from lammps_cases.report import findings
+from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
+from lammps_cases.studies.inputs import table
 from lammps_cases.studies.inputs.scenes import bad_inputs
+from tests.support import made_runs
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
@@ -99,3 +107,47 @@ def test_a_checkout_is_needed_to_bring_it_up_to_date(tmp_path: Path, monkeypatch
 def test_folder_of_a_run_is_not_written_over(eos_ref_command: Run, tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("{}")
     assert eos_ref_command("adopt", "env", "--out", tmp_path).code == 2
+
+
+PARTS = {
+    "": (adopt, "_"),
+    "probes": (manual, "put"),
+    "bad inputs": (table, "table"),
+    "findings": (findings, "of_run"),
+    "claims": (verdicts, "of_run"),
+    "nearest engine": (outcomes, "of_run"),
+    "page": (page, "render"),
+}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_part_that_fails_costs_that_part(
+    name: str, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is brought up to date from a record that is not whole; a page that fails is no part of it."""
+
+    def fails(*_: object, **__: object) -> None:
+        raise RuntimeError("planted here")
+
+    def run_cases(*_: object, **__: object) -> RunRecord:
+        write_atomically(tmp_path / "out" / "run" / "run.json", (run := made_runs.run()).to_json())
+        return run
+
+    def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
+        landed.append(run)
+        return []
+
+    landed = list[Path]()
+    monkeypatch.setattr(campaign, "run_cases", run_cases)
+    monkeypatch.setattr(adopt, "Workers", lambda *_: contextlib.nullcontext())
+    monkeypatch.setattr(manual, "put", lambda *_: [])
+    monkeypatch.setattr(table, "table", lambda *_: [])
+    monkeypatch.setattr(adopt, "land", land)
+    monkeypatch.setattr(*PARTS[name], fails, raising=False)
+    code, out, err = eos_ref_command("adopt", "env", "--out", tmp_path / "out", "--baselines", tmp_path)
+    lacks = [line for line in out.splitlines() if "planted here" in line]
+    assert [line.partition(": Runtime")[0] for line in lacks] == ([f"  not in this report: {name}"] if name else [])
+    assert code == (3 if name else 0) and "Traceback" not in out + err
+    assert [fault.part for fault in DOCUMENT.read(tmp_path / "out" / "adopt.json").faults] in ([name], [])
+    assert bool(landed) == (name in ("", "page"))
+    assert (tmp_path / "out" / "adopt.html").exists() == (name != "page")

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from eos_ref import EOSTable
-from eos_ref.errors import InputError
 from lammps_cases.records import wording
 from lammps_cases.records.audit_record import OutlookRecord
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
@@ -251,7 +250,25 @@ def test_same_bytes_again(run: RunRecord, folder: Path) -> None:
     assert sorted(path.name for path in folder.iterdir()) == sorted([*names, "fields"])
 
 
-def test_plotly_must_be_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_plotly_there_is_a_bare_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(InputError, match="plotly"):
-        write_report(RunRecord(engine=EngineRecord(), reference={}), tmp_path)
+    run = RunRecord(engine=EngineRecord(), reference={})
+    lacks = "not in this report: page: InputError: plotly: must be installed"
+    assert lacks in write_report(run, tmp_path).read_text() and lacks in (tmp_path / "summary.md").read_text()
+    assert run.exit_code() == 3
+
+
+def test_a_case_whose_pictures_fail_has_an_article_without_them(tmp_path: Path) -> None:
+    table = EOSTable((WATER,))
+    rho_n = 1000 * (1 + np.linspace(0.001, 0.01, 9))
+    cases = [scene(tmp_path, name, table, rho_n) for name in ("a.one", "a.two")]
+    (tmp_path / "fields" / "a.two.npz").write_bytes(b"damaged")
+    run = RunRecord(engine=EngineRecord(), reference={}, cases=cases).counted()
+    html = unpacked(write_report(run, tmp_path).read_text())
+    shown = Page(html)
+    assert {a["data-case"] for tag, a in shown.elements if tag == "article"} == {"a.one", "a.two"}
+    assert [*shown.data] == ["a.one"]
+    assert html.count("not in this report: pictures of a.two: InputError: per-atom arrays: are damaged") == 1
+    assert [(fault.part, fault.cases) for fault in run.faults] == [("pictures", ["a.two"])]
+    scene(tmp_path, "a.two", table, rho_n)
+    assert "not in this report" not in write_report(run, tmp_path).read_text() and not run.faults

@@ -50,13 +50,23 @@ def test_a_run_that_goes_on_is_told_what_it_was(journal: CaseJournal) -> None:
         ({"cases": {"a": "1", "b": "3"}}, r"1 case changed \(b\)"),
         ({"fail_on": "high"}, "--fail-on of the interrupted run, new, found 'high'"),
         ({"shard": "1/2"}, "--shard of the interrupted run, none, found '1/2'"),
-        ({"code": "other"}, "code of the interrupted run: eos-ref, a library or the machine differ"),
-        ({"reference": {"numpy": "3"}}, "code of the interrupted run"),
     ],
 )
 def test_another_run_does_not_go_on_with_it(changes: dict[str, Any], rule: str, journal: CaseJournal) -> None:
     with pytest.raises(InputError, match=f"--resume: .*{rule}"):
         journal.begin(run_start(**changes))
+
+
+def test_judgements_by_other_code_are_named_until_they_are_made_again(journal: CaseJournal) -> None:
+    judged = ("a", "b")
+    assert journal.begin(run_start(), judged).run.older == {}
+    assert journal.begin(run_start(context="p"), judged[:1]).run.older == {"a": "reference"}
+    assert journal.begin(run_start(context="p", code="o"), judged).run.older == {"a": "reference", "b": "code"}
+    goes_on = journal.begin(run_start(context="p", code="o"), judged[1:])
+    assert goes_on.run.older == {"b": "code"} and goes_on.code == "o"
+    other = journal.begin(run_start(context="p", code="o", reference={"numpy": "3"}), judged)
+    assert other.run.older == {"a": "reference", "b": "reference"} and other.run.reference == {"numpy": "3"}
+    assert journal.begun() == other
 
 
 def test_what_is_kept_is_read_again(journal: CaseJournal) -> None:

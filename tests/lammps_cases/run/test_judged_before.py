@@ -17,11 +17,13 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
+from lammps_cases.report import drawn
 from lammps_cases.report.drawn import Drawn
 from lammps_cases.run import case_journal, case_judgement, judged_before
 from lammps_cases.run.judged_before import JudgedBefore, judgement_store
 from lammps_cases.run.prepared_case import Outcomes, PreparedCase, prepare
 from lammps_cases.scene import casefile
+from tests.support.broken import plant
 from tests.support.outcome import Solver
 
 pytestmark = pytest.mark.lammps
@@ -64,7 +66,9 @@ def store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Store:
     return open_store()
 
 
-def judged_into(folder: Path, ready: PreparedCase, outcomes: Outcomes, of: Store | None) -> tuple[CaseRecord, Drawn]:
+def judged_into(
+    folder: Path, ready: PreparedCase, outcomes: Outcomes, of: Store | None
+) -> tuple[CaseRecord, Drawn | None]:
     kept = judgement_store(of, case_journal.code())
     return case_judgement.judge_into(None, folder, ready, outcomes, ENGINE, of, kept)
 
@@ -310,3 +314,15 @@ def test_worker_that_does_not_see_a_case_s_files_judges_all_the_same(
     ready, outcomes = answered("files.extxyz")
     elsewhere = replace(ready, case=replace(ready.case, source=Path("elsewhere") / "droplet.yaml"))
     assert JudgedBefore.of(store, elsewhere, outcomes, ENGINE) is not None
+
+
+def test_a_case_that_cannot_be_drawn_is_judged(
+    answered: Callable[[str], tuple[PreparedCase, Outcomes]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready, outcomes = answered(PLAIN)
+    record, shown = judged_into(tmp_path / "first", ready, outcomes, None)
+    assert shown
+    plant(drawn.drawn, monkeypatch)
+    again, shown = judged_into(tmp_path / "second", ready, outcomes, None)
+    assert shown is None and _told(again) == _told(record)
+    assert _files(tmp_path / "second") == _files(tmp_path / "first")

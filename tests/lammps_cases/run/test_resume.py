@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.comparison import prediction_keys
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records import folders
@@ -179,10 +178,6 @@ def test_another_run_is_refused_in_one_line(cases: list[Case], tmp_path: Path, m
         with pytest.raises(InputError, match=rf"^--resume: needs {text}.*report") as refused:
             run(others, out, resume=True, **options)
         assert "\n" not in str(refused.value)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(prediction_keys, "context", lambda root: "other")
-        with pytest.raises(InputError, match="--resume: needs the code"):
-            run(cases, out, resume=True)
 
     def other(*arguments: Any) -> EngineRecord:
         return provenance.engine_record(*arguments).model_copy(update={"library_sha256": 64 * "0"})

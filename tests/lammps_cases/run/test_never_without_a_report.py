@@ -1,0 +1,249 @@
+"""A fault of the harness after the cases are judged: it costs a part of the report, which says so in one line."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import CodeType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+from lammps_cases.cli import shared
+from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison.compare import EosState, compare_pressure
+from lammps_cases.engine.installations import Engine
+from lammps_cases.history import store as history
+from lammps_cases.records import folders
+from lammps_cases.records.files import write_arrays
+from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, HarnessError, StepRecord, read_run
+from lammps_cases.run import campaign, case_journal
+from lammps_cases.run.campaign import Campaign
+from lammps_cases.run.prepared_case import prepare
+from lammps_cases.run.provenance import run_record
+from lammps_cases.scene import casefile
+from lammps_cases.scene.casefile import Case
+from tests.support import made_runs
+from tests.support.broken import called, plant, public
+from tests.support.outcome import Outcome
+
+ROOMS = (
+    "lammps_cases.diagnosis.triage",
+    "lammps_cases.history",
+    "lammps_cases.pages",
+    "lammps_cases.report",
+    "lammps_cases.run.article_task",
+)
+FUNCTIONS = public(*ROOMS)
+CASES = ("near-rho0.linear.2d", "ranges.override")
+COLOURS = {"green": 1.0, "red": 2.0}  # of runs in which LAMMPS' pressures are so many times those of the reference
+PARTS = {  # what a room may cost; the others make what all of a page or summary needs
+    "diagnosis.": {"triage"},
+    "history.": {"history", "entry in the history"},
+    "report.agreement.matri": {"agreement", "agreement in summary.md"},
+    "report.drawn.": {"pictures"},
+    "report.plots.": {"pictures"},
+    "report.junit.": {"junit.xml"},
+    "report.markdown.": {"summary.md", "agreement in summary.md"},
+    "report.annotations.": set[str](),
+}
+ENGINE = EngineRecord(version_string="20250722", distribution="2025.7.22.4.0", library_sha256=64 * "a")
+Run = Callable[..., Outcome]
+Command = Callable[..., Outcome]
+
+
+def judged(case: Case, folder: Path, factor: float) -> CaseRecord:
+    """A case in which LAMMPS' pressures are those of the reference times a factor, and its arrays."""
+    atoms = prepare(case).atoms
+    state = EosState(atoms.id_n, atoms.type_n, atoms.rho_n, atoms.mass_n, atoms.energy_n)
+    table = case.scene.eos(case.where)
+    found = compare_pressure(table, state, factor * table.pressure(state.rho_n, state.type_n, state.e_n))
+    arrays = {"id": atoms.id_n, "type": atoms.type_n, "rho": atoms.rho_n, "mass": atoms.mass_n, "x": atoms.x_nc}
+    sides = {"lammps": found.lammps_n, "reference": found.reference_n, "bound": found.bound_n}
+    arrays |= {f"{found.record.field}.{side}": values for side, values in sides.items()}
+    ratio = found.record.max_over_bound or 0.0
+    found.record.steps = [StepRecord(step=0, verdict=found.record.verdict, max_abs=ratio, max_over_bound=ratio)]
+    write_arrays(folder / "fields" / f"{case.name}.npz", arrays)
+    red = found.record.verdict == "differs"
+    blame = Blame(field=found.record.field, stage="eos", atom=1, outside=1, of=1, lammps=2, reference=1, bound=1e-9)
+    return CaseRecord(
+        case=case.name,
+        verdict=found.record.verdict,
+        natoms=len(atoms.id_n),
+        dimension=case.scene.dimension,
+        fields=[found.record],
+        blame=blame if red else None,
+        reproduce=f"eos-ref run {case.name}",
+    )
+
+
+@pytest.fixture(scope="module")
+def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A history with one run."""
+    place = tmp_path_factory.mktemp("history") / "history.sqlite"
+    with history.History(place) as made:
+        made.add(made_runs.run(version=ENGINE.distribution, date="2026-01-01T00:00:00Z"))
+    return place
+
+
+@pytest.fixture
+def run(earlier: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run) -> Command:
+    """Run ``eos-ref run``, with the reference in LAMMPS' place, in a folder with a history."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(history.VARIABLE, str(shutil.copy(earlier, tmp_path)))
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(tmp_path / "summary.md"))
+    monkeypatch.setattr(shared, "start_fork_server", lambda pairs: None)
+    monkeypatch.setattr(case_journal, "code", lambda *_: "the hash of all sources, which takes long")
+    monkeypatch.setattr(campaign, "Workers", no_workers)
+
+    def command(factor: float, *words: str, meanwhile: Callable[[str], object] = lambda case: None) -> Outcome:
+        def judge(self: Campaign, *_: Any) -> dict[str, Any]:
+            start = case_journal.start(run_record(ENGINE, "eos-ref run").model_copy(update=self.options), self.cases)
+            self.begun = self.journal.begin(start, self.judged)
+            for case in self.cases:
+                if case.name not in self.judged:
+                    self.journal.keep(judged(case, self.folder, factor))
+                    meanwhile(case.name)
+            return {}
+
+        monkeypatch.setattr(Campaign, "judge", judge)
+        return eos_ref_command("run", *CASES, "--out", "reports/run", *words)
+
+    return command
+
+
+@contextmanager
+def no_workers(*_: object) -> Iterator[SimpleNamespace]:
+    yield SimpleNamespace(local=False)
+
+
+@pytest.fixture(scope="module")
+def met() -> dict[float, set[CodeType]]:
+    """The functions that a run meets, by the factor: filled by the first test."""
+    return {}
+
+
+@pytest.mark.parametrize("factor", COLOURS.values(), ids=COLOURS)
+def test_what_is_planted_is_met(factor: float, run: Command, met: dict[float, set[CodeType]]) -> None:
+    assert run(factor).code == factor - 1
+    met[factor] = called(lambda: run(factor))
+    assert len(met[factor] & {of.__code__ for of in FUNCTIONS.values()}) > 50
+    assert not read_run(Path("reports/run")).faults
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", COLOURS.values(), ids=COLOURS)
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_function_that_fails_costs_a_part_of_the_report(
+    name: str,
+    factor: float,
+    run: Command,
+    met: dict[float, set[CodeType]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    if FUNCTIONS[name].__code__ not in met[factor]:
+        return
+    plant(FUNCTIONS[name], monkeypatch)
+    code, out, err = run(factor)
+    record = read_run(Path("reports/run"))
+    assert {case.verdict for case in record.cases} == ({"exact", "pass"} if factor == 1.0 else {"differs"})
+    assert code == (3 if factor == 1.0 else 1)
+    lacks = [line for line in out.splitlines() if line.startswith("  not in this report: ")]
+    stale = [line for line in err.splitlines() if line.startswith("eos-ref: not up to date: reports/index.html: ")]
+    assert (len(lacks), len(stale)) in ((1, 0), (0, 1), (1, 1)), out + err
+    assert "Traceback" not in out + err and (out + err).count("planted here") == len(lacks + stale)
+    of_room = next((parts for room, parts in PARTS.items() if name.startswith(room)), None)
+    assert of_room is None or {fault.part for fault in record.faults} <= of_room
+    for report in ("report.html", "summary.md"):
+        text = Path("reports/run", report).read_text()
+        assert text.count("not in this report: ") == text.count("planted here") == bool(record.faults)
+
+
+def raises(error: BaseException) -> Callable[..., Any]:
+    def function(*_: object, **__: object) -> Any:
+        raise error
+
+    return function
+
+
+ENDS = {  # how a run ends before its report is there: what ends it, the exit code, what is printed
+    "interrupted": (KeyboardInterrupt(), 130, "interrupted after 2 of 2 cases: see reports/run.interrupted/summary.md"),
+    "broken": (RuntimeError("planted here"), 3, "this is a fault of eos-ref itself"),
+}
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_a_run_that_ends_before_its_report_is_rendered_and_resumed(
+    end: str, run: Command, eos_ref_command: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    error, code, text = ENDS[end]
+    with monkeypatch.context() as patch:
+        patch.setattr(campaign, "write_kept_run", raises(error))
+        ended = run(2.0)
+    assert ended.code == code and text in ended.err and not Path("reports/run").exists()
+    for place in ("reports/run", "reports/run.interrupted"):
+        rendered = eos_ref_command("report", place)
+        assert rendered.code == 1 and "report: reports/run.interrupted/report.html" in rendered.out
+        assert [case.verdict for case in read_run(Path("reports/run.interrupted")).cases] == ["differs", "differs"]
+    judged_again = list[str]()
+    assert run(2.0, "--resume", meanwhile=judged_again.append).code == 1
+    assert not judged_again and not Path("reports/run.interrupted").exists()
+    assert read_run(Path("reports/run")).triage and "older" not in eos_ref_command("report", "reports/run").out
+
+
+def test_what_a_killed_run_has_judged_is_rendered(run: Command, eos_ref_command: Run) -> None:
+    """It lies where it was made, and the page says what is missing."""
+    assert run(1.0, meanwhile=raises(KeyboardInterrupt())).code == 130
+    folders.interrupted(Path("reports/run")).rename(folders.making(Path("reports/run")))
+    rendered = eos_ref_command("report", "reports/run")
+    assert rendered.code == 1 and "interrupted: 1 of 2 cases not judged" in rendered.out
+    assert "interrupted: 1 of 2 cases not judged" in Path("reports/run.interrupted/report.html").read_text()
+    (Path("reports/run.interrupted") / folders.JOURNAL / "run.json").write_text("damaged")
+    damaged = eos_ref_command("report", "reports/run")
+    assert damaged.code == 2 and damaged.err.startswith("eos-ref: journal: is damaged")
+
+
+@pytest.mark.parametrize("context", ["same", "other"])
+def test_judgements_of_code_that_was_mended_are_named(
+    context: str, run: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run(1.0, meanwhile=raises(KeyboardInterrupt())).code == 130
+    monkeypatch.setattr(case_journal, "code", lambda *_: "mended")
+    if context == "other":
+        monkeypatch.setattr(prediction_keys, "context", lambda *_: context)
+    resumed = run(1.0, "--resume")
+    since = "; the reference has changed since" if context == "other" else ""
+    line = f"1 of 2 cases judged by other code, before --resume continued: {CASES[0]}{since}"
+    assert resumed.code == 0 and f"  {line}\n" in resumed.out
+    assert line in Path("reports/run/report.html").read_text()
+    assert read_run(Path("reports/run")).older == {CASES[0]: "reference" if since else "code"}
+
+
+def test_what_the_harness_failed_to_judge_is_judged_again(run: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        faulty = CaseRecord(case=CASES[0], verdict="error", harness_error=HarnessError(text="planted here"))
+        patch.setitem(globals(), "judged", lambda *_: faulty)
+        assert run(1.0, meanwhile=raises(KeyboardInterrupt())).code == 130
+    assert run(1.0, "--resume").code == 0
+
+
+@pytest.mark.usefixtures("run")
+def test_a_command_that_cannot_resume_leaves_what_was_judged(
+    case_file: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An interrupt of ``claims``, ``compare`` or `lammps_cases.run` after the last case left nothing of it."""
+    cases = casefile.load_file(case_file())
+
+    def judge(self: Campaign, *_: Any) -> dict[str, Any]:
+        self.begun = self.journal.begin(case_journal.start(run_record(ENGINE, ""), self.cases))
+        self.journal.keep(judged(cases[0], self.folder, 1.0))
+        return {}
+
+    monkeypatch.setattr(Campaign, "judge", judge)
+    monkeypatch.setattr(campaign, "write_kept_run", raises(KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt, match=r"interrupted after 1 of 1 case: see .*/summary.md$"):
+        campaign.run_cases(cases, Engine(), 1, tmp_path / "report")
+    assert [case.case for case in read_run(tmp_path / "report.interrupted").cases] == ["mine"]

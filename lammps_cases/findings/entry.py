@@ -189,3 +189,7 @@ class Finding:
     def listed(self, engine: str) -> bool:
         """Return whether a version of LAMMPS was seen to have it, or else the nearest one that was taken in."""
         return engine in self.engines or nearest(engine) in self.engines
+
+    def new_on(self, engine: str) -> bool:
+        """Return whether a version of LAMMPS that shows it is the first to do so: neither it nor the nearest had it."""
+        return bool(engine and self.engines) and not self.listed(engine)

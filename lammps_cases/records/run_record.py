@@ -221,6 +221,7 @@ class CaseRecord(Record):
     fields: list[FieldRecord] = Field([])
     ended: Ended = Field("answered", description="how LAMMPS ended it, whatever was expected and whatever explains it")
     engine_error: str = Field("", description="LAMMPS' own error, or how its process ended")
+    lacks: str = Field("", description="the style or keyword that the case needs and that this LAMMPS does not have")
     died: str = Field("", description="what its process died of: a signal's name, an exit code, out of memory")
     blame: Blame | None = None
     beyond: Beyond | None = None
@@ -344,7 +345,9 @@ class CarriedOver(Record):
 
     version: str = Field(description="of the LAMMPS that ran")
     nearest: str = Field(description="known version whose findings were expected")
-    first_seen: dict[str, int] = Field({}, description="findings not seen on this version before: number of cases")
+    first_seen: dict[str, int] = Field(
+        {}, description="new: neither this version nor the nearest had them; number of cases"
+    )
     partly: dict[str, int] = Field({}, description="seen in some cases, and gone in this number of others")
     gone: dict[str, int] = Field({}, description="expected findings that no case shows: number of those that would")
     unexplained: int = Field(0, description="cases that differ, without an explanation")
@@ -450,6 +453,7 @@ class RunRecord(Record):
             "differs" in verdicts
             or self.changed > 0
             or self.missing > 0
+            or any(case.lacks for case in self.cases)
             or not all(case.accepted(rejected) for case in self.cases)
         )
 

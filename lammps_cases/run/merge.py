@@ -40,6 +40,7 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
         merged.cases += run.cases
         merged.seconds += run.seconds
     merged.fail_on = strictest([run.fail_on for run in runs])
+    merged.allowed = {name: why for name, why in merged.allowed.items() if all(name in run.allowed for run in runs)}
     merged.shard = merged.divided = ""
     merged.carried = carried_over(merged)
     merged.cases.sort(key=lambda record: record.case)

@@ -33,7 +33,6 @@ class DeckRun:
     Attributes
     ----------
     problem : the particles at its beginning, with what steps need as fields
-    newton : the flags of pairs and of bonds
     again : whether the state comes from a run, or a file, before
     reacts : whether particles that freeze are bonded (rheo/thermal, react)
     created : whether particles were created after a run
@@ -42,7 +41,6 @@ class DeckRun:
     """
 
     problem: Problem
-    newton: tuple[bool, bool] = (True, True)
     again: bool = False
     reacts: bool = False
     created: bool = False

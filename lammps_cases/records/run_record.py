@@ -163,10 +163,11 @@ class Blame(Record):
 
 
 class Beyond(Record):
-    """What leaves the bound although the variants of all findings that the scene shows are taken together."""
+    """What leaves the bound first beside the findings without any of which something would leave it earlier."""
 
     findings: list[str]
     blame: Blame
+    known: list[str] = Field([], description="of those that LAMMPS is known to have all that change the scene")
 
 
 class LostAtoms(Record):

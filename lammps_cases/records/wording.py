@@ -337,7 +337,7 @@ def blame(case: CaseRecord, findings: bool = True) -> str:
     if first.run is not None:
         return _blame_of_audit(first)
     text = blame_of(first, case.twin)
-    beside = f", beside {listed(case.beyond.findings)}" if case.beyond else ""
+    beside = f", beside {listed(case.beyond.findings)}" if case.beyond and case.beyond.findings else ""
     if case.twin:
         text = f"LAMMPS against itself (twin: {case.twin}): {text}"
         text += f"; of one run {blame_of(case.beyond.blame, '')}" if case.beyond else ""
@@ -355,6 +355,9 @@ def blame_of(first: Blame, twin: str = "") -> str:
     step = "" if first.step is None else f" at step {first.step}"
     state = "" if first.rho is None else f" (type {first.type}, rho {first.rho!r})"
     one, other = ("as given", f"as its {twin} twin") if twin else ("LAMMPS", "reference")
+    if first.bound == math.inf:
+        some = f"{first.outside} of {first.of} atoms, first atom {first.atom}"
+        return f"{first.field} (stage {first.stage}) is not predictable{step} at {some}; all that has a bound is inside"
     return (
         f"{first.field} (stage {first.stage}) leaves its bound{step} at {first.outside} of {first.of} atoms, "
         f"first atom {first.atom}{state}: {one} {first.lammps!r}, {other} {first.reference!r}, bound {first.bound:.3g}"

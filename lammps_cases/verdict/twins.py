@@ -108,7 +108,7 @@ def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predict
     for (scene, atoms), answer, name in zip(runs, answers, (case.name, f"{case.name}/twin"), strict=True):
         snapshots = read_snapshots(scene, answer, twin.steps)
         if sides and twin.same_problem:
-            problem = replace(sides[0].problem, ranks=scene.engine.ranks)
+            problem = replace(sides[0].problem, ranks=scene.engine.ranks, newton=scene.engine.newton_flags)
             sides.append(replace(sides[0], problem=problem, snapshots=snapshots))
             continue
         problem, random = problem_of(scene, atoms, case.where, twin.steps, predictor), seed(f"{name}/moved runs")

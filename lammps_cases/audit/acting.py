@@ -64,7 +64,6 @@ class Acting:
         rheo = deck.fix("rheo")
         setting = DeckRun(
             problem,
-            newton=sample.newton,
             again=set_up and self._kept is not None and (self._kept is rheo or self._kept[0] == "read_restart"),
             reacts="react" in (deck.fix("rheo/thermal") or ()),
             created=self._created,

@@ -60,9 +60,8 @@ class ParticleSample:
 
     def problem(self, fields: tuple[str, ...], steps: tuple[int, ...] = (0,)) -> Problem:
         """Return the sample as a problem whose findings can be looked for."""
-        return Problem(
-            self.model, self.box, self.state, 0.0, fields, steps, ranks=self.ranks, unlists_bonded=self.unlists_bonded
-        )
+        of_lammps = {name: getattr(self, name) for name in ("ranks", "newton", "unlists_bonded")}
+        return Problem(self.model, self.box, self.state, 0.0, fields, steps, **of_lammps)
 
     def of(self, rows_k: Array) -> ParticleSample:
         """Return some of the particles."""

@@ -60,7 +60,7 @@ def explain(
     lists : reads LAMMPS' neighbour list; for variants that follow it alone, as that takes as long as an evaluation
     """
     problem, read = sample.problem(tuple(shown)), cache(lists)
-    setting = DeckRun(problem, sample.newton)
+    setting = DeckRun(problem)
     of_stages = [
         e for e in applicable(problem, lists=True) if e in listed and e.model_variant and e.model_variant.stages
     ]

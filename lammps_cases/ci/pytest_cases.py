@@ -18,7 +18,7 @@ from lammps_cases.engine import forkserver
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.findings import severities
+from lammps_cases.findings import LEDGER, severities
 from lammps_cases.records import wording
 from lammps_cases.records.files import write_arrays
 from lammps_cases.records.levels import FailOn, fails
@@ -99,7 +99,9 @@ class CaseJudge:
     def accepts(self, record: CaseRecord) -> bool:
         """Return whether a case leaves the session green."""
         known = severities(record.findings)
-        return record.accepted([name for name, severity in known.items() if fails(severity, self.fail_on)])
+        failing = [name for name, severity in known.items() if fails(severity, self.fail_on)]
+        new = [entry.id for entry in LEDGER if entry.new_on(self.engine.distribution)]
+        return record.accepted([*failing, *new]) and not record.lacks
 
     def stop(self, at_once: bool = False) -> None:
         """End LAMMPS; at once, if it may be computing."""

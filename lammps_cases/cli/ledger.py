@@ -40,13 +40,9 @@ def say(names: Sequence[str], as_json: bool) -> None:
     InputError
         A name that is of no finding.
     """
-    from eos_ref.errors import unknown
-    from lammps_cases.findings import LEDGER, accepted_cases
+    from lammps_cases.findings import LEDGER, accepted_cases, check_names
 
-    ids = [entry.id for entry in LEDGER]
-    for name in names:
-        if name not in ids:
-            raise unknown("finding", name, ids)
+    check_names(names)
     chosen = [entry for entry in LEDGER if not names or entry.id in names]
     shown_by = accepted_cases()
     if as_json:

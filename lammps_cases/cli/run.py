@@ -43,6 +43,13 @@ WITHOUT_PAIRS = ("eos",)  # tags of cases of which few find neighbours: known be
 @click.option("--profile", is_flag=True, help="Show where the processor time went, by stage.")
 @shared.report_option
 @shared.fail_on_option
+@click.option(
+    "--allow",
+    multiple=True,
+    metavar="FINDING",
+    shell_complete=completion.findings,
+    help="A finding that fails nothing, also where it is new on this version (repeatable).",
+)
 @shared.json_option
 def run_command(
     names: tuple[str, ...],
@@ -58,6 +65,7 @@ def run_command(
     profile: bool,
     out: Path | None,
     fail_on: FailOn | None,
+    allow: tuple[str, ...],
     as_json: bool,
 ) -> int:
     """Run cases against LAMMPS, compare atom by atom, and write a report.
@@ -73,6 +81,10 @@ def run_command(
         from eos_ref import InputError
 
         raise InputError("--costs", "needs --shard, which it divides")
+    if allow:
+        from lammps_cases.findings import check_names
+
+        check_names(allow)
     shared.start_fork_server(pairs=fresh or tag not in WITHOUT_PAIRS)
     with shared.uncollected():
         from lammps_cases.comparison import prediction_keys
@@ -110,6 +122,7 @@ def run_command(
                 bar,
                 prediction_keys.open_store(fresh),
                 resume,
+                allow,
             )
         changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
     if not as_json:

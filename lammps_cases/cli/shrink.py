@@ -32,15 +32,13 @@ def shrink_command(
     """
     shared.start_fork_server()
     from eos_ref import InputError
-    from eos_ref.errors import unknown
     from lammps_cases.engine import installations
-    from lammps_cases.findings import LEDGER
+    from lammps_cases.findings import check_names
     from lammps_cases.records.files import write_atomically
     from lammps_cases.scene import casefile
     from lammps_cases.shrink import shrink
 
-    if finding and finding not in (ids := [entry.id for entry in LEDGER]):
-        raise unknown("finding", finding, ids)
+    check_names([finding] if finding else [])
     case = casefile.only(casefile.load(paths), name)
     file = out or Path("reports") / "shrunk" / f"{case.name}.yaml"
     if file.is_dir():

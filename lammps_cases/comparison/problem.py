@@ -53,6 +53,7 @@ class Problem:
     steps: tuple[int, ...]
     stops: tuple[ProblemStop, ...] = ()
     ranks: int = 1  # that LAMMPS has: of no use to the reference
+    newton: tuple[bool, bool] = (True, True)  # LAMMPS' flags of pairs and of bonds: likewise
     unlists_bonded: bool = False  # whether LAMMPS may leave pairs of bonded particles out of its neighbour lists
 
     @property

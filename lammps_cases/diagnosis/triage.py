@@ -205,8 +205,8 @@ class _Diagnosis:
 
 
 def _bases(record: CaseRecord) -> list[tuple[str, ...]]:
-    """Return the findings beside which a case is diagnosed: those that come furthest, and none."""
-    beside = tuple(record.beyond.findings) if record.beyond else ()
+    """Return the findings beside which a case is diagnosed: those that it shows, and none."""
+    beside = tuple(dict.fromkeys(record.beyond.known + record.beyond.findings)) if record.beyond else ()
     return [beside, ()] if beside else [()]
 
 

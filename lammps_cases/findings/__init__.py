@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eos_ref import EOSTable, InputError
+from eos_ref.errors import unknown
 from lammps_cases.comparison.compare import Comparison, EosState, excess
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import (
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     from lammps_cases.scene import Scene
 
 __all__ = ["KNOWN", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "accepting", "applicable"]
-__all__ += ["SEEN_ON", "explain_outcome", "explain_pressure", "ledger_of", "severities", "shown_by"]
+__all__ += ["SEEN_ON", "check_names", "explain_outcome", "explain_pressure", "ledger_of", "severities", "shown_by"]
 
 SHOWN_BY = Path(__file__).with_name("shown_by.json")
 
@@ -90,6 +91,19 @@ def severities(names: Iterable[str], ledger: Sequence[Finding] = LEDGER) -> dict
 def finding(name: str) -> Finding:
     """Return a finding of the ledger by its id."""
     return next(entry for entry in LEDGER if entry.id == name)
+
+
+def check_names(names: Iterable[str]) -> None:
+    """Refuse a name that no finding has.
+
+    Raises
+    ------
+    InputError
+    """
+    ids = [entry.id for entry in LEDGER]
+    for name in names:
+        if name not in ids:
+            raise unknown("finding", name, ids)
 
 
 def applicable(problem: Problem, lists: bool = False) -> list[Finding]:

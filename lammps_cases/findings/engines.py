@@ -1,7 +1,6 @@
 """Engines that were taken in, and on which of them each finding was seen: what ``eos-ref adopt`` has written.
 
-The list decides no verdict. It tells what is new on an engine: findings seen there for the first time, and those that
-are gone.
+The list decides no verdict. It tells which findings are new on an engine, so that a run fails, and which are gone.
 """
 
 from __future__ import annotations

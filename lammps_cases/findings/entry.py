@@ -33,7 +33,6 @@ class DeckRun:
     Attributes
     ----------
     problem : the particles at its beginning, with what steps need as fields
-    newton : the flags of pairs and of bonds
     again : whether the state comes from a run, or a file, before
     reacts : whether particles that freeze are bonded (rheo/thermal, react)
     created : whether particles were created after a run
@@ -42,7 +41,6 @@ class DeckRun:
     """
 
     problem: Problem
-    newton: tuple[bool, bool] = (True, True)
     again: bool = False
     reacts: bool = False
     created: bool = False
@@ -189,3 +187,7 @@ class Finding:
     def listed(self, engine: str) -> bool:
         """Return whether a version of LAMMPS was seen to have it, or else the nearest one that was taken in."""
         return engine in self.engines or nearest(engine) in self.engines
+
+    def new_on(self, engine: str) -> bool:
+        """Return whether a version of LAMMPS that shows it is the first to do so: neither it nor the nearest had it."""
+        return bool(engine and self.engines) and not self.listed(engine)

@@ -193,9 +193,14 @@ def grows(problem: Problem) -> bool:
     return deform is not None and deform.changes and deform.remap != "v" and problem.steps[-1] > 0
 
 
+def lists_pairs_twice(problem: Problem) -> bool:
+    """Return whether pairs are listed for each particle, and what images collect is added to particles all the same."""
+    return problem.has_images and problem.newton == (False, True)
+
+
 def has_close_images(problem: Problem) -> bool:
     """Return whether particles of a box that leans, or comes to, are so close or nearly so that pairs count twice."""
-    if not (problem.leans and problem.has_images):
+    if not (problem.leans and problem.has_images and problem.newton[0]):
         return False
     units = problem.model.units
     reach = 0.01 if units == "lj" else 1e-12 / UNITS[units].length
@@ -220,14 +225,14 @@ BOUNDARY_PAIRS_TWICE = Finding(
     workaround="Use the same newton setting for pairs and bonds; 'newton on off' is right too.",
     scene="two particles with a periodic boundary between them, rho/sum, newton off on",
     model_variant=Variant(
-        lambda problem: problem.has_images,
+        lists_pairs_twice,
         BoundaryPairsTwice,
         CountingSteps,
         lists_of_neighbours,
         lists=True,
         changes=SUMS,
     ),
-    acts=lambda setting: setting.newton == (False, True) and setting.problem.has_images,
+    acts=lambda setting: lists_pairs_twice(setting.problem),
 )
 
 IMAGES_LEFT_BEHIND = Finding(
@@ -284,7 +289,7 @@ ALIGNED_PAIRS_TWICE = Finding(
         lists=True,
         changes=(*SUMS, "shift/v", "heatflow", "drho", "f"),
     ),
-    acts=lambda setting: setting.newton[0] and has_close_images(setting.problem),
+    acts=lambda setting: has_close_images(setting.problem),
 )
 
 ENTRIES = (BOUNDARY_PAIRS_TWICE, IMAGES_LEFT_BEHIND, ALIGNED_PAIRS_TWICE)

@@ -97,7 +97,9 @@ VIRIALS_CANCEL = Finding(
     model_variant=Variant(
         shows_virials, VirialsCancel, CountingSteps, lists_of_neighbours, lists=True, changes=("stress/atom", *OVERALL)
     ),
-    acts=lambda setting: "compute stress/atom" in setting.shown or ("press" in setting.shown and not setting.newton[0]),
+    acts=lambda setting: (
+        "compute stress/atom" in setting.shown or ("press" in setting.shown and not setting.problem.newton[0])
+    ),
 )
 
 VIRIAL_OF_PLACES = Finding(
@@ -117,7 +119,9 @@ VIRIAL_OF_PLACES = Finding(
     "a volume (force-per-volume), particles of the same volume.",
     scene="disordered particles in an open box, RK1",
     model_variant=Variant(shows_sums, VirialOfPlaces, CountingSteps, lists_of_neighbours, lists=True, changes=OVERALL),
-    acts=lambda setting: setting.newton[0] and not setting.shown.isdisjoint(("thermo_style press", "compute pressure")),
+    acts=lambda setting: (
+        setting.problem.newton[0] and not setting.shown.isdisjoint(("thermo_style press", "compute pressure"))
+    ),
 )
 
 ENTRIES = (VIRIALS_CANCEL, VIRIAL_OF_PLACES)

@@ -164,10 +164,11 @@ class Blame(Record):
 
 
 class Beyond(Record):
-    """What leaves the bound although the variants of all findings that the scene shows are taken together."""
+    """What leaves the bound first beside the findings without any of which something would leave it earlier."""
 
     findings: list[str]
     blame: Blame
+    known: list[str] = Field([], description="of those that LAMMPS is known to have all that change the scene")
 
 
 class LostAtoms(Record):
@@ -222,6 +223,7 @@ class CaseRecord(Record):
     fields: list[FieldRecord] = Field([])
     ended: Ended = Field("answered", description="how LAMMPS ended it, whatever was expected and whatever explains it")
     engine_error: str = Field("", description="LAMMPS' own error, or how its process ended")
+    lacks: str = Field("", description="the style or keyword that the case needs and that this LAMMPS does not have")
     died: str = Field("", description="what its process died of: a signal's name, an exit code, out of memory")
     blame: Blame | None = None
     beyond: Beyond | None = None
@@ -345,7 +347,9 @@ class CarriedOver(Record):
 
     version: str = Field(description="of the LAMMPS that ran")
     nearest: str = Field(description="known version whose findings were expected")
-    first_seen: dict[str, int] = Field({}, description="findings not seen on this version before: number of cases")
+    first_seen: dict[str, int] = Field(
+        {}, description="new: neither this version nor the nearest had them; number of cases"
+    )
     partly: dict[str, int] = Field({}, description="seen in some cases, and gone in this number of others")
     gone: dict[str, int] = Field({}, description="expected findings that no case shows: number of those that would")
     unexplained: int = Field(0, description="cases that differ, without an explanation")
@@ -459,7 +463,8 @@ class RunRecord(Record):
             return 2
         if self.failed:
             return 3
-        if self.changed > 0 or self.missing > 0 or not all(case.accepted(rejected) for case in self.cases):
+        wrong = self.changed > 0 or self.missing > 0 or any(case.lacks for case in self.cases)
+        if wrong or not all(case.accepted(rejected) for case in self.cases):
             return 1
         return 3 if self.faults else 0
 

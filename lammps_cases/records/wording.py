@@ -36,7 +36,8 @@ MEANINGS: dict[Verdict, str] = {
     "crashed": _ended,
     "timeout": _ended,
     "error": "the case, or the harness, is at fault: this says nothing about LAMMPS",
-    "skipped": "this LAMMPS was built without what the case needs; the reason is given",
+    "skipped": "this LAMMPS was built without what the case needs, or does not have a style or keyword of it (exit "
+    "code 1); the reason is given",
 }
 INSIDE = ("exact", "pass")  # the verdicts of what lies within its bound
 EXPECTED_REFUSAL = "refused as expected"
@@ -98,7 +99,7 @@ def times(value: float) -> str:
 def carried(of: CarriedOver) -> str:
     """Say what a run on an engine that is new, or not as it was, says of the ledger."""
     kinds = (
-        (len(of.first_seen), "seen here for the first time"),
+        (len(of.first_seen), "new"),
         (len(of.partly), "gone in some cases"),
         (len(of.gone), "gone"),
     )
@@ -110,7 +111,7 @@ def carried(of: CarriedOver) -> str:
 
 def carried_rows(of: CarriedOver) -> list[tuple[str, str, int]]:
     """Return finding, what became of it, and in how many cases."""
-    kinds = (("seen for the first time", of.first_seen), ("gone in some cases", of.partly), ("gone", of.gone))
+    kinds = ((f"new, not in {of.nearest}", of.first_seen), ("gone in some cases", of.partly), ("gone", of.gone))
     return [(name, how, count) for how, findings in kinds for name, count in findings.items()]
 
 
@@ -359,7 +360,7 @@ def blame(case: CaseRecord, findings: bool = True) -> str:
     if first.run is not None:
         return _blame_of_audit(first)
     text = blame_of(first, case.twin)
-    beside = f", beside {listed(case.beyond.findings)}" if case.beyond else ""
+    beside = f", beside {listed(case.beyond.findings)}" if case.beyond and case.beyond.findings else ""
     if case.twin:
         text = f"LAMMPS against itself (twin: {case.twin}): {text}"
         text += f"; of one run {blame_of(case.beyond.blame, '')}" if case.beyond else ""
@@ -377,6 +378,9 @@ def blame_of(first: Blame, twin: str = "") -> str:
     step = "" if first.step is None else f" at step {first.step}"
     state = "" if first.rho is None else f" (type {first.type}, rho {first.rho!r})"
     one, other = ("as given", f"as its {twin} twin") if twin else ("LAMMPS", "reference")
+    if first.bound == math.inf:
+        some = f"{first.outside} of {first.of} atoms, first atom {first.atom}"
+        return f"{first.field} (stage {first.stage}) is not predictable{step} at {some}; all that has a bound is inside"
     return (
         f"{first.field} (stage {first.stage}) leaves its bound{step} at {first.outside} of {first.of} atoms, "
         f"first atom {first.atom}{state}: {one} {first.lammps!r}, {other} {first.reference!r}, bound {first.bound:.3g}"
@@ -427,6 +431,8 @@ def _own_end(case: CaseRecord) -> str:
     if case.harness_error is not None:
         fault = case.harness_error
         return f"{fault.exception} in the harness: {fault.text}" if fault.exception else f"judging failed: {fault.text}"
+    if case.lacks:
+        return f"this LAMMPS has no {case.lacks!r}"
     if case.ended == "unusable" and case.unusable is not None:
         return _unusable(case.unusable)
     wrong = _mismatch(case.mismatch) if case.mismatch else ""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
-from lammps_cases.findings import KNOWN, LEDGER, Finding, severities
+from lammps_cases.findings import KNOWN, LEDGER, Finding, accepted_cases, severities
 from lammps_cases.findings.engines import nearest
 from lammps_cases.records import deck_wording, wording
 from lammps_cases.records.headline import Headline, headline, how_severe, of_decks
@@ -31,6 +31,7 @@ class RunFinding:
     cases: list[str]
     unseen: list[str]
     listed: bool
+    new: bool = False  # shown, though neither this version nor the nearest one that is known had it
 
     @property
     def status(self) -> Status:
@@ -76,9 +77,15 @@ class Outcome:
 
     @cached_property
     def shown(self) -> list[RunFinding]:
-        """The findings that the run shows, the most severe first; of equal severity those of most cases."""
+        """The findings that the run shows: new ones, then the most severe; of equal severity those of most cases."""
         shown = [finding for finding in self.findings if finding.status == "seen"]
-        return sorted(shown, key=lambda f: (SEVERITIES.index(self.known[f.entry.id]), -len(f.cases), f.entry.number))
+        severity = {name: SEVERITIES.index(level) for name, level in self.known.items()}
+        return sorted(shown, key=lambda f: (not f.new, severity[f.entry.id], -len(f.cases), f.entry.number))
+
+    @cached_property
+    def regressions(self) -> list[str]:
+        """The findings that are new on this version of LAMMPS, and that nothing allows."""
+        return [one.entry.id for one in self.shown if one.new and one.entry.id not in self.run.allowed]
 
     @property
     def milder(self) -> list[RunFinding]:
@@ -107,7 +114,7 @@ class Outcome:
         if self.of_decks:
             return frozenset(name for case in self.run.cases for name in self._rejected_of(case))
         failing = (name for name, severity in self.known.items() if fails(severity, self.run.fail_on))
-        return frozenset(failing) - self.run.allowed.keys()
+        return frozenset(failing) - self.run.allowed.keys() | set(self.regressions)
 
     @property
     def exit_code(self) -> int:
@@ -123,14 +130,19 @@ class Outcome:
         if self.run.missing:
             total = self.run.missing + len(self.run.cases)
             new.insert(0, f"interrupted: {self.run.missing} of {counted(total, 'case')} not judged")
+        before = nearest(self.run.engine.distribution)
+        first = [f"regression: {wording.some(self.regressions)}, not in {before}"] if self.regressions else []
         if self.of_decks:
-            return of_decks(self.run.cases, new, fail_on=self.run.fail_on, exempt=self.run.allowed)
+            return of_decks(self.run.cases, [*first, *new], fail_on=self.run.fail_on, exempt=self.run.allowed)
+        lacking = Counter(case.lacks for case in self.run.cases if case.lacks)
+        new += [f"no {name!r} in this LAMMPS: {counted(count, 'case')} skipped" for name, count in lacking.items()]
         wrong = Counter(wording.kind(case) for case in self.run.cases if not case.as_expected)
         each = ", ".join(f"{count} {name}" for name, count in wording.by_severity(wrong).items())
         ended = [f"{counted(wrong.total(), 'case')} not as expected: {each}"] if wrong else []
         compared = any(case.verdict != "skipped" for case in self.run.cases)
+        known = {name: severity for name, severity in self.known.items() if name not in self.regressions}
         return headline(
-            self.known, [*ended, *new], fail_on=self.run.fail_on, compared=compared, allowed=self.run.allowed
+            known, [*first, *ended, *new], fail_on=self.run.fail_on, compared=compared, allowed=self.run.allowed
         )
 
     def accepted(self, case: CaseRecord) -> bool:
@@ -158,7 +170,7 @@ class Outcome:
         return sorted((case for case in self.run.cases if not self.accepted(case)), key=lambda case: -self.rank(case))
 
     def closing(self) -> list[str]:
-        """Return what follows the headline on a terminal: the severe findings, the others counted, the next command.
+        """Return what follows the headline on a terminal: new or severe findings, the others counted, the next command.
 
         Without severe ones the first few are named. Of decks the headline, or what is said of each, names them.
         """
@@ -166,7 +178,8 @@ class Outcome:
         then = [f"next: {command}"] if command else []
         if self.of_decks:
             return then
-        named = [finding for finding in self.shown if finding.entry.severity == "high"] or self.shown[:NAMED]
+        named = [finding for finding in self.shown if finding.new or finding.entry.severity == "high"]
+        named = named or self.shown[:NAMED]
         lines = [
             f"  {finding.entry.severity:4s}  {finding.entry.title} ({finding.entry.id}): "
             f"{counted(len(finding.cases), 'case')}"
@@ -208,7 +221,8 @@ def outcome(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> Outcome:
 def of_run(run: RunRecord, ledger: Sequence[Finding]) -> list[RunFinding]:
     """Return every finding, the most severe first; of equal severity those that the run shows first."""
     explained = [(case, set(case.findings)) for case in run.cases]
-    shown = [_finding(entry, explained, run.engine.distribution) for entry in ledger]
+    accepted = accepted_cases()
+    shown = [_finding(entry, explained, run.engine.distribution, accepted.get(entry.id, ())) for entry in ledger]
     return sorted(shown, key=lambda f: (SEVERITIES.index(f.entry.severity), STATUSES.index(f.status)))
 
 
@@ -218,7 +232,7 @@ def carried_over(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> CarriedO
     if not engine:
         return None  # LAMMPS did not live to say who it is
     every = of_run(run, ledger)
-    first = {one.entry.id: len(one.cases) for one in every if one.cases and engine not in one.entry.engines}
+    first = {one.entry.id: len(one.cases) for one in every if one.new}
     expected = [one for one in every if one.listed and one.unseen]
     carried = CarriedOver(
         version=engine,
@@ -231,18 +245,28 @@ def carried_over(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> CarriedO
     return carried if carried.first_seen or expected or engine not in KNOWN else None
 
 
-def _finding(entry: Finding, explained: Sequence[tuple[CaseRecord, set[str]]], engine: str) -> RunFinding:
-    showing, unseen = [], []
+def _finding(
+    entry: Finding, explained: Sequence[tuple[CaseRecord, set[str]]], engine: str, accepted: Collection[str]
+) -> RunFinding:
+    showing, unseen, listed = [], [], entry.listed(engine)
+    # Whether a case would show what follows LAMMPS' lists is not known where they were not read: it did once.
+    by_name = accepted if entry.model_variant is not None and entry.model_variant.lists else ()
     for case, entries in explained:
         shown = entry.id in entries
         would = entry.id in case.unseen
         # A finding of the particle model names the cases that would show it; the others speak of cases by name.
-        if not shown and entry.model_variant is None and entry.covers(case.case) and case.verdict != "skipped":
+        if not shown and listed and entry.model_variant is None and entry.covers(case.case):
             # Of what nothing reproduces yet only the list says whether it is the same on this engine.
-            shown = case.verdict == "differs" and not entry.named_variant and entry.listed(engine)
-            would = not shown and entry.listed(engine)
+            shown = case.verdict == "differs" and not entry.named_variant
+            would = not shown and (case.verdict == "differs" or _tells(case))
+        would |= listed and case.case in by_name and _tells(case)
         if shown:
             showing.append(case.case)
         elif would:
             unseen.append(case.case)
-    return RunFinding(entry, showing, unseen, entry.listed(engine))
+    return RunFinding(entry, showing, unseen, listed, bool(showing) and entry.new_on(engine))
+
+
+def _tells(case: CaseRecord) -> bool:
+    """Return whether a case without a finding says that LAMMPS does not have it: not what was not judged, or is red."""
+    return case.as_expected and case.verdict != "skipped"

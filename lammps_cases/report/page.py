@@ -282,6 +282,8 @@ def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
         yield "predictions", f"{run.predictions}, bit-identical to computed ones (--fresh recomputes them)"
     of_severity = f"those that are {run.fail_on} or worse" if run.fail_on in SEVERITIES else f"above {run.fail_on}"
     yield "known findings that fail", "none" if run.fail_on == "new" else of_severity
+    if run.allowed:
+        yield "findings that are allowed", ", ".join(f"{name} ({why})" for name, why in run.allowed.items())
     for about in ("engine", "reference", "machine"):
         values = getattr(run, about)
         for name, value in (values if isinstance(values, dict) else values.model_dump()).items():

@@ -72,12 +72,13 @@ def run_cases(
     progress: Progress = SILENT,
     store: Store | None = None,
     resume: bool | None = None,
+    allow: Sequence[str] = (),
 ) -> RunRecord:
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
 
     With a store, predictions of the reference are taken from there and kept there. With ``resume`` a run that was
     interrupted is gone on with; None: the command that runs has no such option. A ``part`` is the name of a shard, and
-    what it has in common with the others (`lammps_cases.run.shards.divided`).
+    what it has in common with the others (`lammps_cases.run.shards.divided`). Findings to ``allow`` fail nothing.
 
     Raises
     ------
@@ -89,7 +90,7 @@ def run_cases(
         With where the partial report is, if any case is judged.
     """
     begin = time.perf_counter()
-    options = {"fail_on": fail_on, "shard": part[0], "divided": part[1]}
+    options = {"fail_on": fail_on, "shard": part[0], "divided": part[1], "allowed": dict.fromkeys(allow, "--allow")}
     with output_folder(directory, bool(resume)) as folder:
         campaign = Campaign(cases, folder, options, progress, store)
         try:

@@ -175,7 +175,8 @@ def _check_same(begun: RunStart, now: RunStart) -> None:
         raise InputError(RESUME, f"{rule.format('engine')}, {one.engine.label}", other.engine.label)
     if begun.cases != now.cases:
         raise InputError(RESUME, f"{rule.format('cases')}: {_difference(begun.cases, now.cases)}")
-    for option, before, after in (("fail-on", one.fail_on, other.fail_on), ("shard", one.shard, other.shard)):
+    options = [(run.fail_on, run.shard, ", ".join(sorted(run.allowed))) for run in (one, other)]
+    for option, before, after in zip(("fail-on", "shard", "allow"), *options, strict=True):
         if before != after:
             raise InputError(RESUME, f"{rule.format(f'--{option}')}, {before or 'none'}", after or "none")
 

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine import forkserver, installations
+from lammps_cases.findings import check_names
 from lammps_cases.records.checked import checked
 from lammps_cases.records.levels import FailOn
 from lammps_cases.run import campaign
@@ -32,6 +33,7 @@ def run(
     jobs: Jobs | None = None,
     fresh: bool = False,
     fail_on: FailOn = "new",
+    allow: Names = (),
     out: str | Path | None = None,
 ) -> Result:
     """Run cases against LAMMPS and compare them atom by atom, as ``eos-ref run`` does.
@@ -52,6 +54,8 @@ def run(
         Ignore the cache of reference predictions.
     fail_on : {"high", "medium", "low", "new"}
         Known findings of at least this severity make the exit code 1.
+    allow : str or sequence of str
+        Findings that fail nothing, also where they are new on this version.
     out : path, optional
         Folder of the report; by default a temporary one, which goes with the result.
 
@@ -62,14 +66,18 @@ def run(
     EngineMissing
         There is no LAMMPS with RHEO.
     """
-    chosen, paths = several(names), [Path(path) for path in several(cases)]
-    words = [*chosen, *(["--tag", tag] if tag else []), *(word for path in paths for word in ("--cases", str(path)))]
+    chosen, allowed, paths = several(names), several(allow), [Path(path) for path in several(cases)]
+    given = [("--allow", allowed), ("--tag", [tag] if tag else []), ("--cases", map(str, paths))]
+    words = [*chosen, *(word for option, values in given for value in values for word in (option, value))]
+    check_names(allowed)
     command = shlex.join(["eos-ref", "run", *words, *([] if engine == "env" else ["--engine", engine])])
     forkserver.start_for_judging()
     selected, resolved = casefile.select(casefile.load(paths), chosen, tag), installations.resolve(engine)
     store = prediction_keys.open_store(fresh)
     with report_folder(out) as (folder, temporary):
-        record = campaign.run_cases(selected, resolved, jobs or cores(), folder, command, fail_on, store=store)
+        record = campaign.run_cases(
+            selected, resolved, jobs or cores(), folder, command, fail_on, store=store, allow=allowed
+        )
         return Result(record, folder, temporary)
 
 

@@ -41,6 +41,7 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
         merged.seconds += run.seconds
         merged.older |= run.older
     merged.fail_on = strictest([run.fail_on for run in runs])
+    merged.allowed = {name: why for name, why in merged.allowed.items() if all(name in run.allowed for run in runs)}
     merged.shard = merged.divided = ""
     merged.faults = []
     merged.carried = part("carried findings", merged.faults, lambda: carried_over(merged), None)

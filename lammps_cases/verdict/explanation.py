@@ -72,7 +72,7 @@ class Trial:
         """Return the smallest set of findings tried that is inside the bounds everywhere, each of them necessary.
 
         ``first`` is what the reference leaves outside first. Where no set is inside, what is left beyond the set that
-        comes furthest beyond that is returned, or beyond those that the engine is known to have.
+        comes furthest beyond that is returned, without the findings that it does without.
         """
         listed = self.listed(engine)
         if listed and self._inside(listed, at_once=True):
@@ -84,7 +84,8 @@ class Trial:
         for large in (self.applicable, *(tuple(e for e in listed if e is not mended) for mended in listed)):
             if len(large) > 1 and self._inside(large):
                 return Explanation(self._necessary(large))
-        return Explanation([], self._furthest(first, listed))
+        known = [entry.id for entry in listed if self.shows(entry)]
+        return Explanation([], self._furthest(first, known))
 
     def _necessary(self, entries: Sequence[Finding]) -> list[Finding]:
         """Return the findings of a set without those that it does without."""
@@ -151,9 +152,9 @@ class Trial:
         comparison = compare_field(name, FIELDS[name].stage, self.id_n, lammps_n, variant_n, bound_n)
         return blame_of(comparison, self.id_n, self.problem.steps[at])
 
-    def _furthest(self, first: Blame, listed: Sequence[Finding]) -> Beyond | None:
+    def _furthest(self, first: Blame, known: list[str]) -> Beyond | None:
+        """Return what is left beyond the smallest set that comes as far as any tried; of no set if none helps."""
         order = in_step_order(self.problem.fields)
-        ids = tuple(entry.id for entry in listed)
 
         def place(left: Blame) -> tuple[int, int]:
             """Return the place in the order of steps: after all of them if what has a bound is inside."""
@@ -161,15 +162,19 @@ class Trial:
                 return len(self.problem.steps), 0
             return self.problem.steps.index(left.step or 0), order.index(left.field)
 
-        def rank(names: tuple[str, ...]) -> tuple[tuple[int, int], bool, int]:
-            return place(self._left[names]), names == ids, -len(names)
+        def reaches(names: tuple[str, ...]) -> bool:
+            """Return whether fewer findings come as far."""
+            if names not in self._left:
+                self._inside([entry for entry in self.applicable if entry.id in names])
+            return names in self._left and place(self._left[names]) >= furthest
 
-        if not self._left:
-            return None
-        names = max(self._left, key=rank)
-        if names != ids and place(self._left[names]) <= place(first):
-            return None
-        return Beyond(findings=list(names), blame=self._left[names])
+        self._left[()] = first
+        names = max(self._left, key=lambda names: (place(self._left[names]), -len(names)))
+        furthest = place(self._left[names])
+        for name in names:
+            fewer = tuple(other for other in names if other != name)
+            names = fewer if reaches(fewer) else names
+        return Beyond(findings=list(names), blame=self._left[names], known=known) if names or known else None
 
     def shows(self, entry: Finding) -> bool:
         """Return whether a finding takes some field out of the reference's bound."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 import time
 
-import numpy as np
-
 from eos_ref import EOSTable, InputError
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.session import Answer
@@ -27,6 +25,7 @@ from lammps_cases.verdict.outcome import (
     finish,
     judge_failure,
     judge_lost_atoms,
+    other_atoms,
 )
 from lammps_cases.verdict.runaway import Attempts, diverged
 
@@ -52,8 +51,8 @@ def evaluate(
     elif eos is None:
         record.verdict, record.ended = "differs", "accepted"
         explain_ending(record)
-    elif not np.array_equal(outcome.arrays["id"], atoms.id_n):
-        judge_lost_atoms(record, atoms, outcome)
+    elif (ids := other_atoms(atoms, outcome)) is not None:
+        judge_lost_atoms(record, atoms, ids)
     elif case.scene.whole_model and outcome.steps != case.scene.counts:
         record.verdict, record.ended = "differs", "unusable"
         record.unusable = OtherSteps(counted=list(outcome.steps), asked=list(case.scene.counts))

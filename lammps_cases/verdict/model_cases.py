@@ -50,6 +50,7 @@ def problem_of(
         steps,
         _stops(scene, atoms),
         scene.engine.ranks,
+        scene.engine.newton_flags,
     )
 
 

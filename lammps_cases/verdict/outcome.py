@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,6 +13,7 @@ import numpy as np
 from eos_ref import EOSTable
 from eos_ref.eos.bounds import EPS
 from eos_ref.model.box import Box
+from eos_ref.model.parameters import IntArray
 from lammps_cases.comparison.compare import Comparison, compare_field, components, excess
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
@@ -37,6 +39,11 @@ from lammps_cases.verdict.model_fields import blame_of
 Arrays = dict[str, Any]
 ALL_KEPT = 50_000  # atoms of a case; of more only some are written to disk
 SAMPLE, WORST = 5000, 50  # evenly spaced ones, and the worst of each field
+# LAMMPS' error on a style or keyword that it does not have, and that word
+LACKS = re.compile(
+    r"(?:Unrecognized|Unknown(?! command)|Illegal|Invalid(?= keyword))\b.*?\b(?:style|keyword|command|option[^,]*)\b"
+    r"[:,]? '?(?!keyword|missing)([a-zA-Z][\w/]*)"
+)
 BY_IMAGES = "; two roundings of place and edge of a particle outside the box; fractions of tilted edges"
 
 
@@ -75,15 +82,28 @@ def judge_failure(record: CaseRecord, failure: Failure, scene: Scene | None = No
     """Judge a run that LAMMPS refused or did not finish, by what the case expects and by the findings."""
     record.verdict, record.engine_error = failure.verdict, wording.one_line(failure.message)
     record.ended, record.died = failure.verdict, failure.died
+    lacks = LACKS.search(wording.error_text(failure.message)) if failure.verdict == "refused" else None
     if failure.verdict == "refused" and record.expects and record.expects not in record.engine_error:
         record.verdict = "differs"
     if failure.verdict != "skipped" and (record.verdict != "refused" or not record.expects):
         explain_ending(record, scene)
+    if record.verdict == "refused" and not record.expects and lacks:
+        record.verdict, record.ended, record.lacks = "skipped", "skipped", lacks[1]
 
 
-def judge_lost_atoms(record: CaseRecord, atoms: Atoms, answer: Answer) -> None:
+def other_atoms(atoms: Atoms, answer: Answer) -> IntArray | None:
+    """Return the ids of the first state of an answer that are not those given, sorted; None if all are."""
+    states = [
+        *answer.snapshots,
+        *(side for each in answer.carried for side in (each.before, each.after)),
+        answer.arrays,
+    ]
+    ids = (state["id"] for state in states if "id" in state)
+    return next((got for got in ids if not np.array_equal(got, atoms.id_n)), None)
+
+
+def judge_lost_atoms(record: CaseRecord, atoms: Atoms, got: IntArray) -> None:
     """Judge an answer in which atoms are missing, doubled or renamed: no other comparison has a meaning."""
-    got = answer.arrays["id"]
     wrong = np.setxor1d(got, atoms.id_n)
     first = wrong[0] if wrong.size else got[np.flatnonzero(np.diff(got) <= 0)[0]]
     record.verdict, record.ended = "differs", "unusable"

@@ -7,8 +7,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import Comparison
@@ -38,6 +36,7 @@ from lammps_cases.verdict.outcome import (
     finish,
     judge_failure,
     judge_lost_atoms,
+    other_atoms,
 )
 
 
@@ -58,7 +57,7 @@ def evaluate_twin(
     arrays: Arrays = {}
     answers = [outcome for outcome in outcomes if isinstance(outcome, Answer)]
     failures = [outcome for outcome in outcomes if isinstance(outcome, Failure)]
-    lost = [answer for answer in answers if not np.array_equal(answer.arrays["id"], twin.atoms.id_n)]
+    lost = [ids for answer in answers if (ids := other_atoms(twin.atoms, answer)) is not None]
     if failures:
         judge_failure(record, failures[0], case.scene)
         alone = not isinstance(outcomes[1], Answer) and len(failures) == 1
@@ -109,7 +108,7 @@ def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predict
     for (scene, atoms), answer, name in zip(runs, answers, (case.name, f"{case.name}/twin"), strict=True):
         snapshots = read_snapshots(scene, answer, twin.steps)
         if sides and twin.same_problem:
-            problem = replace(sides[0].problem, ranks=scene.engine.ranks)
+            problem = replace(sides[0].problem, ranks=scene.engine.ranks, newton=scene.engine.newton_flags)
             sides.append(replace(sides[0], problem=problem, snapshots=snapshots))
             continue
         problem, random = problem_of(scene, atoms, case.where, twin.steps, predictor), seed(f"{name}/moved runs")

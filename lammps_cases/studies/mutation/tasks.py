@@ -147,7 +147,7 @@ def judge_substitution(
 def _detection(judge: PerturbedJudge, case: AnsweredCase, outcomes: Sequence[Outcome]) -> Detection | None:
     """Return what a case shows of a fault; None if it is as expected.
 
-    A fault that looks like a finding of another LAMMPS is detected too: a run names it as seen for the first time.
+    A fault that looks like a finding of another LAMMPS is detected too: in a run it is a regression.
     """
     record = _verdict(judge, case, outcomes)
     listed = {entry.id for entry in LEDGER if entry.listed(judge.engine.distribution)}

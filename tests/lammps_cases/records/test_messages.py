@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -349,3 +350,11 @@ def test_no_message_is_parsed_outside_the_reader_of_schema_1() -> None:
     sources = [path for folder in folders for path in folder.rglob("*.py") if path.name != "schema1.py"]
     assert len(sources) > 200
     assert [(str(path), line) for path in sources for line in parsed(path.read_text(encoding="utf-8"))] == []
+
+
+@pytest.mark.parametrize(("findings", "beside"), [([], ""), (["a"], ", beside a")])
+def test_what_has_no_bound_is_no_reason(findings: list[str], beside: str) -> None:
+    blame = STEP.model_copy(update={"bound": math.inf, "lammps": 0.0, "reference": 0.0})
+    said = wording.message(CaseRecord(case="x", verdict="differs", beyond=Beyond(findings=findings, blame=blame)))
+    unknown = "f (stage pair) is not predictable at step 4 at 2 of 9 atoms, first atom 3"
+    assert said == f"{unknown}; all that has a bound is inside{beside}"

@@ -49,6 +49,7 @@ def test_a_run_that_goes_on_is_told_what_it_was(journal: CaseJournal) -> None:
         ({"cases": {"a": "1", "c": "3"}}, r"cases of the interrupted run: 1 case new \(c\), 1 case gone \(b\)"),
         ({"cases": {"a": "1", "b": "3"}}, r"1 case changed \(b\)"),
         ({"fail_on": "high"}, "--fail-on of the interrupted run, new, found 'high'"),
+        ({"allowed": {"support-unit": "--allow"}}, "--allow of the interrupted run, none, found 'support-unit'"),
         ({"shard": "1/2"}, "--shard of the interrupted run, none, found '1/2'"),
     ],
 )

@@ -30,6 +30,7 @@ def test_one_name_or_path_is_a_list_of_one() -> None:
         ({"jobs": 0}, r"argument jobs: .*greater than or equal to 1, found 0 \(run\(\)\)"),
         ({"jobs": 1.5}, r"argument jobs: .*integer"),
         ({"fail_on": "never"}, "argument fail_on"),
+        ({"allow": "support-units"}, "no such finding: 'support-units'.*support-unit"),
     ],
 )
 def test_bad_arguments_are_one_line(arguments: dict[str, Any], complaint: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -42,12 +43,13 @@ def test_bad_arguments_are_one_line(arguments: dict[str, Any], complaint: str, m
 def test_the_command_that_does_the_same_is_in_the_record(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     given: list[Any] = []
 
-    def run_cases(cases: Any, engine: Any, jobs: int, folder: Path, line: str, fail_on: str, store: Any) -> Any:
-        given.extend([[case.name for case in cases], jobs, folder, line, fail_on])
+    def run_cases(cases: Any, engine: Any, jobs: int, folder: Path, line: str, fail_on: str, **options: Any) -> Any:
+        given.extend([[case.name for case in cases], jobs, folder, line, fail_on, options["allow"]])
         raise InputError("cases", "are not run here")
 
     monkeypatch.setattr(forkserver, "start_for_judging", lambda: None)
     monkeypatch.setattr(campaign, "run_cases", run_cases)
     with pytest.raises(InputError, match="are not run here"):
-        lammps_cases.run("near-rho0.linear.2d", jobs=3, fail_on="high", out=tmp_path / "out")
-    assert given == [["near-rho0.linear.2d"], 3, tmp_path / "out", "eos-ref run near-rho0.linear.2d", "high"]
+        lammps_cases.run("near-rho0.linear.2d", jobs=3, fail_on="high", allow="support-unit", out=tmp_path / "out")
+    line = "eos-ref run near-rho0.linear.2d --allow support-unit"
+    assert given == [["near-rho0.linear.2d"], 3, tmp_path / "out", line, "high", ["support-unit"]]

@@ -110,7 +110,19 @@ def test_what_is_new_beside_a_known_finding_is_the_headline(engine: str) -> None
     fields = [comparison.record for comparison in verdict.comparisons]
     record = CaseRecord(case="x", verdict="differs", fields=fields, blame=verdict.first, beyond=verdict.beyond)
     assert wording.message(record).startswith("heatflow (stage ")
-    assert wording.message(record).endswith(f"beside {', '.join(verdict.beyond.findings)}")
+    assert verdict.beyond.findings == [] and "force-per-volume" in verdict.beyond.known, "heat comes before forces"
+    assert "beside" not in wording.message(record)
+
+
+@pytest.mark.parametrize(
+    ("name", "flags"), [("newton.pairs.summed", (True, False)), ("newton.bonds.summed", (False, True))]
+)
+def test_pairs_across_boundaries_count_twice_with_one_setting_of_newton_alone(
+    name: str, flags: tuple[bool, bool]
+) -> None:
+    of, _ = problem(name)
+    assert of.newton == flags and of.has_images
+    assert (BY_ID["boundary-pairs-twice"] in applicable(of, lists=True)) == (flags == (False, True))
 
 
 def test_so_many_sets_are_tried_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:

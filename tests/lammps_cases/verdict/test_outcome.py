@@ -18,7 +18,7 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.interlude import Carried
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
-from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, LawRecord, Predictions
+from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, LawRecord, LostAtoms, Predictions
 from lammps_cases.records.stages import taken
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
@@ -120,6 +120,53 @@ def test_an_end_that_a_scene_foretells_is_the_verdict_too(case_file: Write) -> N
     record = CaseRecord(case="any", verdict="differs", ended="crashed", engine_error="SIGSEGV")
     explain_ending(record, scene)
     assert record.verdict == "differs"
+
+
+@pytest.mark.parametrize(
+    ("error", "lacks"),
+    [
+        ("ERROR: Unrecognized fix style 'rheo/thermal' (src/modify.cpp:929)\nLast input line: fix 1", "rheo/thermal"),
+        ("ERROR: Illegal fix rheo command: self/mass (src/RHEO/fix_rheo.cpp:181)", "self/mass"),
+        ("ERROR: Illegal fix command, cubic (src/RHEO/fix_rheo_pressure.cpp:123)", "cubic"),
+        ("ERROR: Unknown kernel style RK2 in fix rheo (src/RHEO/fix_rheo.cpp:113)", "RK2"),
+        ("ERROR: Unknown fix rheo/thermal keyword: react (src/RHEO/fix_rheo_thermal.cpp:201)", "react"),
+        ("ERROR: Illegal surface/detection option in fix rheo, divergence (src/RHEO/fix_rheo.cpp:154)", "divergence"),
+        ("ERROR: Illegal pair_style command, harmonic/means (src/RHEO/pair_rheo.cpp:445)", "harmonic/means"),
+        ("ERROR: Invalid keyword surface/r for atom style rheo in compute rheo/property/atom command", "surface/r"),
+        ("ERROR: Unrecognized set or fix set command keyword rheo/rho (src/set.cpp:410)", "rheo/rho"),
+        ("ERROR: Illegal fix rheo command: missing argument(s) (src/RHEO/fix_rheo.cpp:181)", ""),
+        ("ERROR: Illegal fix rheo command: 0.9", ""),
+        ("ERROR: Unknown command: no_such_command (src/input.cpp:408)", ""),
+        ("ERROR: Lost atoms: original 20 current 19 (src/thermo.cpp:494)", ""),
+    ],
+)
+def test_a_word_that_lammps_does_not_have_is_no_difference(case_file: Write, error: str, lacks: str) -> None:
+    ready = prepared(case_file())
+    record, _ = evaluate(ready.case, ready.eos, ready.atoms, Failure("refused", error), ENGINE)
+    assert (record.verdict, record.lacks) == ("skipped" if lacks else "refused", lacks)
+    assert (record.message == f"this LAMMPS has no {lacks!r}") == bool(lacks)
+
+
+def test_a_refusal_that_is_expected_in_other_words_differs(case_file: Write) -> None:
+    ready = prepared(case_file(violate="missing-argument", expect={"refused": "Invalid range"}))
+    refused = Failure("refused", "ERROR: Illegal fix command, cubic")
+    record, _ = evaluate(ready.case, ready.eos, ready.atoms, refused, ENGINE)
+    assert (record.verdict, record.lacks) == ("differs", "")
+
+
+@pytest.mark.parametrize("where", ["first", "before", "after"])
+def test_atoms_that_are_lost_on_the_way_are_lost(case_file: Write, where: str) -> None:
+    ready = prepared(
+        case_file(evolve={"timestep": 0.01, "steps": 2, "compare_at": [0, 2], "stops": [{"at": 1, "by": "run"}]})
+    )
+    answer = made_answers.of_model(ready.case.scene, ready.atoms)
+    fewer: dict[str, Any] = {name: array[1:] for name, array in answer.snapshots[0].items()}
+    if where == "first":
+        answer = replace(answer, snapshots=(fewer, *answer.snapshots[1:]))
+    else:
+        answer = replace(answer, carried=(replace(answer.carried[0], **{where: fewer}),))
+    record, _ = evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)
+    assert (record.verdict, record.unusable) == ("differs", LostAtoms(returned=19, given=20, first_id=1))
 
 
 # --- stops

@@ -255,12 +255,14 @@ def test_positions_that_lammps_has_wrapped_are_reproduced(judge: Any) -> None:
     [
         ("a", {"a": FORCE}, COUNT, (["a"], 5, "coordination")),
         ("a", {"a": (2, "coordination", 4.0)}, FORCE, (["a"], 2, "f")),
-        ("A", {"A": FORCE, "B": (2, "f", 0.5)}, COUNT, (["A", "B"], 5, "coordination")),  # known, whatever is needed
+        ("A", {"A": FORCE, "B": (2, "f", 0.5)}, COUNT, (["A"], 5, "coordination")),  # B is known, and does nothing
+        ("A+B", {"A": FORCE, "B": (5, "f", 4.0)}, COUNT, (["A"], 5, "coordination")),  # B comes after what is left
+        ("A+B", {"A": FORCE, "B": (0, "f", 4.0)}, COUNT, (["A", "B"], 5, "coordination")),
         ("a", {"a": FORCE, "b": (5, "f", 4.0)}, COUNT, (["a"], 5, "coordination")),  # the fewest
         ("a", {"a": FORCE, "b": FORCE}, COUNT, (["a"], 5, "coordination")),  # alike: the first of the ledger
         ("a+b", {"b": (0, "f", 4.0), "a": FORCE}, COUNT, (["b", "a"], 5, "coordination")),
         ("a", {"a": COUNT, "b": (0, "f", 4.0)}, (2, "coordination", 4.0), None),  # none comes further than without it
-        ("A", {"A": COUNT}, (2, "coordination", 4.0), (["A"], 2, "coordination")),  # but what is known is said
+        ("A", {"A": COUNT}, (2, "coordination", 4.0), ([], 2, "coordination")),  # nor those that are known
         ("", {}, FORCE, None),
     ],
 )
@@ -330,7 +332,7 @@ def test_a_variant_that_predicts_nothing_explains_nothing(
     assert ("", (0,)) not in predictor.asked, "nor the reference in its place"
     assert explained(judge("b", {"runaway": FORCE, "b": COUNT}, settings=none)[0]) == ["b"]
     known, _ = judge("", {"RUNAWAY": FORCE}, COUNT, settings={"RUNAWAY": none["runaway"]})
-    assert known.beyond == Beyond(findings=["RUNAWAY"], blame=known.first), "with it as without it"
+    assert known.beyond is None, "with it as without it"
 
 
 NO_BOUND = (1.0, INF, 1.0)  # of the particle in the middle, which findings move
@@ -370,7 +372,7 @@ def test_what_has_a_bound_is_blamed_before_what_has_none(
 ) -> None:
     settings, bounds = {"A": {"undefined": off > 1}}, {"A": of_variant}
     of = replace(PROBLEM, fields=("f",))
-    verdict, _ = judge("A", {"A": FORCE}, (2, "f", off, 2), settings=settings, bounds=bounds, of=of)
+    verdict, _ = judge("A", {"A": (0, "f", 4.0)}, (2, "f", off, 2), settings=settings, bounds=bounds, of=of)
     blame = verdict.beyond.blame
     assert (blame.atom, blame.bound, blame.outside) == blamed
 
@@ -465,6 +467,8 @@ def test_the_reason_is_the_first_difference_and_what_is_beyond_the_findings(judg
     assert found == Reason(verdict.first, verdict.beyond) and verdict.beyond is not None
     verdict, predictor = judge("", {"a": COUNT}, (2, "coordination", 4.0))
     found = particle_model.reason(PROBLEM, "a.case", ID, predictor.told, NEWEST, predictor)
-    assert verdict.beyond is None and found == Reason(verdict.first, Beyond(findings=["a"], blame=verdict.first))
+    assert verdict.beyond is None and found == Reason(
+        verdict.first, Beyond(findings=[], blame=verdict.first, known=["a"])
+    )
     right = predictor.fields(PROBLEM, frozenset())
     assert particle_model.reason(PROBLEM, "a.case", ID, right, NEWEST, predictor) is None

@@ -86,6 +86,8 @@ def _stops(scope: Scope, chance: Chance, steps: int, grows: bool) -> list[Conten
     stops = [_stop(scope, chance.at(k), step, grows) for k, step in enumerate(at)]
     if any(stop.get("by") == "by hand" for stop in stops):  # it writes the box of the scene
         stops = [{key: value for key, value in stop.items() if key != "stretch"} for stop in stops]
+    if any(stop.get("by") == "dt/reset" for stop in stops):  # beside it LAMMPS sets no count
+        stops = [{key: value for key, value in stop.items() if key != "count"} for stop in stops]
     return stops
 
 

@@ -159,6 +159,8 @@ class Evolve(SceneModel):
         if len({stop.timestep for stop in timed[reset:]}) > 1:
             given = [stop.timestep for stop in timed]
             raise BrokenRule("stops: dt/reset keeps its time step to the end", "stops", found=given)
+        if any(stop.by == "dt/reset" for stop in self.stops) and any(stop.count is not None for stop in self.stops):
+            raise BrokenRule("stops: dt/reset goes with no count, which LAMMPS refuses to set beside it", "stops")
         if self.deform and self.every:
             raise BrokenRule(
                 f"deform goes without every, whose runs all begin in a box of their own: {self.every}", "deform"

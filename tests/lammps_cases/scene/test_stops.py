@@ -119,6 +119,11 @@ def test_every_begins_anew_between_stops_and_is_read_at_the_end() -> None:
             {},
             r"dt/reset keeps its time step to the end, found \[0.1, 0.2\]",
         ),
+        (
+            {"stops": [{"at": 1, "by": "dt/reset", "timestep": 0.1}, {"at": 2, "count": 7}]},
+            {},
+            "dt/reset goes with no count",
+        ),
         ({"deform": {"x": -200.0}}, {}, r"deform must leave every run a box: .* is -.* of an edge"),
         ({"deform": {"z": 0.5}}, {}, r"deform.z must be 0 in 2D, found 0.5"),
         ({"deform": {}, "every": 2, "compare_at": [4]}, {}, "deform goes without every, .* of their own: 2"),

@@ -29,6 +29,7 @@ class ProblemStop:
     new_n : particles that LAMMPS' fixes have nothing kept of, (n,): all if the fixes are defined anew
     box : the box from here on, with which the positions change; None: as before
     minimized : whether a minimisation moves nothing, but evaluates forces
+    continued : whether the next run goes on without a set-up
     """
 
     step: int
@@ -39,6 +40,7 @@ class ProblemStop:
     digits: int | None = None
     box: Box | None = None
     minimized: bool = False
+    continued: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,10 @@ class Problem:
         The state is not checked: that of a scene has been (`lammps_cases.setup.reference_side.state`).
         """
         return stepping(self.model, self.box, self.state, self.wanted, stages, check=False)
+
+    def step_changed(self, step: int) -> bool:
+        """Return whether a step before was taken with another length than the first."""
+        return any(stop.step < step and stop.timestep not in (None, self.timestep) for stop in self.stops)
 
     def box_at(self, step: int) -> Box:
         """Return the box at a step, after a stop there."""

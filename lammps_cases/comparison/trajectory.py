@@ -67,7 +67,8 @@ def visit(sim: Simulation, steps: Sequence[int], dt: float, stops: Sequence[Prob
                 sim.state.x_nc = sim.state.x_nc + stop.by_nc
             if isinstance(sim, Shaken):
                 sim.shake(0.5 * 10.0 ** (1 - stop.digits) if stop.digits else 0.0)
-            sim.begin_again(stop.new_n, stop.read_back)
+            if not stop.continued:
+                sim.begin_again(stop.new_n, stop.read_back)
             dt = stop.timestep or dt
         if step in steps:
             yield step

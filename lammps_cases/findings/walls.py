@@ -70,7 +70,7 @@ class WallsSummedAfterSetup(Simulation):
 
 def sums_walls(problem: Problem) -> bool:
     """Return whether densities of reconstructed solids are summed as well, and looked at after the set-up."""
-    begins = {0, *(stop.step for stop in problem.stops)}
+    begins = {0, *(stop.step for stop in problem.stops if not stop.continued)}
     looked_at = not begins.isdisjoint(problem.steps)
     return looked_at and problem.model.fix.rho_sum and bool(walls(problem).any())
 

@@ -232,6 +232,7 @@ HANDLED: Mapping[str, frozenset[str]] = {
 
 # Keys that no draw has, each with the reason.
 NEVER: Mapping[str, str] = {
+    "engine.ghosts": "copies that no particle meets; what grows with them has cases of its own (edges-growth)",
     "manual": "set by the engine, not by a scene",
     "example": "three lines of each page, which the cases `examples` give as they stand",
     "violate": "a scene that is to be refused; bad input has a table of its own (eos-ref stability)",

@@ -33,7 +33,8 @@ def evolve(scope: Scope, chance: Chance) -> Any:
         content["deform"] = _deform(scope, chance.at("deform"))
     if scope.stops:
         content["stops"] = _stops(scope, chance.at("stops"), steps, "deform" in content)
-        if chance.coin(0.3) and "deform" not in content:
+        goes_on = any(stop.get("by") == "continued" for stop in content["stops"])
+        if chance.coin(0.3) and "deform" not in content and not goes_on:
             return content | {"every": chance.whole(1, steps), "compare_at": [steps]}
     elif scope.whole and "deform" not in content and chance.coin(0.1):
         return content | {"every": chance.whole(1, steps), "compare_at": [steps]}
@@ -82,20 +83,27 @@ def _deform(scope: Scope, chance: Chance) -> Content:
 def _stops(scope: Scope, chance: Chance, steps: int, grows: bool) -> list[Content]:
     """Return one or two steps at which the state goes somewhere and comes back."""
     at = sorted({chance.whole(0, steps) for _ in range(chance.whole(1, 2))})
-    return [_stop(scope, chance.at(k), step, grows) for k, step in enumerate(at)]
+    stops = [_stop(scope, chance.at(k), step, grows) for k, step in enumerate(at)]
+    if any(stop.get("by") == "by hand" for stop in stops):  # it writes the box of the scene
+        stops = [{key: value for key, value in stop.items() if key != "stretch"} for stop in stops]
+    if any(stop.get("by") == "dt/reset" for stop in stops):  # beside it LAMMPS sets no count
+        stops = [{key: value for key, value in stop.items() if key != "count"} for stop in stops]
+    return stops
 
 
 def _stop(scope: Scope, chance: Chance, at: int, grows: bool) -> Content:
     stop: Content = {"at": at}
     walls = scope.content["rheo"].get("interface_reconstruct", False)
     if chance.coin(0.9):
-        refused = _refused(scope) | (set(AS_TEXT) if grows else set())
+        refused = _refused(scope) | ({*AS_TEXT, "by hand", "continued"} if grows else set())
         stop["by"] = chance.choice([route for route in ROUTES if route not in refused])
-    if chance.coin(0.2):
+    if chance.coin(0.2) or stop.get("by") == "dt/reset":
         stop["timestep"] = TO_BE_SET
     if chance.coin(0.25):
         stop["count"] = chance.choice([0, 7, 1000])
     kept = (walls or "mass" in scope.content) and stop.get("by") in ("restart", "other scene")
+    if stop.get("by") == "continued":  # nothing is set up for
+        return stop
     if kept:  # what a restart file holds of walls and masses keeps displace_atoms and change_box from working
         return stop
     if chance.coin(0.25):
@@ -117,7 +125,10 @@ def _refused(scope: Scope) -> set[str]:
     # After clear, fix enforce2d leaves one particle less than no degrees of freedom.
     places = scope.content["positions"]
     alone = scope.planar and (len(places["x"]) if "x" in places else math.prod(places["cells"])) == 1
+    plain = not all("rho0" in of and "cs" in of for of in scope.content["types"])
+    made = kept or scope.content["rheo"].get("rho_sum", False)  # densities that an evaluation makes
     possible = {"replicated": kept, "minimize": pushed, "restart": alone, "other scene": alone}
+    possible |= {"by hand": "tilt" in places, "replaced": made or plain}
     refused = {route for route, refuses in possible.items() if refuses}
     return refused | (set(LOSES_MASSES) if "mass" in scope.content else set())
 

@@ -29,7 +29,8 @@ FILE = "probes.yaml"
 
 
 class ManualProbe(OfManual, Probe):
-    """A deck and what must become of it: exactly one of ``refused``, ``accepted``, ``lacks``, ``same``, ``measured``.
+    """A deck and what must become of it: exactly one of ``refused``, ``accepted``, ``lacks``, ``same``, ``measured``,
+    ``columns``.
 
     Attributes
     ----------
@@ -44,6 +45,7 @@ class ManualProbe(OfManual, Probe):
     fields : the arrays compared; all by default
     measured : what the deck measures: its variable ``found`` must be ``expected``, but for ``within``
     bound : how ``within`` is derived
+    columns : arrays of atoms, each with the column of its compute ``q``, from 1 on, that must hold the same bits
     control : the deck edited in this way must *not* pass: without it a probe could be blind
     """
 
@@ -58,14 +60,16 @@ class ManualProbe(OfManual, Probe):
     fields: tuple[str, ...] = ()
     measured: str = ""
     bound: str = ""
+    columns: dict[str, int] | None = None
     control: Edits | None = None
 
     @model_validator(mode="after")
     def _one_expectation(self) -> ManualProbe:
         given = [self.refused != "", self.accepted, self.lacks != "", self.same is not None, self.measured != ""]
+        given.append(self.columns is not None)
         if sum(given) != 1:
-            raise ValueError(f"{self.id}: needs exactly one of refused, accepted, lacks, same, measured")
-        if (self.lacks or self.same is not None or self.measured) and self.control is None:
+            raise ValueError(f"{self.id}: needs exactly one of refused, accepted, lacks, same, measured, columns")
+        if (self.lacks or self.same is not None or self.measured or self.columns) and self.control is None:
             raise ValueError(f"{self.id}: needs a control")
         if bool(self.measured) != bool(self.bound):
             raise ValueError(f"{self.id}: what is measured needs a bound, and nothing else has one")
@@ -163,6 +167,10 @@ def _against(probe: ManualProbe, reply: Reply, other: Reply) -> Mismatch | None:
         value, expected, within = (float(reply.arrays[name][0]) for name in run.MEASURED)
         inside = abs(value - expected) <= within
         return None if inside else Mismatch(kind="measured", fields=[probe.measured], values=[value, expected, within])
+    for name, column in (probe.columns or {}).items():
+        shown_n, held_n = reply.arrays["q"][:, column - 1], reply.arrays[name]
+        if not np.array_equal(shown_n, held_n):
+            return _worst(name, shown_n, held_n)
     if probe.same is None:
         bad = [name for name, values_n in reply.arrays.items() if not np.isfinite(values_n).all()]
         return Mismatch(kind="not finite", fields=bad) if bad else None

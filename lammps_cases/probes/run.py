@@ -20,7 +20,8 @@ if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.records.run_record import Failed
 
 MEASURED = ("found", "expected", "within")  # variables of a deck that measures
-PROPERTIES = ("type", "x", "v", "f", "rho", "pressure", "drho", "esph")  # read where the atom style has them
+HEAT = ("esph", "temperature", "conductivity", "heatflow")
+PROPERTIES = ("type", "x", "v", "f", "rho", "pressure", "drho", "viscosity", *HEAT)  # read where the style has them
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ does not take a rule that it names is an error.
 
 from __future__ import annotations
 
-from lammps_cases.rules import fields, laws, motion, neighbours, pairs, surfaces, thermal, walls
+from lammps_cases.rules import edges, fields, laws, motion, neighbours, pairs, surfaces, thermal, walls
 from lammps_cases.rules.rule import Evaluated, Rule
 
 __all__ = ["RULES", "SUBJECTS", "Evaluated", "Rule"]
@@ -19,6 +19,7 @@ SUBJECTS: dict[str, tuple[Rule, ...]] = {
     "surfaces and shifting": surfaces.RULES,
     "heat": thermal.RULES,
     "forces, stresses, time steps": motion.RULES,
+    "edges": edges.RULES,
     "fields": fields.RULES,
 }
 RULES: dict[str, Rule] = {rule.name: rule for rules in SUBJECTS.values() for rule in rules}

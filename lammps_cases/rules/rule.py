@@ -36,6 +36,7 @@ class Evaluated:
     compared : fields that the scene compares
     step : number of the step
     box : before the first evaluation
+    step_changed : whether the time step was another one before
     """
 
     sim: Simulation
@@ -43,6 +44,7 @@ class Evaluated:
     compared: tuple[str, ...]
     step: int
     box: Box
+    step_changed: bool = False
 
     @cached_property
     def evaluator(self) -> ArrayEvaluator:

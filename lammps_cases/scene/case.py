@@ -223,12 +223,23 @@ class Scene(SceneModel):
                 raise BrokenRule(f"stops: {stop.by} does not keep the per-particle masses given by mass", *STOPS)
             if self.mass and stop.stretch and stop.by == "restart":  # LAMMPS' rule, until the next run has begun
                 raise BrokenRule("stretch needs another stop than a restart with per-particle masses", *STOPS)
+            if stop.by == "replaced":
+                self._check_replaced()
+            changes = self.evolve and (self.evolve.deform or any(other.stretch for other in stops))
+            if stop.by == "by hand" and (changes or getattr(self.positions, "tilt", None)):
+                raise BrokenRule("stops: by hand needs a box that is upright and stays as it is", *STOPS)
             if stop.stretch:
                 self._check_stretch(stop.stretch)
             if stop.displace:
                 type_range(stop.displace.types or "*", len(self.types))
                 if stop.displace.z and self.dimension == 2:
                     raise BrokenRule("displace.z must be 0 in 2D", *STOPS, found=stop.displace.z)
+
+    def _check_replaced(self) -> None:
+        if not (self.rho0 and self.cs):
+            raise BrokenRule("stops: replaced needs rho0 and cs, in whose place others come", *STOPS)
+        if self.rheo.interface_reconstruct or self.rheo.rho_sum:  # the evaluation with others leaves other densities
+            raise BrokenRule("stops: replaced goes with neither interface_reconstruct nor rho_sum", *STOPS)
 
     def _check_stretch(self, stretch: Stretch) -> None:
         if stretch.z != 1 and self.dimension == 2:

@@ -33,6 +33,10 @@ class EngineSettings(Rebuild):
     newton: bool = True
     newton_bond: bool | None = Field(None, description="newton of bonds; default: that of pairs")
     skin: Positive = Field(0.3, description="of neighbour lists, in spacings")
+    ghosts: Positive | None = Field(
+        None,
+        description="distance from a process at which it has images and others' particles, in spacings",
+    )
     ranks: Literal[1, 2] = 1
     processors: tuple[int, int, int] | None = Field(None, description="how processes share the box; default: LAMMPS'")
     communication: Literal["brick", "tiled"] = "brick"

@@ -151,6 +151,16 @@ class Evolve(SceneModel):
         at = [stop.at for stop in self.stops]
         if at != sorted(set(at)) or (at and at[-1] > self.steps):
             raise BrokenRule(f"stops must increase and lie within 0 to steps ({self.steps})", "stops", found=at)
+        kept = [stop.at for stop in self.stops if stop.by == "continued"]
+        if kept and (self.every or self.deform):
+            raise BrokenRule("stops: continued goes with neither every nor deform", "stops", found=f"one at {kept[0]}")
+        timed = [stop for stop in self.stops if stop.timestep is not None]
+        reset = next((k for k, stop in enumerate(timed) if stop.by == "dt/reset"), len(timed))
+        if len({stop.timestep for stop in timed[reset:]}) > 1:
+            given = [stop.timestep for stop in timed]
+            raise BrokenRule("stops: dt/reset keeps its time step to the end", "stops", found=given)
+        if any(stop.by == "dt/reset" for stop in self.stops) and any(stop.count is not None for stop in self.stops):
+            raise BrokenRule("stops: dt/reset goes with no count, which LAMMPS refuses to set beside it", "stops")
         if self.deform and self.every:
             raise BrokenRule(
                 f"deform goes without every, whose runs all begin in a box of their own: {self.every}", "deform"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from lammps_cases.scene.values import Finite, Positive, SceneModel, TypeRange
+from lammps_cases.scene.values import BrokenRule, Finite, Positive, SceneModel, TypeRange
 
 # What the state goes through at a stop, and why it must come out as it was.
 Route = Literal[
@@ -22,14 +22,22 @@ Route = Literal[
     "replicated",  # the box replicated once in each direction, which is the box
     "set",  # every attribute set to the value that it has
     "recreated",  # the last quarter of the atoms deleted, created anew and set
+    "by hand",  # a data file written line by line, as the manual describes it, clear, read_data
+    "replaced",  # fix rheo defined again under its id, with other densities and speeds of sound for an evaluation
+    "continued",  # the next run goes on without a set-up (pre no), by the time step that the stop gives
+    "dt/reset",  # fix dt/reset sets the time step, at the set-up of the next run
 ]
 ROUTES: tuple[Route, ...] = get_args(Route)
 AS_TEXT: tuple[Route, ...] = ("data", "data nofix")
-FROM_FILE: tuple[Route, ...] = ("restart", *AS_TEXT, "other scene")
-DEFINED_ANEW: tuple[Route, ...] = (*AS_TEXT, "redefined")
+FROM_FILE: tuple[Route, ...] = ("restart", *AS_TEXT, "other scene", "by hand")
+DEFINED_ANEW: tuple[Route, ...] = (*AS_TEXT, "redefined", "by hand")
 QUARTER = 4  # of all atoms, those recreated are one part in so many
-LOSES_MASSES: tuple[Route, ...] = (*AS_TEXT, "replicated", "recreated")  # that particles have of their own
-FOR_EACH_ATOM: tuple[Route, ...] = ("set", "recreated")  # commands that hold LAMMPS' own values of every atom
+LOSES_MASSES: tuple[Route, ...] = (*AS_TEXT, "replicated", "recreated", "by hand")  # that particles have of their own
+FOR_EACH_ATOM: tuple[Route, ...] = (
+    "set",
+    "recreated",
+    "by hand",
+)  # commands that hold LAMMPS' own values of every atom
 
 
 Factor = Annotated[Finite, Field(ge=0.5, le=2.0)]
@@ -71,6 +79,14 @@ class Stop(SceneModel):
     count: int | None = Field(None, ge=0, strict=True, description="LAMMPS counts on from here (reset_timestep)")
     displace: Displacement | None = None
     stretch: Stretch | None = None
+
+    @model_validator(mode="after")
+    def _by(self) -> Stop:
+        if self.by == "dt/reset" and self.timestep is None:
+            raise BrokenRule("dt/reset needs the time step that it sets", "timestep")
+        if self.by == "continued" and (self.displace or self.stretch):
+            raise BrokenRule("continued goes with neither displace nor stretch, which need a set-up", "by")
+        return self
 
     def renews(self, natoms: int) -> int:
         """Return how many atoms, those of the highest ids, are created anew, or all if the fixes are defined anew."""

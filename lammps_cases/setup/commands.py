@@ -5,6 +5,7 @@ Numbers are written as the shortest text that reads back as the same double (`re
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 
@@ -97,7 +98,8 @@ def _runs(scene: Scene, every_step: bool, between: Callable[[Stop], Interlude]) 
         if step in stops:
             yield between(stops[step])
             if not every or step == scene.snapshots[-1]:  # else the next run's own set-up is the only one
-                yield RunCommand(f"run 0 post no{_ends(evolve, step)}", step in read)
+                again = "pre no " * (stops[step].by == "continued")
+                yield RunCommand(f"run 0 {again}post no{_ends(evolve, step)}", step in read)
         done = step
 
 
@@ -167,7 +169,8 @@ def _style(scene: Scene, atoms: Atoms) -> Iterable[str]:
 
 def _neighbours(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     if plan.needs("pair rheo"):
-        yield "comm_modify vel yes"
+        ghosts = scene.engine.ghosts
+        yield "comm_modify vel yes" + (f" cutoff {ghosts * atoms.spacing!r}" if ghosts else "")
     # The default skin suits neither every unit system nor every spacing; without a pair style LAMMPS has no cutoff
     # to size its bins by and stops at a box of some 100 spacings, unless it is told.
     yield f"neighbor {scene.engine.skin * atoms.spacing!r} {scene.engine.search}"
@@ -272,11 +275,22 @@ def _pressure(scene: Scene) -> str:
     return f"rheo/pressure {' '.join(words)}"
 
 
-def _per_type(values: Sequence[str]) -> str:
-    """Return one value per type, as ``* VALUE`` if all are the same."""
-    if len(set(values)) == 1:
-        return f"* {values[0]}"
-    return " ".join(f"{t} {value}" for t, value in enumerate(values, 1))
+def _per_type(values: Sequence[str | None]) -> list[tuple[str, str]]:
+    """Return types and their value; types next to each other that share one are a range, and None is left out."""
+    entries, n, first = [], len(values), 1
+    for value, group in itertools.groupby(values):
+        last = first + len(list(group)) - 1
+        if value is not None:
+            entries.append((_range(first, last, n), value))
+        first = last + 1
+    return entries
+
+
+def _range(first: int, last: int, n: int) -> str:
+    """Return types in the shortest of the manual's forms: ``*``, ``n``, ``*n``, ``m*`` or ``m*n``."""
+    if first == last and n > 1:
+        return str(first)
+    return f"{first if first > 1 else ''}*{last if last < n else ''}"
 
 
 def _viscosity(scene: Scene) -> str:
@@ -284,7 +298,7 @@ def _viscosity(scene: Scene) -> str:
         f"power {_numbers((law.eta, law.gd0, law.K, law.n))}" if isinstance(law, PowerLaw) else f"constant {law!r}"
         for law in (atom_type.viscosity for atom_type in scene.types)
     ]
-    return f"rheo/viscosity {_per_type(laws)}"
+    return " ".join(["rheo/viscosity", *(f"{types} {law}" for types, law in _per_type(laws))])
 
 
 def _thermal(scene: Scene) -> str:
@@ -296,10 +310,8 @@ def _thermal(scene: Scene) -> str:
     }
     words = ["rheo/thermal"]
     for keyword, values in keywords.items():
-        entries: list[tuple[str, float | None]] = [(str(t), v) for t, v in enumerate(values, 1) if v is not None]
-        if len(entries) == len(values) and len(set(values)) == 1:
-            entries = [("*", values[0])]
-        words += [f"{keyword} {types} constant {value!r}" for types, value in entries]
+        texts = [None if value is None else f"constant {value!r}" for value in values]
+        words += [f"{keyword} {types} {text}" for types, text in _per_type(texts)]
     return " ".join(words)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -65,7 +66,7 @@ class Lines:
 
 def interlude(stop: Stop, scene: Scene, lines: Lines, atoms: Atoms) -> Interlude:
     """Return what LAMMPS is given at a stop before the next run."""
-    actions = [*_route(stop, scene, lines, len(atoms)), *_settings(stop, scene, atoms)]
+    actions = [*_route(stop, scene, lines, atoms), *_settings(stop, scene, atoms)]
     return Interlude(tuple(actions), moves=stop.displace is not None or stop.stretch is not None)
 
 
@@ -73,7 +74,7 @@ def _settings(stop: Stop, scene: Scene, atoms: Atoms) -> Iterable[InterludeActio
     """Yield what a stop changes beside its route."""
     assert scene.evolve is not None
     timesteps = [one.timestep for one in scene.evolve.stops if one.at <= stop.at and one.timestep is not None]
-    if timesteps:  # that of an earlier stop, too: a route may have given the model's
+    if timesteps and stop.by != "dt/reset":  # that of an earlier stop, too: a route may have given the model's
         yield InterludeAction(f"timestep {timesteps[-1]!r}")
     if stop.count is not None:
         yield InterludeAction(f"reset_timestep {stop.count}")
@@ -105,12 +106,17 @@ def _given(lines: Iterable[str]) -> list[InterludeAction]:
     return [InterludeAction(line) for line in lines]
 
 
-def _route(stop: Stop, scene: Scene, lines: Lines, natoms: int) -> list[InterludeAction]:
+def _route(stop: Stop, scene: Scene, lines: Lines, atoms: Atoms) -> list[InterludeAction]:
     restart = [InterludeAction(f"write_restart {FOLDER}/restart.{stop.at}"), InterludeAction("clear")]
     read = [InterludeAction(f"read_restart {FOLDER}/restart.{stop.at}"), *_given((*lines.neighbours, *lines.model))]
     match stop.by:
-        case "run":
+        case "run" | "continued":
             return []
+        case "dt/reset":
+            # A step in which anything moves farther than 1e-30 is too long: LAMMPS takes the least there may be.
+            assert stop.timestep is not None
+            least, most = stop.timestep, math.nextafter(stop.timestep, math.inf)
+            return _given([f"fix reset all dt/reset 1 {least!r} {most!r} 1e-30 units box"])
         case "restart":
             return [*restart, *read]
         case "other scene":
@@ -130,6 +136,16 @@ def _route(stop: Stop, scene: Scene, lines: Lines, natoms: int) -> list[Interlud
                 InterludeAction("clear"),
                 *_given(again),
             ]
+        case "by hand":
+            file = f"{FOLDER}/hand.{stop.at}"
+            assert scene.evolve is not None
+            (count,) = scene.evolve.counted((stop.at,))
+            again = [*lines.style, *lines.neighbours, f"read_data {file}", *lines.model, f"reset_timestep {count}"]
+            return [*_by_hand(file, scene, atoms), InterludeAction("clear"), *_given(again)]
+        case "replaced":
+            (rheo,) = (line for line in lines.model if line.startswith("fix rheo "))
+            other = InterludeAction("run 0 post no", evaluates=True)
+            return [InterludeAction(_of_others(rheo, len(scene.types))), other, InterludeAction(rheo)]
         case "redefined":
             return [*_undefined(lines.model), InterludeAction("pair_style none"), *_given(lines.model)]
         case "refused command":
@@ -139,10 +155,37 @@ def _route(stop: Stop, scene: Scene, lines: Lines, natoms: int) -> list[Interlud
         case "replicated":
             return [InterludeAction("replicate 1 1 1")]
         case "set":
-            return [InterludeAction(_set(scene), "for each atom", natoms)]
+            return [InterludeAction(_set(scene), "for each atom", len(atoms))]
         case "recreated":
             groups = [line for line in lines.model if line.startswith("group ")]  # new atoms are in none of them
-            return [*_recreated(scene, natoms, stop.renews(natoms)), *_given(groups)]
+            return [*_recreated(scene, len(atoms), stop.renews(len(atoms))), *_given(groups)]
+
+
+def _by_hand(file: str, scene: Scene, atoms: Atoms) -> Iterable[InterludeAction]:
+    """Yield what writes a data file line by line: box, masses, and all values of each atom, with all digits."""
+    edges = zip("xyz", atoms.low_c.tolist(), atoms.high_c.tolist(), strict=True)
+    head = ["by hand", "", f"{len(atoms)} atoms", f"{len(scene.types)} atom types", ""]
+    head += [f"{low!r} {high!r} {axis}lo {axis}hi" for axis, low, high in edges]
+    head += ["", "Masses", "", *(f"{t} {of.mass!r}" for t, of in enumerate(scene.types, 1))]
+    z = "{z}" if scene.dimension == 3 else "0.0"  # as where atoms are created
+    energy = " {esph}" if scene.thermal else ""
+    sections = {
+        "Atoms": f"{{id}} {{type}} {{phase}} {{rho}}{energy} {{x}} {{y}} {z}",
+        "Velocities": "{id} {vx} {vy} {vz}",
+    }
+    yield from (InterludeAction(f'print "{line}" append {file} screen no') for line in head)
+    for section, line in sections.items():
+        yield from (InterludeAction(f'print "{word}" append {file} screen no') for word in ("", section, ""))
+        yield InterludeAction(f'print "{line}" append {file} screen no', "for each atom", len(atoms))
+
+
+def _of_others(rheo: str, types: int) -> str:
+    """Return the line of fix rheo with other equilibrium densities and speeds of sound."""
+    words = rheo.split()
+    for keyword, factor in (("density", 1.25), ("speed/sound", 0.5)):
+        begin = words.index(keyword) + 1
+        words[begin : begin + types] = [repr(factor * float(word)) for word in words[begin : begin + types]]
+    return " ".join(words)
 
 
 def _undefined(model: Iterable[str]) -> Iterable[InterludeAction]:

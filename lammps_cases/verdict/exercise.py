@@ -71,7 +71,7 @@ def _visited(problem: Problem, interacts: bool, halts: dict[int, Halt] | None) -
         sim: Simulation = problem.simulation()
         for step, _ in reached(problem, sim, halts):
             if step in problem.steps:
-                yield Evaluated(sim, start, problem.fields, step, problem.box)
+                yield Evaluated(sim, start, problem.fields, step, problem.box, problem.step_changed(step))
     else:
         evaluator = ArrayEvaluator(problem.model, problem.box, start.type_n, start.solid_n)
         sim = Simulation.with_evaluator(start.copy(), evaluator, problem.fields)

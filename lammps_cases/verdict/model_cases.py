@@ -68,6 +68,7 @@ def _stops(scene: Scene, atoms: Atoms) -> tuple[ProblemStop, ...]:
             TEXT_DIGITS if stop.by in AS_TEXT else None,
             replace(atoms, high_c=np.array(corners[stop.at])).box(scene.dimension) if stop.stretch else None,
             stop.by == "minimize",
+            stop.by == "continued",
         )
         for stop in (evolve.beginnings if evolve else ())
     )

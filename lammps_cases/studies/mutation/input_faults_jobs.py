@@ -266,6 +266,7 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
         _between("", "group moved id 3", "displace_atoms moved move 1e-9 0 0 units box"),
     ),
     ("between-no-timestep", "unset", "time step not set between runs", _not_between("timestep")),
+    ("between-no-reset", "unset", "fix dt/reset left out", _not_between("fix reset")),
     ("between-no-forces", "missing term", "forces of other fixes not defined anew", _not_between("fix force")),
     ("between-no-displacement", "missing term", "atoms not displaced", _not_between("displace_atoms")),
     ("between-no-stretch", "missing term", "the box as it was", _not_between("change_box")),

@@ -134,7 +134,7 @@ def stepwise(runs: Sequence[RunCommand | Interlude]) -> Iterator[RunCommand | In
             yield stretch
             continue
         steps = int(stretch.command.split()[1])
-        singly = [RunCommand("run 1 pre no post no")] * steps or [RunCommand("run 0 post no")]
+        singly = [RunCommand("run 1 pre no post no")] * steps or [stretch]
         yield from singly[:-1]
         yield replace(singly[-1], read=not isinstance(following, Interlude))
 

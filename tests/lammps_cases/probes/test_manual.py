@@ -219,6 +219,15 @@ def test_number_is_measured_outside_its_bound(number: float) -> None:
     assert record.message == f"a speed is measured as {number:.6g}, where 5 within 0.25 is expected"
 
 
+def test_columns_are_the_arrays_that_they_show() -> None:
+    probe = ManualProbe(id="x", about="X.", columns={"rho": 2}, control=())
+    wrong = Reply("answered", arrays={"q": np.array([[1.0, 1.1]]), "rho": np.array([1.3])})
+    right = Reply("answered", arrays={"q": np.array([[1.0, 1.3]]), "rho": np.array([1.3])})
+    assert judge(probe, [right, wrong]).verdict == "pass"
+    assert said(probe, wrong, right) == "rho differs at 1 of 1 numbers, most 1.1 and 1.3"
+    assert "the probe is blind" in said(probe, right, right)
+
+
 def test_control_of_a_measurement_must_be_outside() -> None:
     assert "the probe is blind" in judge(MEASURED, [measured(5.0), measured(5.1)]).message
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,12 +26,12 @@ V = [[0.3, 0.0], [0.0, 0.0], [0.1, 0.2], [0.0, 0.0]]
 LAWS = EOSTable((EOS("linear", 1.2, 3.0, None, 0.4), EOS("cubic", 0.9, 5.0, -0.7)))
 
 
-def evaluated(compared: tuple[str, ...] = ("f", "drho"), x: Any = X, **changes: Any) -> Evaluated:
+def evaluated(compared: tuple[str, ...] = ("f", "drho"), x: Any = X, v: Any = V, **changes: Any) -> Evaluated:
     """The first evaluation of four particles."""
     fix = FixRheo(1.8, "quintic", 0, rho0=(1.2, 0.9), cs=(3.0, 5.0), **changes.pop("fix", {}))
     constants = {"pair": PairRheo(1.8, 0.4, 0.1), "viscosity": (Viscosity("constant", 0.3),) * 2}
     model = Model(**{"dimension": 2, "fix": fix, "mass_t": (1.3, 0.7), "eos": LAWS, **constants, **changes})
-    state = State(np.array(x), np.array(V), np.array([1.1, 1.3, 0.8, 0.9]), np.array(TYPES), np.array(SOLID))
+    state = State(np.array(x), np.array(v), np.array([1.1, 1.3, 0.8, 0.9]), np.array(TYPES), np.array(SOLID))
     sim = Simulation(model, Box((0.0, 0.0), (9.0, 9.0), (True, True)), state, compared)
     sim.setup()
     return Evaluated(sim, state, compared, 0, sim.box)
@@ -49,7 +50,7 @@ def test_particles_and_pairs_are_counted_by_class() -> None:
         **{"rho0": 4, "sound-speed": 4, "laws-by-type": 4, "volumes": 3, "kernel-quintic": 4},
         **{"gradient-of-velocity": 3, "force-same-fluid": 1, "force-other-fluid": 1, "force-stored-wall": 2},
         **{"viscosity": 3, "density-diffusion": 2, "density-diffusion-types": 1, "density-diffusion-not": 2},
-        **{"field/f": 4, "field/drho": 3},
+        **{"field/f": 4, "field/drho": 3, "values-shared": 2},
     }
     pairs = artificial["artificial-viscosity"] + artificial["artificial-viscosity-not"]
     assert 2 <= pairs <= 4, "those at rest relative to each other neither approach nor part"
@@ -77,6 +78,40 @@ def test_surfaces_are_counted_by_style_and_class() -> None:
     assert of[0]["surface-distance"] == of[0]["layer"] == of[0]["pairs-bulk-surface"] == 1  # the second particle
     assert of[2]["splash-by-coordination"] == of[2]["pairs-splash"] == 1
     assert not {"surface-normal", "surface-distance", "layer", "surface-by-divergence"} & set(of[2])
+
+
+THICK = (Viscosity("power", 0.3, 0.1, 0.2, 0.5), Viscosity("constant", 0.3))
+
+
+@pytest.mark.parametrize(
+    ("rule", "count", "fields", "changes"),
+    [
+        ("limit-met", 1, ("surface",), {"fix": {"surface_detection": SurfaceDetection("coordination", 2, 0)}}),
+        ("limit-met", 0, ("surface",), {"fix": {"surface_detection": SurfaceDetection("divergence", 2.0, 0)}}),
+        (
+            *("splash-met-by-coordination", 1, ("surface",)),
+            {"fix": {"surface_detection": SurfaceDetection("coordination", 2, 1)}},
+        ),
+        (
+            *("splash-met-by-divergence", 1, ("surface",)),
+            {"fix": {"surface_detection": SurfaceDetection("divergence", 9.0, 1)}},
+        ),
+        ("strain-rate-zero", 2, ("f",), {"v": np.zeros((4, 2)), "viscosity": THICK}),
+        ("strain-rate-zero", 0, ("f",), {"viscosity": THICK}),
+        ("values-shared", 0, ("f",), {"viscosity": THICK}),
+    ],
+)
+def test_an_edge_is_counted_where_it_is_met(rule: str, count: int, fields: Any, changes: dict[str, Any]) -> None:
+    """The particles have 2, 3, 1 and, the solid, 2 neighbours."""
+    assert counts(evaluated(fields, **changes)).get(rule, 0) == count
+
+
+def test_a_time_step_counts_once_it_has_changed() -> None:
+    at = evaluated()
+    assert not [name for name in counts(at) if name.startswith("step-changed")]
+    changed = counts(replace(at, step_changed=True))
+    assert changed["step-changed-velocity"] == changed["step-changed-density"] == 4
+    assert "step-changed-energy" not in changed
 
 
 def test_images_are_told_from_neighbours_inside_the_box() -> None:

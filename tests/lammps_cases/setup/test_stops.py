@@ -20,7 +20,7 @@ def lines(by: Route, **stop: object) -> tuple[list[str], list[str]]:
     """The commands that LAMMPS is given first, and those at a stop after step 1, of a case with walls."""
     (case,) = casefile.select(casefile.load(), ["runs-walls.fluid.settings"])
     assert case.scene.evolve
-    told = Stop.model_validate({"at": 1, "by": by} | stop)
+    told = Stop.model_validate({"at": 1, "by": by, "timestep": 0.002 if by == "dt/reset" else None} | stop)
     evolve = case.scene.evolve.model_copy(update={"stops": (told,)})
     scene = case.scene.model_copy(update={"evolve": evolve})
     given = job(scene, prepared_case.prepare(case).atoms, plan(scene))
@@ -29,7 +29,7 @@ def lines(by: Route, **stop: object) -> tuple[list[str], list[str]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("by", ROUTES)
+@pytest.mark.parametrize("by", [by for by in ROUTES if by != "replaced"])
 def test_what_is_taken_away_is_defined_anew_and_nothing_else(by: Route) -> None:
     first, between = lines(by)
     fixes = [line for line in first if line.startswith(MODEL)]
@@ -83,6 +83,35 @@ def test_runs_begin_with_a_set_up_after_each_stop_and_are_read_there() -> None:
                 before, after = runs[k - 1], runs[k + 1]
                 assert not isinstance(before, Interlude) and not before.read
                 assert not isinstance(after, Interlude) and after.command == "run 0 post no" and after.read
+
+
+def test_a_data_file_by_hand_has_every_attribute_in_the_order_of_the_manual() -> None:
+    _, between = lines("by hand")
+    written = [line.split('"')[1] for line in between if line.startswith("print")]
+    assert written[:5] == ["by hand", "", "42 atoms", "2 atom types", ""]
+    atoms, velocities = "{id} {type} {phase} {rho} {x} {y} 0.0", "{id} {vx} {vy} {vz}"
+    assert written[-8:] == ["", "Atoms", "", atoms, "", "Velocities", "", velocities]
+    assert f"read_data {FOLDER}/hand.1" in between
+
+
+def test_fix_rheo_is_replaced_by_another_and_then_by_its_own() -> None:
+    first, between = lines("replaced")
+    (own,) = (line for line in first if line.startswith("fix rheo "))
+    assert between[1:] == ["run 0 post no", own]
+    assert between[0].split()[:4] == own.split()[:4] and between[0] != own
+    assert len(between[0].split()) == len(own.split())
+
+
+def test_a_run_that_goes_on_has_no_set_up_but_its_time_step() -> None:
+    (case,) = casefile.select(casefile.load(), ["edges-steps.continued.fluid.2d"])
+    runs = job(case.scene, prepared_case.prepare(case).atoms, plan(case.scene)).runs
+    texts = [s.command if isinstance(s, RunCommand) else [a.text for a in s.actions] for s in runs]
+    assert texts[3:6] == [["timestep 0.006"], "run 0 pre no post no", "run 1 pre no post no"]
+
+
+def test_fix_dt_reset_sets_the_time_step_alone() -> None:
+    _, between = lines("dt/reset")
+    assert between == ["fix reset all dt/reset 1 0.002 0.0020000000000000005 1e-30 units box"]
 
 
 @pytest.mark.slow
@@ -140,7 +169,7 @@ def test_in_two_dimensions_atoms_are_created_at_0_along_the_third() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("by", FOR_EACH_ATOM)
+@pytest.mark.parametrize("by", [by for by in FOR_EACH_ATOM if by != "by hand"])
 def test_commands_for_each_atom_name_every_attribute(by: Route) -> None:
     _, between = lines(by)
     for word in ("type {type}", "x {x}", "vy {vy}", "rheo/rho {rho}", "rheo/status {phase}"):

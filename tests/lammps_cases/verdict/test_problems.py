@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import visit
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
@@ -55,6 +57,27 @@ def test_the_state_goes_through_a_stop_as_its_route_says(
     assert (stop.step, stop.read_back, stop.digits, stop.minimized) == (4, read_back, digits, minimized)
     assert stop.new_n.tolist() == [False] * (20 - new) + [True] * new, "those of the highest ids"
     assert stop.timestep is stop.by_nc is stop.box is None
+
+
+def test_a_run_that_goes_on_has_another_time_step_from_the_next_step_on(made: Callable[..., Any]) -> None:
+    _, problem = made({"at": 4, "by": "continued", "timestep": 0.001}, {"at": 6, "by": "dt/reset", "timestep": 0.004})
+    assert [(stop.continued, stop.timestep) for stop in problem.stops] == [(True, 0.001), (False, 0.004)]
+    assert [step for step in range(10) if problem.step_changed(step)] == [5, 6, 7, 8, 9]
+    began: list[int] = []
+
+    class Counted(Simulation):
+        taken = 0
+
+        def setup(self) -> None:
+            began.append(self.taken)
+            super().setup()
+
+        def step(self, dt: float) -> None:
+            self.taken += 1
+            super().step(dt)
+
+    list(visit(problem.simulation(stepping=Counted), (0, 9), problem.timestep, problem.stops))
+    assert began == [0, 6], "before the first step, and at the stop by dt/reset"
 
 
 def test_a_stop_changes_time_step_places_and_box(made: Callable[..., Any]) -> None:

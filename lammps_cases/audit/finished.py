@@ -36,7 +36,7 @@ from lammps_cases.audit.options import (
 )
 from lammps_cases.audit.sample import judged, known
 from lammps_cases.audit.supervise import case_name, described
-from lammps_cases.audit.verdict import Findings, by_field, leave_unchecked
+from lammps_cases.audit.verdict import Findings, by_field
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.records import wording
 from lammps_cases.records.audit_record import BreakRecord
@@ -44,6 +44,7 @@ from lammps_cases.records.run_record import EngineRecord, LawRecord, RunRecord, 
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.scene.lammps_files import SOLID, CutOff, FileSnapshot, snapshots
 from lammps_cases.verdict.model_fields import derived
+from lammps_cases.verdict.outcome import leave_unchecked
 
 NO_COLUMN = "no column of it in the dump (compute rheo/property/atom NAME, of vectors and tensors NAME/*)"
 NO_PARTICLE = "no particle can be compared"

@@ -29,13 +29,14 @@ from lammps_cases.audit.options import (
 )
 from lammps_cases.audit.place import DeckPlace, find
 from lammps_cases.audit.scratch import beside, copy_folder
-from lammps_cases.audit.verdict import Findings, leave_unchecked
+from lammps_cases.audit.verdict import Findings
 from lammps_cases.engine import containment, ranks
 from lammps_cases.engine.session import death, how_it_died
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, worst
+from lammps_cases.verdict.outcome import leave_unchecked
 
 LAUNCHER = 120.0  # seconds to find what starts several ranks
 PATIENCE = 0.5  # seconds between two checks of the time limit

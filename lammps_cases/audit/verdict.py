@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from lammps_cases.audit.acting import record_of
@@ -22,6 +22,7 @@ from lammps_cases.findings import finding
 from lammps_cases.records import deck_wording, wording
 from lammps_cases.records.audit_record import ActingRecord, BreakRecord, BudgetRecord, EffectRecord
 from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, FieldRecord, worst
+from lammps_cases.verdict.outcome import leave_unchecked
 
 
 @dataclass
@@ -105,10 +106,7 @@ class Findings:
             (name, reason + (f" (run {', '.join(map(str, runs))})" if several else ""))
             for (name, reason), runs in self.unchecked.items()
         ]
-        open_ = [
-            (name, f"not predictable in {_steps(steps)}, because of the known bug {wording.listed(names)}")
-            for (name, names), steps in self.unpredictable.items()
-        ]
+        open_ = [(name, wording.not_predictable(steps, names)) for (name, names), steps in self.unpredictable.items()]
         missed = [name for name in missed if not any(name == field for field, _ in self.unpredictable)]
         return by_field([*of_runs, *open_, *((name, NEVER_COMPARABLE) for name in missed)])
 
@@ -222,11 +220,6 @@ def _joined(a: FieldRecord, b: FieldRecord) -> FieldRecord:
     return record.model_copy(update={"verdict": verdict, "max_abs": max_abs, "explained_by": explained})
 
 
-def _steps(steps: Sequence[int]) -> str:
-    """Return some steps in words."""
-    return f"step {steps[0]}" if len(steps) == 1 else f"steps {steps[0]} to {steps[-1]}"
-
-
 def _blame(sample: SampleRows, key: tuple[str, int], row: SampleRow) -> Blame:
     name, t = key
     assert row.first_id is not None
@@ -250,9 +243,3 @@ def by_field(reasons: Iterable[tuple[str, str]]) -> dict[str, str]:
     for name, reason in reasons:
         of_fields.setdefault(name, []).append(reason)
     return {name: "; ".join(said) for name, said in of_fields.items()}
-
-
-def leave_unchecked(case: CaseRecord, reasons: Mapping[str, str]) -> None:
-    """Note in a record which fields were not checked, and why: as data and in words."""
-    case.unchecked = dict(reasons)
-    case.not_checked = [f"{name}: {reason}" for name, reason in reasons.items()]

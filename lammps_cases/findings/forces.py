@@ -13,10 +13,10 @@ from eos_ref.model.parameters import IntArray
 from eos_ref.model.state import masses
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
-from eos_ref.numbers.rounded import value
+from eos_ref.numbers.rounded import Rounded, error, value
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.entry import Finding, Gap, MapDifference, multiplied
-from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
+from lammps_cases.findings.neighbour_lists import UNDEFINED, CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
 if TYPE_CHECKING:
@@ -111,19 +111,28 @@ def _lacks_a_coefficient(scene: Scene) -> bool:
 
 
 class MeanOfZeros(ArrayEvaluator):
-    """The harmonic mean of two coefficients that are 0 is no number."""
+    """The harmonic mean of two coefficients that are 0 is no number.
+
+    In a run that goes on it has no bound: after a step positions are no numbers, and LAMMPS decides which pairs remain.
+    """
+
+    goes_on: bool = False
 
     def mean(self, of_i: Array, of_j: Array) -> Array:
         """Return the mean, or no number."""
-        return where((value(of_i) == 0) & (value(of_j) == 0), np.nan, super().mean(of_i, of_j))
+        zeros, mean = (value(of_i) == 0) & (value(of_j) == 0), super().mean(of_i, of_j)
+        if not self.goes_on:
+            return where(zeros, np.nan, mean)
+        rounded = isinstance(self.r, Rounded)  # coefficients may be constants all the same
+        return Rounded(value(mean), np.where(zeros, UNDEFINED, error(mean))) if rounded else mean
 
 
 def has_means_of_zeros(problem: Problem) -> bool:
-    """Return whether harmonic means are taken and some viscosity or conductivity is 0, before any step."""
+    """Return whether harmonic means are taken and some viscosity or conductivity is 0."""
     model = problem.model
     thin = any(law.eta == 0 for law in model.viscosity)
     insulating = any(each.conductivity == 0 for each in model.thermal or ())
-    return model.pair.harmonic_means and (thin or insulating) and not problem.steps[-1]
+    return model.pair.harmonic_means and (thin or insulating)
 
 
 HARMONIC_MEAN_UNDEFINED = Finding(
@@ -145,7 +154,13 @@ HARMONIC_MEAN_UNDEFINED = Finding(
     outcome="refused",
     engine_error="Non-numeric atom coords",
     scene="two particles with viscosity 0 and harmonic/means",
-    model_variant=Variant(has_means_of_zeros, MeanOfZeros, changes=("f", "heatflow")),
+    model_variant=Variant(
+        has_means_of_zeros,
+        MeanOfZeros,
+        fit=lambda problem, *_: {"goes_on": problem.goes_on},
+        undefined=True,
+        changes=("f", "heatflow"),
+    ),
     gaps=(
         Gap(
             lambda scene: scene.pair.harmonic_means and scene.evolve is not None and _lacks_a_coefficient(scene),

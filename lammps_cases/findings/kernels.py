@@ -80,21 +80,22 @@ class StaleGradient(FollowingLists):
             stale_p = ~computed_p.answer | computed_p.open
             self.g = [unbounded(g_a, stale_p) for g_a in self.own]
             return
-        left = np.zeros((2, len(self.own))) if self.left is None else np.array(self.left)
-        start = UNDEFINED if self.left is None else 0.0
+        left = np.full((2, len(self.own)), np.nan) if self.left is None else np.array(self.left)  # NaN: nobody knows
         g = [(value(g_a).copy(), np.array(error(g_a))) for g_a in self.own]
         for side, entry_p in enumerate((self.forward_p, self.backward_p)):
             at = np.flatnonzero(entry_p >= 0)
             at = at[np.argsort(entry_p[at])]
             writes = computed_p.answer[at] | computed_p.open[at]
             last = np.maximum.accumulate(np.where(writes, np.arange(len(at)), -1)) + 1  # 0: what was left before
+            start = UNDEFINED if np.isnan(left[side]).any() else 0.0
             known = np.concatenate([[start], np.where(computed_p.open[at], UNDEFINED, 0.0)])[last]
             used = (self.forward_p[at] >= 0) == (side == 0)
             for a, g_a in enumerate(self.own):
-                values = np.concatenate([left[side, a : a + 1], value(g_a)[at]])[last]
+                values = np.concatenate([np.nan_to_num(left[side, a : a + 1]), value(g_a)[at]])[last]
                 errors = np.concatenate([[0.0], error(g_a)[at]])[last] + known
                 g[a][0][at[used]], g[a][1][at[used]] = values[used], errors[used]
-                left[side, a] = values[-1] if len(at) else left[side, a]
+                if len(at):
+                    left[side, a] = np.nan if known[-1] else values[-1]
         self.left = tuple(left)
         self.g = [
             Rounded(*parts) if isinstance(g_a, Rounded) else parts[0] for parts, g_a in zip(g, self.own, strict=True)

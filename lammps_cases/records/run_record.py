@@ -263,7 +263,7 @@ class CaseRecord(Record):
     thermo: list[dict[str, float]] = Field(
         [], description="thermo output of an audited deck: the latest row at every sample, and the last of every run"
     )
-    not_checked: list[str] = Field([], description="fields that an audit was asked for and could not check, and why")
+    not_checked: list[str] = Field([], description="fields that could not be checked, and why")
     unchecked: dict[str, str] = Field({}, description="the same as data: reasons by field")
     out_of_scope: list[str] = Field([], description="those of them that the deck does not have, or no audit checks")
 

@@ -162,6 +162,12 @@ def notes(run: RunRecord) -> list[str]:
     return [line, *run.notes]
 
 
+def not_predictable(steps: Sequence[int], findings: Iterable[str]) -> str:
+    """Say in which steps findings leave nothing of a field to compare."""
+    some_steps = f"step {steps[0]}" if len(steps) == 1 else f"steps {steps[0]} to {steps[-1]}"
+    return f"not predictable in {some_steps}, because of the known bug {listed(findings)}"
+
+
 # --- triage
 
 
@@ -315,7 +321,7 @@ def message(case: CaseRecord, findings: bool = True) -> str:
     if case.verdict in INSIDE:
         return ""
     limit = f"a known limit of {listed(case.limits)}, of which no variant reproduces such scenes" if case.limits else ""
-    parts = [outlook(case), blame(case, findings), limit, end(case), unexercised(case)]
+    parts = [outlook(case), blame(case, findings), unpredictable(case), limit, end(case), unexercised(case)]
     return "; ".join(part for part in parts if part) or case.message
 
 
@@ -343,6 +349,14 @@ def outlook(case: CaseRecord) -> str:
     if of.cause == "time step":
         return f"unstable because of the time step: {because}{away}, but not with a tenth of the time step"
     return f"unstable as set up: {because}{away}, and also with a tenth of the time step"
+
+
+def unpredictable(case: CaseRecord) -> str:
+    """Say which fields of a case could not be compared, and why; of an audit other lines do."""
+    fields: dict[str, list[str]] = {}
+    for name, why in case.unchecked.items() if "audit" not in case.tags else ():
+        fields.setdefault(why, []).append(name)
+    return "; ".join(f"{', '.join(names)} {why}" for why, names in fields.items())
 
 
 def unexercised(case: CaseRecord) -> str:

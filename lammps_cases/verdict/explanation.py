@@ -25,6 +25,7 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Fields, Prediction
 from lammps_cases.findings import Finding, applicable
 from lammps_cases.findings.variants import Snapshot, combined
+from lammps_cases.records import wording
 from lammps_cases.records.run_record import Beyond, Blame
 from lammps_cases.scene.fields import FIELDS, in_step_order
 from lammps_cases.verdict.model_fields import blame_of, first_left, sides
@@ -176,6 +177,20 @@ class Trial:
             names = fewer if reaches(fewer) else names
         return Beyond(findings=list(names), blame=self._left[names], known=known) if names or known else None
 
+    def unpredictable(self, entries: Sequence[Finding]) -> dict[str, str]:
+        """Return by field in which steps findings that explain a difference leave no value with a bound, in words."""
+        variants = [entry.model_variant for entry in entries if entry.model_variant]
+        open_ = [entry.id for entry in entries if entry.model_variant and entry.model_variant.undefined]
+        if not open_:
+            return {}
+        *_, prediction = self._predictions(combined(variants, self.problem, self.snapshots[0]), self.problem)
+        steps = {
+            name: [step for step, bounds in zip(self.problem.steps, prediction.bounds, strict=True)
+                   if np.all(np.isinf(bounds[name]))]
+            for name in in_step_order(self.problem.fields)
+        }  # fmt: skip
+        return {name: wording.not_predictable(at, open_) for name, at in steps.items() if at}
+
     def shows(self, entry: Finding) -> bool:
         """Return whether a finding takes some field out of the reference's bound."""
         made = combined([entry.model_variant] if entry.model_variant else [], self.problem, self.snapshots[0])
@@ -191,8 +206,8 @@ class Trial:
 def _defined_part_inside(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray, own_n: FloatArray) -> bool:
     """Return whether all values that have a bound are inside it.
 
-    Only the variant may leave a value without one, not the reference with its bound ``own_n``; and not all of a field.
+    Only the variant may leave a value without one, not the reference with its bound ``own_n``.
     """
     defined = np.isfinite(bound_n) | ~np.isfinite(own_n)
     ratio = excess(lammps_n[defined], reference_n[defined], bound_n[defined])[1]
-    return bool(defined.any()) and bool(np.all(ratio <= 1))
+    return bool(np.all(ratio <= 1))

@@ -27,7 +27,7 @@ from lammps_cases.verdict.outcome import (
     judge_lost_atoms,
     other_atoms,
 )
-from lammps_cases.verdict.runaway import Attempts, diverged
+from lammps_cases.verdict.runaway import Attempts, diverged, left_open
 
 
 def evaluate(
@@ -63,6 +63,11 @@ def evaluate(
     if case.scene.whole_model and diverged(record):
         with contextlib.suppress(InputError):  # the reference does not take the particles as they are
             start = problem_of(case.scene, atoms, case.where, (0,), predictor)
-            record.outlook = Attempts(start, case.scene.snapshots[-1], atoms.id_n).cause(engine.distribution, 1, 0)
+            outlook = Attempts(start, case.scene.snapshots[-1], atoms.id_n).cause(engine.distribution, 1, 0)
+            if outlook.cause == "not understood" and (names := left_open(start, engine.distribution)):
+                outlook = outlook.model_copy(update={"cause": "findings", "findings": names})
+            record.outlook = outlook
+            if outlook.findings and record.verdict == "refused":
+                record.verdict, record.explained_by = "explained", outlook.findings
     finish(record, outcome.seconds if isinstance(outcome, Answer) else 0.0, begin, predictor)
     return record, arrays

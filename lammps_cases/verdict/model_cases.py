@@ -29,6 +29,7 @@ from lammps_cases.verdict.outcome import (
     compare_inputs,
     field_arrays,
     first_input_outside,
+    leave_unchecked,
 )
 from lammps_cases.verdict.particle_model import Reason
 
@@ -120,6 +121,7 @@ def judge_model(
     record.unseen = [entry.id for entry in judged.unseen if entry.id not in known_limits]  # else nothing tells
     record.limits = known_limits if record.verdict == "differs" else []
     record.lint = judged.lint
+    leave_unchecked(record, judged.unpredictable)
     record.ended = "answered"
     reason = Reason(judged.first, judged.beyond, judged.entries) if judged.first else None
     if reason := with_news(reason, first_input_outside(inputs, atoms.id_n)):

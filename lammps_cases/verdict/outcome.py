@@ -117,6 +117,12 @@ def explain_ending(record: CaseRecord, scene: Scene | None = None) -> None:
         record.verdict, record.explained_by = "explained", [entry.id]
 
 
+def leave_unchecked(record: CaseRecord, reasons: Mapping[str, str]) -> None:
+    """Note in a record which fields were not checked, and why: as data and in words."""
+    record.unchecked = dict(reasons)
+    record.not_checked = [f"{name}: {reason}" for name, reason in reasons.items()]
+
+
 def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> list[Comparison]:
     """Compare the input with what LAMMPS holds (stage `input`, bound 0), for arrays that have not changed since."""
     zero_n = np.zeros(len(atoms))

@@ -33,7 +33,7 @@ from lammps_cases.verdict.model_mistakes import unseen_in_model
 class ModelVerdict:
     """Comparisons of a case, one per field with its worst step; what explains them; the blame, and what is left.
 
-    ``table`` has the comparisons of all steps.
+    ``table`` has the comparisons of all steps; ``unpredictable`` why some of them say nothing, by field.
     """
 
     comparisons: list[Comparison]
@@ -43,6 +43,7 @@ class ModelVerdict:
     beyond: Beyond | None
     lint: list[str]
     table: dict[str, list[Comparison]]
+    unpredictable: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,8 @@ def judge(
             _add_digits_lost(predictor.precise(problem), table, comparisons)
     with stage("mistakes"):
         lint = _unseen(problem, random, predictor) if problem.steps[0] == 0 else []
-    return ModelVerdict(comparisons, entries, unseen, first, explanation.beyond, lint, table)
+    open_ = trial.unpredictable(entries)
+    return ModelVerdict(comparisons, entries, unseen, first, explanation.beyond, lint, table, open_)
 
 
 def _contained(entry: Finding, entries: Sequence[Finding]) -> bool:

@@ -137,6 +137,12 @@ def touching(problem: Problem, engine: str) -> list[Finding]:
     return [entry for entry in listed if entry.model_variant and not entry.model_variant.fit]
 
 
+def left_open(problem: Problem, engine: str) -> list[str]:
+    """Return the findings of an engine that leave values of a problem without a bound: nobody knows what they do."""
+    listed = (entry for entry in applicable(problem, lists=True) if entry.listed(engine))
+    return [entry.id for entry in listed if entry.model_variant and entry.model_variant.undefined]
+
+
 @dataclass(frozen=True)
 class Attempts:
     """Runs of the reference from a state that is that of a fluid.

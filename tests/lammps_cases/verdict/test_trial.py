@@ -345,7 +345,7 @@ NO_BOUND = (1.0, INF, 1.0)  # of the particle in the middle, which findings move
         (True, (1.0,) * 3, NO_BOUND, 1.0, ["a"]),
         (True, (1.0,) * 3, NO_BOUND, 1.5, []),  # what has a bound is outside it
         (False, (1.0,) * 3, NO_BOUND, 0.0, []),
-        (True, (1.0,) * 3, (INF,) * 3, 0.0, []),  # a field of which nothing is left to compare
+        (True, (1.0,) * 3, (INF,) * 3, 0.0, ["a"]),  # a field of which nothing is left to compare
         (True, NO_BOUND, NO_BOUND, 0.0, []),  # the reference has none itself
         (True, (1.0,) * 3, (1.0,) * 3, 0.0, []),
     ],
@@ -356,6 +356,8 @@ def test_a_variant_may_leave_values_without_a_bound(
     settings, bounds = {"a": {"undefined": undefined}}, {"": own, "a": of_variant}
     verdict, _ = judge("a", {"a": FORCE}, (2, "f", 30.0), (2, "f", beside, 0), settings=settings, bounds=bounds)
     assert explained(verdict) == explanation
+    said = "not predictable in steps 0 to 5, because of the known bug a"
+    assert verdict.unpredictable == (dict.fromkeys(PROBLEM.fields[::-1], said) if of_variant == (INF,) * 3 else {})
 
 
 @pytest.mark.parametrize(
@@ -363,7 +365,6 @@ def test_a_variant_may_leave_values_without_a_bound(
     [
         ((INF, 1.0, 1.0), 1.5, (3, 1.0, 1)),
         ((INF, 1.0, 1.0), 1.0, (8, INF, 1)),  # what is at its bound is inside
-        ((INF,) * 3, 1.5, (3, INF, 3)),
         ((1.0,) * 3, 1.5, (3, 1.0, 1)),
     ],
 )

@@ -20,7 +20,7 @@ from eos_ref.model.parameters import IntArray, Model
 from eos_ref.model.state import Gradients, PairTerms
 from eos_ref.numbers.columns import joined, matrix
 from eos_ref.numbers.rounded import Rounded, placed
-from lammps_cases.diagnosis.edits import Edit
+from lammps_cases.diagnosis.edits import ExpressionEdit
 
 Stages = type[ArrayEvaluator]
 
@@ -41,7 +41,7 @@ class Change:
     target: str
     stages: Stages | None = None
     stepping: type[Simulation] | None = None
-    edit: Edit | None = None
+    edit: ExpressionEdit | None = None
 
 
 class Watched(Simulation):

@@ -47,7 +47,7 @@ EVERYWHERE = "in all its statements"
 
 
 @dataclass(frozen=True, eq=False)
-class Edit:
+class ExpressionEdit:
     """One expression, or statement, of a function of the reference, changed.
 
     Attributes
@@ -71,7 +71,7 @@ class Edit:
 
 
 @contextmanager
-def made(edits: Iterable[Edit]) -> Iterator[None]:
+def made(edits: Iterable[ExpressionEdit]) -> Iterator[None]:
     """Have functions of the reference run edited code, in every module that has them; without compiled loops.
 
     Raises
@@ -79,7 +79,7 @@ def made(edits: Iterable[Edit]) -> Iterator[None]:
     SyntaxError, TypeError, ValueError
         Edits that make no Python.
     """
-    by_function: dict[FunctionType, list[Edit]] = {}
+    by_function: dict[FunctionType, list[ExpressionEdit]] = {}
     for edit in edits:
         by_function.setdefault(edit.of.function, []).append(edit)
     codes = {
@@ -151,7 +151,7 @@ class FunctionEdits:
             (text, made, _parsed(text)) for text in named if (made := self._kind(text, self.scope)) is not None
         ]
 
-    def __iter__(self) -> Iterator[Edit]:
+    def __iter__(self) -> Iterator[ExpressionEdit]:
         places = list(_places(self.node, self.scope))
         for place in places:
             before, around = ast.unparse(place.node), place.statement
@@ -161,7 +161,7 @@ class FunctionEdits:
                     seen.add(after)
                     put = partial(place.put, ast.copy_location(other, place.node))
                     restore = partial(place.put, place.node)
-                    yield Edit(self, put, restore, place.node.lineno, before, after, around)
+                    yield ExpressionEdit(self, put, restore, place.node.lineno, before, after, around)
         yield from self._everywhere(places)
         for body in list(_bodies(self.node)):
             for k, statement in enumerate(body):
@@ -169,9 +169,9 @@ class FunctionEdits:
                     text = ast.unparse(statement).partition("\n")[0]
                     put = partial(body.__setitem__, k, ast.copy_location(ast.Pass(), statement))
                     restore = partial(body.__setitem__, k, statement)
-                    yield Edit(self, put, restore, statement.lineno, text, "", text)
+                    yield ExpressionEdit(self, put, restore, statement.lineno, text, "", text)
 
-    def _everywhere(self, places: Sequence[_Place]) -> Iterator[Edit]:
+    def _everywhere(self, places: Sequence[_Place]) -> Iterator[ExpressionEdit]:
         """Yield operands replaced in all places that have them."""
         by_text: dict[str, list[_Place]] = {}
         for place in places:
@@ -183,9 +183,9 @@ class FunctionEdits:
                 if made == of and after != before:
                     put = partial(_put, [(place, other) for place in same])
                     restore = partial(_put, [(place, place.node) for place in same])
-                    yield Edit(self, put, restore, same[0].node.lineno, before, after, EVERYWHERE)
+                    yield ExpressionEdit(self, put, restore, same[0].node.lineno, before, after, EVERYWHERE)
 
-    def compiled(self, edits: Iterable[Edit]) -> CodeType:
+    def compiled(self, edits: Iterable[ExpressionEdit]) -> CodeType:
         """Return the function's code with some edits."""
         edits = list(edits)
         try:

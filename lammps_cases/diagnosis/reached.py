@@ -20,7 +20,7 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.diagnosis.edits import EVERYWHERE, Edit, FunctionEdits, made, operands
+from lammps_cases.diagnosis.edits import EVERYWHERE, ExpressionEdit, FunctionEdits, made, operands
 
 # Where formulas are; the others find pairs, propagate errors and read commands.
 MODULES = (
@@ -50,7 +50,7 @@ class Reached:
         path = Path(self.function.__code__.co_filename)
         return f"{what} ({name}, {path.parent.name}/{path.name}:{{}})"
 
-    def sentence(self, edit: Edit) -> str:
+    def sentence(self, edit: ExpressionEdit) -> str:
         """Say what an edit changes: "as if ...", without these words."""
         where = self.words.format(edit.line)
         if not edit.after:
@@ -58,7 +58,7 @@ class Reached:
         around = {edit.before: "", EVERYWHERE: f" {EVERYWHERE}"}.get(edit.statement, f" in `{edit.statement}`")
         return f"{where} had `{edit.after}` for `{edit.before}`{around}"
 
-    def edits(self) -> Iterator[Edit]:
+    def edits(self) -> Iterator[ExpressionEdit]:
         """Yield its edits, but for those that make no difference to the call."""
         again = self._repeatable()
         for edit in self._all():
@@ -80,7 +80,7 @@ class Reached:
         except Exception:  # the evaluator has gone on to other particles
             return False
 
-    def _idle(self, edit: Edit) -> bool:
+    def _idle(self, edit: ExpressionEdit) -> bool:
         """Return whether an edit makes no difference to the call, or no sense."""
         try:
             with made([edit]):
@@ -88,7 +88,7 @@ class Reached:
         except (SyntaxError, TypeError, ValueError):
             return True
 
-    def _all(self) -> Iterator[Edit]:
+    def _all(self) -> Iterator[ExpressionEdit]:
         tree = _tree(self.function.__module__)
         mine = "." in self.function.__qualname__ and isinstance(self.scope.get("self"), ArrayEvaluator)
         yield from FunctionEdits(self.function, tree, self.scope, _of_stages() if mine else ())
@@ -127,11 +127,12 @@ def reached(run: Callable[[], Any]) -> list[Reached]:
         if (arguments := begun.pop(frame, None)) is not None and frame.f_code not in ended:
             ended[frame.f_code] = frame.f_globals["__name__"], arguments, argument, dict(frame.f_locals)
 
+    before = sys.getprofile()
     sys.setprofile(watch)
     try:
         run()
     finally:
-        sys.setprofile(None)
+        sys.setprofile(before)
     found = []
     for code in sorted(last, key=last.__getitem__, reverse=True):
         module, arguments, result, scope = ended[code]

@@ -10,6 +10,7 @@ import itertools
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from eos_ref import InputError
@@ -22,6 +23,7 @@ from lammps_cases.diagnosis.trials import HypothesisSearch, RedCase, Tried, Work
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import combined
 from lammps_cases.records import wording
+from lammps_cases.records.faults import part
 from lammps_cases.records.run_record import CaseRecord, Hypothesis, RunRecord, Triage, TriageGroup
 from lammps_cases.scene.atoms import build, seed
 from lammps_cases.scene.casefile import Case
@@ -67,10 +69,13 @@ def triage(
     diagnosis = _Diagnosis(by_name, fields, predictor or Predictor(), seconds)
     groups: list[TriageGroup] = []
     for at, records in enumerate(in_order):
-        for part in diagnosis.parts(records, Work(diagnosis.left / (len(in_order) - at))):
-            common = in_common([said[r.case] for r in part.records if r.case in said], green)
+        names = [record.case for record in records]
+        work = Work(diagnosis.left / (len(in_order) - at))
+        search = partial(diagnosis.parts, records, work)
+        for found in part("hypotheses", run.faults, search, [_Part(_group(records), records)], names):
+            common = in_common([said[r.case] for r in found.records if r.case in said], green)
             groups.append(
-                part.group.model_copy(
+                found.group.model_copy(
                     update={"common": list(common.features), "green_with": common.green, "green": len(green)}
                 )
             )
@@ -116,12 +121,12 @@ class _Diagnosis:
         rest = list(records)
         while rest:
             tried, reproduced = laws.hypotheses(rest, self.cases, self.fields)
-            part = [record for record in rest if record.case in reproduced.cases]
+            own = [record for record in rest if record.case in reproduced.cases]
             named = [Hypothesis(sentence=sentence) for sentence in reproduced.sentences]
-            yield _Part(_group(part or rest, named, tried), part or rest)
-            if not part:
+            yield _Part(_group(own or rest, named, tried), own or rest)
+            if not own:
                 return
-            rest = [record for record in rest if record not in part]
+            rest = [record for record in rest if record not in own]
 
     def _of_model(self, records: Sequence[CaseRecord], work: Work) -> Iterator[_Part]:
         rest, tried, spent, starts = list(records), 0, False, 0
@@ -133,24 +138,24 @@ class _Diagnosis:
             own = min(ready, key=lambda pair: pair[0].size)[1]
             starts += 1
             begun = self._started(own)
-            part, named = self._reproduced(self._found, own, rest, work)
-            if part:
-                yield _Part(_group(part, named, tried := tried + len(self._found)), part)
+            reproduced, named = self._reproduced(self._found, own, rest, work)
+            if reproduced:
+                yield _Part(_group(reproduced, named, tried := tried + len(self._found)), reproduced)
             share = work.left / len(begun)  # that one of them has no pair takes nothing from the other
             searches = [HypothesisSearch(case, Work(share)) for case in begun]
             for paired, search in itertools.product((False, True), searches):
-                if part:
+                if reproduced:
                     break
                 before = search.tried
                 survivors = search.pairs() if paired else search.singles()
                 tried, spent = tried + search.tried - before, spent or search.spent
-                part, named = self._reproduced(survivors, own, rest, work)
-                if part:
+                reproduced, named = self._reproduced(survivors, own, rest, work)
+                if reproduced:
                     self._found += [changes for changes in survivors if changes not in self._found]
-                    yield _Part(_group(part, named, tried, spent), part)
+                    yield _Part(_group(reproduced, named, tried, spent), reproduced)
             work.left -= sum(share - max(search.work.left, 0.0) for search in searches)
-            rest = [record for record in rest if record not in part]
-            if not part:
+            rest = [record for record in rest if record not in reproduced]
+            if not reproduced:
                 unexplained.append(own)
                 rest.remove(own)
         if rest or unexplained:

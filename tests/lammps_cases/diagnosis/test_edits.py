@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from eos_ref.model import interactions
-from lammps_cases.diagnosis.edits import EVERYWHERE, Edit, FunctionEdits, made
+from lammps_cases.diagnosis.edits import EVERYWHERE, ExpressionEdit, FunctionEdits, made
 from lammps_cases.diagnosis.reached import MODULES, reached
 
 HERE = """
@@ -43,7 +43,7 @@ ARGUMENTS = {
 }
 
 
-def edits_here() -> list[Edit]:
+def edits_here() -> list[ExpressionEdit]:
     return list(FunctionEdits(Stage.term, ast.parse(HERE), {"self": Stage(), **ARGUMENTS}, ()))
 
 

@@ -55,7 +55,7 @@ class Work:
         ------
         Spent
         """
-        self.left -= times * (1 + problem.steps[-1]) * (1.0e-3 + 1.0e-5 * len(problem.state.x_nc))
+        self.left -= times * (1 + problem.steps[-1]) * (1.6e-3 + 1.6e-5 * len(problem.state.x_nc))
         if self.left < 0:
             raise Spent
 

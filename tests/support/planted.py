@@ -28,7 +28,7 @@ def red_run(
     names: Sequence[str],
     stages: type[ArrayEvaluator] = ArrayEvaluator,
     stepping: type[Simulation] = Simulation,
-    seconds: float = 10.0,
+    seconds: float = 30.0,
 ) -> RunRecord:
     """Return a run of cases with its triage; LAMMPS' numbers are those of the changed reference."""
     cases, predictor = casefile.select(casefile.load(), names), Predictor()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,10 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model import interactions
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
+from lammps_cases.diagnosis import trials
+from lammps_cases.diagnosis.changes import Change
 from lammps_cases.diagnosis.features import in_common
+from lammps_cases.diagnosis.reached import reached
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage, read_run
 from tests.support.outcome import Outcome
@@ -162,7 +165,6 @@ PLANTED = [
     ),
     Planted(("images.quintic.two", "images.quintic.four"), "first half of the kick", stepping=NoFirstKick),
     Planted(("forces.power.quintic.2d", "forces.power.rk0.2d"), "viscosities of the eval", stepping=OldViscosity),
-    Planted(("images.quintic.two", "images.quintic.four"), "-pressure_n", WrongTwice),
 ]
 
 
@@ -173,6 +175,21 @@ def test_the_cause_is_among_the_hypotheses(fault: Planted, tmp_path: Path) -> No
     assert run.triage is not None
     named = [each.sentence for group in run.triage.groups for each in group.hypotheses]
     assert any(fault.cause in sentence for sentence in named), named
+
+
+def test_two_edits_are_found_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def of_two_terms(types: int, run: Callable[[], object]) -> Iterator[Change]:
+        for function in reached(run):
+            if function.function.__name__ in ("pair_terms", "viscous_term"):
+                edits = (edit for edit in function.edits() if edit.statement.startswith(("p_sum = pres", "return 2")))
+                yield from (Change(function.sentence(edit), edit.before, edit=edit) for edit in edits)
+
+    monkeypatch.setattr(trials, "candidates", of_two_terms)
+    run = red_run(tmp_path, ("images.quintic.two", "images.quintic.four"), WrongTwice)
+    assert run.triage is not None
+    (group,) = run.triage.groups
+    both = group.hypotheses[0].sentence.split(" and ")
+    assert len(both) == 2 and "viscous_term" in group.hypotheses[0].sentence, both
 
 
 @pytest.mark.slow

@@ -106,6 +106,8 @@ def test_a_finding_that_follows_lists_is_gone_where_the_accepted_runs_showed_it(
     assert carried is not None and (carried.gone, carried.partly) == ({"listing": count}, {})
     shown = findings.carried_over(run_of(case("a"), explained("b", "listing"), version=NEW), ledger)
     assert shown is not None and (shown.gone, shown.partly) == ({}, {"listing": 1})
+    refused = explained("b", "other").model_copy(update={"fields": []})  # by another finding: nothing was compared
+    assert findings.carried_over(run_of(case("c"), refused, version=NEW), ledger[::2]) is None
 
 
 def test_a_word_that_lammps_does_not_have_is_one_line_and_fails() -> None:

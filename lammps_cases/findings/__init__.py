@@ -75,10 +75,14 @@ _SUBJECTS = (
 LEDGER = ledger_of(subject.ENTRIES for subject in _SUBJECTS)
 
 
-def accepted_cases() -> dict[str, list[str]]:
-    """Return the cases of the accepted runs that show each finding, by `lammps_cases.regression.evidence`."""
-    cases: dict[str, list[str]] = json.loads(SHOWN_BY.read_text(encoding="utf-8"))
-    return cases
+def accepted_cases(engine: str = "") -> dict[str, list[str]]:
+    """Return the cases of the accepted runs that show each finding: of an engine, or of any.
+
+    `lammps_cases.regression.evidence` writes the file, in which each case has the engines that have the finding and do
+    not show it there.
+    """
+    shown: dict[str, dict[str, list[str]]] = json.loads(SHOWN_BY.read_text(encoding="utf-8"))
+    return {name: [case for case, but_on in cases.items() if engine not in but_on] for name, cases in shown.items()}
 
 
 def severities(names: Iterable[str], ledger: Sequence[Finding] = LEDGER) -> dict[str, Severity]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,12 +36,12 @@ class AcceptedEvidence:
     Attributes
     ----------
     engines : versions of LAMMPS that are known, oldest first
-    cases : by finding, the cases that show it, on whichever engine
+    cases : by finding, the cases that show it, each with the engines that have the finding and do not show it there
     seen_on : by finding, the engines that it was seen on; also, of one that only probes show, by an earlier intake
     """
 
     engines: tuple[str, ...]
-    cases: dict[str, list[str]]
+    cases: dict[str, dict[str, list[str]]]
     seen_on: dict[str, tuple[str, ...]]
 
 
@@ -53,7 +53,7 @@ def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> AcceptedEvid
     InputError
         A damaged baseline.
     """
-    cases: dict[str, set[str]] = defaultdict(set)
+    cases: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     seen_on: dict[str, set[str]] = defaultdict(set, {entry.id: set(entry.engines) for entry in ledger})
     versions = set(KNOWN)
     for identity in sorted(baselines.glob(f"[!.]*/{baseline.IDENTITY}")):
@@ -63,14 +63,15 @@ def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> AcceptedEvid
         for case in side.cases.values():
             of_fields = (finding for field in case.fields.values() for finding in field.explained_by)
             for finding in (*case.explained_by, *of_fields):
-                cases[finding].add(case.case)
+                cases[finding][case.case].add(version)
                 seen_on[finding] |= {version} - {""}
     order = tuple(sorted(versions, key=Version))
-    return AcceptedEvidence(
-        order,
-        {entry.id: sorted(cases[entry.id]) for entry in ledger},
-        {entry.id: tuple(engine for engine in order if engine in seen_on[entry.id]) for entry in ledger},
-    )
+    having = {entry.id: tuple(engine for engine in order if engine in seen_on[entry.id]) for entry in ledger}
+    shown = {
+        name: {case: [engine for engine in engines if engine not in cases[name][case]] for case in sorted(cases[name])}
+        for name, engines in having.items()
+    }
+    return AcceptedEvidence(order, shown, having)
 
 
 def table(evidence: AcceptedEvidence, ledger: Sequence[Finding] = LEDGER) -> str:
@@ -98,7 +99,7 @@ def page(entry: Finding, evidence: AcceptedEvidence) -> str:
         f"## Versions\n\n{_versions(evidence.seen_on[entry.id], evidence.engines)}\n",
         "## Show it\n",
         f"`eos-ref report-bug {entry.id}` writes an input deck for LAMMPS alone and the text of an issue.\n",
-        *([f"Shown by {text(by_file(cases))}.\n"] if cases else []),
+        *([f"Shown by {text(by_file(list(cases)))}.\n"] if cases else []),
     ]
     return "\n".join(parts)
 
@@ -117,11 +118,17 @@ def documents(baselines: Path = BASELINES, ledger: Sequence[Finding] = LEDGER) -
     head, _, rest = TABLE.read_text(encoding="utf-8").partition(BEGIN)
     tail = rest.partition(END)[2]
     return {
-        SHOWN_BY: json.dumps(evidence.cases, indent=1) + "\n",
+        SHOWN_BY: _shown(evidence.cases),
         engines.FILE: engines.document(evidence.engines, evidence.seen_on),
         TABLE: f"{head}{BEGIN}{table(evidence, ledger)}{END}{tail}",
         **{PAGES / f"{entry.id}.md": page(entry, evidence) for entry in ledger},
     }
+
+
+def _shown(cases: Mapping[str, Mapping[str, Sequence[str]]]) -> str:
+    """Return the text of ``shown_by.json``, a line for each case."""
+    lines = (f"{json.dumps(name)}: {json.dumps(of)}" for name, of in cases.items())
+    return "{\n" + ",\n".join(lines).replace("], ", "],\n ") + "\n}\n"
 
 
 def publish() -> None:

@@ -221,7 +221,7 @@ def outcome(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> Outcome:
 def of_run(run: RunRecord, ledger: Sequence[Finding]) -> list[RunFinding]:
     """Return every finding, the most severe first; of equal severity those that the run shows first."""
     explained = [(case, set(case.findings)) for case in run.cases]
-    accepted = accepted_cases()
+    accepted = accepted_cases(nearest(run.engine.distribution))
     shown = [_finding(entry, explained, run.engine.distribution, accepted.get(entry.id, ())) for entry in ledger]
     return sorted(shown, key=lambda f: (SEVERITIES.index(f.entry.severity), STATUSES.index(f.status)))
 

@@ -96,7 +96,7 @@ def test_a_run_on_an_unknown_version_tells_new_from_known_and_gone() -> None:
 def test_a_finding_that_follows_lists_is_gone_where_the_accepted_runs_showed_it(
     verdict: Any, count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(findings, "accepted_cases", lambda: {"listing": ["a", "b", "not-run"], "other": ["a"]})
+    monkeypatch.setattr(findings, "accepted_cases", lambda engine: {"listing": ["a", "b", "not-run"], "other": ["a"]})
     ledger = [
         finding("listing", 1, engines=(NEW,), model_variant=FOLLOWS),
         finding("other", 2, engines=(NEW,), model_variant=Variant(lambda problem: True)),  # its cases say it themselves

@@ -103,7 +103,7 @@ ENTRIES: tuple[Finding, ...] = (
         "error of 8 % that a linear law multiplies by c^2.",
         workaround="Give all types the same mass, for which both sums are the same, leave out rho/sum, or use "
         "2026.7.4 or newer.",
-        applies_to=("undocumented.self-mass*", "probes.rheo-self-mass-keyword"),
+        applies_to=("undocumented.self-mass*", "edges-newton.self-mass*", "probes.rheo-self-mass-keyword"),
         ends=_own_mass,
         expected_inputs=("self-mass-alone",),
         expected_in_maps=(MapDifference("phases", "LAMMPS refuses the keyword", "rho/sum self/mass"),),

@@ -131,7 +131,9 @@ def test_nothing_in_the_text_of_a_finding_is_markup(rendered: Callable[[str], st
 
 def test_the_ledger_names_the_cases_of_the_accepted_runs(eos_ref_command: Run) -> None:
     entries = json.loads(eos_ref_command("ledger", "--json").out)["entries"]
-    assert {entry["id"]: entry["cases"] for entry in entries} == evidence.collect(evidence.BASELINES).cases
+    assert {entry["id"]: entry["cases"] for entry in entries} == {
+        name: list(cases) for name, cases in evidence.collect(evidence.BASELINES).cases.items()
+    }
     assert {case for entry in entries for case in entry["cases"]} <= {case.name for case in casefile.load()}
 
 

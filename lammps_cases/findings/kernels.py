@@ -80,7 +80,7 @@ class StaleGradient(FollowingLists):
             stale_p = ~computed_p.answer | computed_p.open
             self.g = [unbounded(g_a, stale_p) for g_a in self.own]
             return
-        left = np.full((2, len(self.own)), np.nan) if self.left is None else np.array(self.left)  # NaN: nobody knows
+        left = np.full((2, len(self.own)), np.nan) if self.left is None else np.array(self.left)  # NaN: unknown
         g = [(value(g_a).copy(), np.array(error(g_a))) for g_a in self.own]
         for side, entry_p in enumerate((self.forward_p, self.backward_p)):
             at = np.flatnonzero(entry_p >= 0)

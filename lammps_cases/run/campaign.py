@@ -273,7 +273,7 @@ def left(directory: Path) -> tuple[RunRecord, Path] | None:
     ):
         journal = CaseJournal(folder)
         if (begun := journal.begun()) is None:
-            raise InputError("journal", "is damaged: nobody knows which run it is of", where=str(directory))
+            raise InputError("journal", "is damaged: its run is unknown", where=str(directory))
         run = run_of(begun, journal.records())
         write_run(run, folder, past=past_of(run))
     return run, folders.interrupted(target)

@@ -138,7 +138,7 @@ def touching(problem: Problem, engine: str) -> list[Finding]:
 
 
 def left_open(problem: Problem, engine: str) -> list[str]:
-    """Return the findings of an engine that leave values of a problem without a bound: nobody knows what they do."""
+    """Return the findings of an engine that leave values of a problem without a bound, whose effect is unknown."""
     listed = (entry for entry in applicable(problem, lists=True) if entry.listed(engine))
     return [entry.id for entry in listed if entry.model_variant and entry.model_variant.undefined]
 

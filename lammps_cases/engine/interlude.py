@@ -40,10 +40,12 @@ class Interlude:
     Attributes
     ----------
     moves : whether they move atoms
+    sets_up : whether the next run sets up, with a list of neighbours of its own
     """
 
     actions: tuple[InterludeAction, ...]
     moves: bool = False
+    sets_up: bool = True
 
 
 @dataclass(frozen=True)

@@ -329,7 +329,8 @@ def run(lmp: Any, job: Job, folder: str = "") -> Answer:
         _commands(lmp, job.commands)
         for stretch in job.runs:
             if isinstance(stretch, Interlude):
-                take_list()  # of the evaluation that the run before ended with
+                if stretch.sets_up:
+                    take_list()  # of the evaluation that the run before ended with
                 carried.append(_between(lmp, stretch, folder, take_list))
                 continue
             started = time.perf_counter()

@@ -67,7 +67,8 @@ class Lines:
 def interlude(stop: Stop, scene: Scene, lines: Lines, atoms: Atoms) -> Interlude:
     """Return what LAMMPS is given at a stop before the next run."""
     actions = [*_route(stop, scene, lines, atoms), *_settings(stop, scene, atoms)]
-    return Interlude(tuple(actions), moves=stop.displace is not None or stop.stretch is not None)
+    moves = stop.displace is not None or stop.stretch is not None
+    return Interlude(tuple(actions), moves, sets_up=stop.by != "continued")
 
 
 def _settings(stop: Stop, scene: Scene, atoms: Atoms) -> Iterable[InterludeAction]:

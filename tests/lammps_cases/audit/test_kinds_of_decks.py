@@ -78,9 +78,16 @@ def test_what_neighbour_lists_decide_is_explained_by_them(kind: str, tmp_path: P
     assert {name for names in by_field.values() for name in names} <= {*acting(case), "force-per-volume"}
 
 
-def test_fields_of_stale_memory_are_not_predictable(tmp_path: Path) -> None:
+def stale_memory_of(byte: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fill memory with a byte when it is allocated; only a trusted deck gets these variables."""
+    monkeypatch.setenv("MALLOC_PERTURB_", str(255 - byte))
+    monkeypatch.setenv("GLIBC_TUNABLES", "glibc.malloc.tcache_count=0")  # what the cache returns is not filled
+
+
+def test_fields_of_stale_memory_are_not_predictable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All other fields are compared, and nothing differs."""
-    case = case_of(tmp_path, [(RHEO, "RK1 60 density")])
+    stale_memory_of(0, monkeypatch)
+    case = case_of(tmp_path, [(RHEO, "RK1 60 density")], trust=True)
     assert case.verdict == "explained" and acting(case).keys() == {"stale-gradient-below-zmin"}
     compared = {field.field for field in case.fields}
     assert compared == {"coordination", "viscosity", "pressure", "drho"}
@@ -90,9 +97,8 @@ def test_fields_of_stale_memory_are_not_predictable(tmp_path: Path) -> None:
 
 
 def test_a_stop_by_stale_memory_is_understood(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Memory is filled with bytes of 127, as doubles 1.4e306; only a trusted deck gets these variables."""
-    monkeypatch.setenv("MALLOC_PERTURB_", "128")
-    monkeypatch.setenv("GLIBC_TUNABLES", "glibc.malloc.tcache_count=0")  # what the cache returns is not filled
+    """Eight bytes of 127 are the double 1.4e306."""
+    stale_memory_of(127, monkeypatch)
     case = case_of(tmp_path, [*ROOM, (RHEO, "RK1 20 density")], trust=True)
     assert case.verdict == "refused" and case.outlook is not None
     assert (case.outlook.cause, case.outlook.findings) == ("findings", ["stale-gradient-below-zmin"])

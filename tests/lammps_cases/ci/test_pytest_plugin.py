@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from lammps_cases.findings import finding
 from lammps_cases.scene import casefile
 from tests.support.faulty_lammps import faulty_lammps
 
@@ -180,7 +181,7 @@ def test_shipped_cases_and_strictness(pytester: pytest.Pytester) -> None:
     result = run(pytester, "--eos-ref-shipped", "-k", "range-two-stars")
     result.assert_outcomes(passed=1)
     known = "KNOWN BUGS: 1 known bug seen in this LAMMPS (not severe); nothing new"
-    low = "  low   A type range with two stars aborts the process (double-star-abort): 1 case"
+    low = f"  low   {finding('double-star-abort').title} (double-star-abort): 1 case"
     result.stdout.fnmatch_lines([known, low, "next: eos-ref report-bug double-star-abort"])
     case = f"{casefile.SHIPPED / 'refused.yaml'}::refused.range-two-stars"
     strict = run(pytester, "--eos-ref", case, "--eos-ref-strict")

@@ -29,7 +29,7 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.mutation.substitute import in_place_of
 from lammps_cases.verdict import model_cases
-from tests.support.outcome import Solver
+from tests.support.outcome import Outcome, Solver
 
 pytestmark = pytest.mark.lammps
 
@@ -166,6 +166,25 @@ def test_two_images_of_a_particle_are_two_pairs(seen: Callable[..., Seen]) -> No
     r_p = np.sqrt(((apart_sc[:, 0] - apart_sc[:, 1]) ** 2).sum(axis=1))
     # Places of two boxes at most, rounded once each on either side; other images are a box away.
     assert np.abs(r_p[entries_p] - stages.r).max() < 16 * 2.0**-53 * max(problem.box.edge_c)
+
+
+@pytest.mark.parametrize(("by", "at"), [("continued", 0), ("continued", 2), ("dt/reset", 2), ("run", 2)])
+def test_every_evaluation_has_its_list_across_stops(
+    by: str, at: int, case_file: Callable[..., Path], eos_ref_command: Callable[..., Outcome], tmp_path: Path
+) -> None:
+    """A run that begins without a set-up has the list of the run before; lists are built every step."""
+    timestep = {"timestep": 0.01} if by == "dt/reset" else {}
+    path = case_file(
+        dimension=3,
+        positions={"lattice": "sc", "spacing": 1.0, "cells": [4, 4, 4], "disorder": 0.2},
+        mass={"ratio": [0.5, 2.0]},
+        velocity={"random": 2.0},
+        engine={"sort": 1},
+        evolve={"steps": 4, "timestep": 0.02, "stops": [{"at": at, "by": by, **timestep}]},
+        compare=["f"],
+    )
+    left = eos_ref_command("run", "--cases", path, "--out", tmp_path / "out")
+    assert "1 case: 1 explained" in left.out and "mass-of-first" in left.out
 
 
 # --- walls after lists were rebuilt, which every wheel shows

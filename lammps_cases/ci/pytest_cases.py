@@ -20,16 +20,15 @@ from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER, severities
 from lammps_cases.records import wording
-from lammps_cases.records.files import write_arrays
 from lammps_cases.records.levels import FailOn, fails
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.report.annotations import case_lines
-from lammps_cases.report.drawn import beside_file, split
-from lammps_cases.run.case_judgement import JUDGING, answers, judge, unjudged
+from lammps_cases.run.flow import JUDGING, faulty, judge, outcomes_of
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.run.provenance import engine_record
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
+from lammps_cases.verdict import case_arrays
 
 # Tags that must not become marks of the same name: those would skip a case, or are words of -m.
 TAKEN = {"filterwarnings", "parametrize", "skip", "skipif", "usefixtures", "xfail", *keyword.kwlist}
@@ -67,7 +66,7 @@ class CaseJudge:
         EngineMissing
         """
         if self._workers is None:
-            forkserver.context("lammps_cases.verdict.judgement")
+            forkserver.context("lammps_cases.verdict.cases")
             self._workers = self._resources.enter_context(Workers(self._engine.site, 1))
         if not self.engine.version_string:
             who = self._workers.outcome(self._workers.identify())
@@ -84,16 +83,13 @@ class CaseJudge:
         assert self._workers is not None
         ready = prepare(case.by(self.engine.manual))
         futures = [self._workers.submit(job, case.scene.engine.time_limit) for job in ready.jobs]
-        arguments = (ready, answers(self._workers, ready, futures), self.engine, self.store)
+        arguments = (ready, outcomes_of(self._workers, ready, futures), self.engine, self.store)
         judged = self._workers.outcome(self._workers.call(judge, *arguments, time_limit=JUDGING))
         if isinstance(judged, Failure):
-            return unjudged(ready, judged, self.engine)
+            return faulty(ready, self.engine, judged)
         record, arrays = judged
         if arrays and self.folder:
-            arrays, beside = split(arrays)
-            write_arrays(self.folder / "fields" / f"{record.case}.npz", arrays)
-            if beside:
-                write_arrays(beside_file(self.folder / "fields", record.case), beside)
+            case_arrays.write(self.folder / "fields", record.case, arrays)
         return record
 
     def accepts(self, record: CaseRecord) -> bool:

@@ -17,7 +17,8 @@ from eos_ref import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Made, Predictor
-from lammps_cases.diagnosis import answers, laws
+from lammps_cases.comparison.problem import problem_of
+from lammps_cases.diagnosis import laws
 from lammps_cases.diagnosis.features import features, in_common
 from lammps_cases.diagnosis.trials import HypothesisSearch, RedCase, Tried, Work, red_case
 from lammps_cases.findings import LEDGER
@@ -27,7 +28,7 @@ from lammps_cases.records.faults import part
 from lammps_cases.records.run_record import CaseRecord, Hypothesis, RunRecord, Triage, TriageGroup
 from lammps_cases.scene.atoms import build, seed
 from lammps_cases.scene.casefile import Case
-from lammps_cases.verdict.model_cases import problem_of
+from lammps_cases.verdict.case_arrays import read_steps
 
 SECONDS = 30.0  # of work on hypotheses, as estimated
 STARTS = 3  # cases of a group, at most, whose formulas are searched from the beginning
@@ -192,7 +193,7 @@ class _Diagnosis:
 
     def _read(self, record: CaseRecord, base: tuple[str, ...]) -> RedCase | None:
         case = self.cases.get(record.case)
-        snapshots = None if case is None else answers.kept(self.fields, record.case, case.scene)
+        snapshots = None if case is None else read_steps(self.fields, record.case, case.scene)
         if case is None or snapshots is None:
             return None
         try:

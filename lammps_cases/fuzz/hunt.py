@@ -25,16 +25,16 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.records.yaml_files import yaml_text
-from lammps_cases.run import case_judgement
+from lammps_cases.run import flow
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
 from lammps_cases.shrink.failure import FailureMode, failure_mode
 from lammps_cases.shrink.shrink import WorkerJudge, shrink
-from lammps_cases.verdict.model_cases import left_to_chance
+from lammps_cases.verdict.cases import is_nondeterministic
 from lammps_cases.verdict.runaway import LOST
 
 if TYPE_CHECKING:
-    from lammps_cases.verdict.outcome import Arrays
+    from lammps_cases.verdict.case_arrays import Arrays
 
 WRITTEN_EVERY = 5.0  # seconds
 JUDGING = 300.0  # seconds that judging a scene may take
@@ -121,8 +121,8 @@ class Hunt:
                 left = None if left is None else left - 1
             if running and len(judging) <= workers.count:
                 drawn, futures = running.popleft()
-                outcomes = case_judgement.answers(workers, drawn.ready, futures)
-                task = workers.call(case_judgement.judge, drawn.ready, outcomes, judge.engine, None, time_limit=JUDGING)
+                outcomes = flow.outcomes_of(workers, drawn.ready, futures)
+                task = workers.call(flow.judge, drawn.ready, outcomes, judge.engine, None, time_limit=JUDGING)
                 judging.append((drawn, task))
             elif judging:
                 drawn, task = judging.popleft()
@@ -193,7 +193,7 @@ class Hunt:
 
 def record_of(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, engine: EngineRecord) -> CaseRecord:
     """Return the record of a scene that was judged, or whose judging failed."""
-    return case_judgement.unjudged(drawn.ready, outcome, engine) if isinstance(outcome, Failure) else outcome[0]
+    return flow.faulty(drawn.ready, engine, outcome) if isinstance(outcome, Failure) else outcome[0]
 
 
 def _lost(drawn: DrawnScene, record: CaseRecord, engine: str) -> bool:
@@ -214,7 +214,7 @@ def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:
         return ""
     gaps = with_gap(scene, engine)
     if record.verdict == "differs":  # those that reach what differs
-        gaps = [entry for entry in gaps if entry.id in record.limits or left_to_chance(entry)]
+        gaps = [entry for entry in gaps if entry.id in record.limits or is_nondeterministic(entry)]
     return next((entry.id for entry in gaps), "")
 
 

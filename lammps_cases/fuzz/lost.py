@@ -7,11 +7,11 @@ import numpy as np
 from eos_ref.errors import InputError
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
+from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import combined
 from lammps_cases.run.prepared_case import PreparedCase
-from lammps_cases.verdict.model_cases import problem_of
 
 BINS = 2**31 - 1
 

@@ -51,6 +51,11 @@ def replace_file(path: Path, content: bytes | str) -> None:
         raise
 
 
+def arrays_files(fields: Path, case: str) -> list[Path]:
+    """Return the files that the arrays of a case may lie in; see `lammps_cases.verdict.case_arrays`."""
+    return [fields / f"{case}{of}.npz" for of in ("", "@page", "@steps")]
+
+
 def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False) -> None:
     """Write per-atom arrays as an npz file, atomically and with the same bytes on every run."""
     buffer = io.BytesIO()

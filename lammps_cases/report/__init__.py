@@ -6,7 +6,7 @@ Everything is made from the models of ``run.json`` and, where present, the per-a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,6 @@ from lammps_cases.records.run_record import HeadlineRecord, RunRecord
 if TYPE_CHECKING:
     from lammps_cases.findings import Finding
     from lammps_cases.history.reported import Past
-    from lammps_cases.report.drawn import Drawn
     from lammps_cases.report.page import Making
 
 
@@ -25,7 +24,6 @@ def write_report(
     run: RunRecord,
     directory: Path,
     ledger: Sequence[Finding] | None = None,
-    drawn: Mapping[str, Drawn] | None = None,
     history: Past | None = None,
     making: Making | None = None,
 ) -> Path:
@@ -39,8 +37,6 @@ def write_report(
         Report folder; ``fields/CASE.npz`` is read from it where a case has fields and the file exists.
     ledger : sequence of Finding, optional
         The findings to look for in the run; the project's own unless given.
-    drawn : mapping, optional
-        What is shown of cases whose arrays were at hand; those of the others are read.
     history : Past, optional
         The runs before this one, as `lammps_cases.history.past` gives them; without them the page has no such part.
     making : Making, optional
@@ -63,7 +59,7 @@ def write_report(
 
     def made() -> tuple[str, str, bytes | None]:
         of_run = part("findings", run.faults, judged, Outcome(run, []))
-        begun = lambda: page.RunPage(of_run, directory / "fields", drawn, history, making or page.here)  # noqa: E731
+        begun = lambda: page.RunPage(of_run, directory / "fields", history, making or page.here)  # noqa: E731
         of_cases = part("list of cases", run.faults, begun, None)
         summary = part("summary.md", run.faults, lambda: markdown.summary(of_run), None)
         document = part("junit.xml", run.faults, lambda: junit.document(of_run), None)

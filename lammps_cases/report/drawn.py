@@ -1,4 +1,4 @@
-"""What the page shows of a case's per-atom arrays, made where these are at hand: a run need not read them again."""
+"""The data that the page draws a case from, made of its per-atom arrays."""
 
 from __future__ import annotations
 
@@ -15,11 +15,9 @@ from markupsafe import Markup
 
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import excess, worst_component
-from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.report import plots
-
-SIDES = ("lammps", "reference", "bound")
+from lammps_cases.verdict.case_arrays import SIDES, read
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,7 @@ class Drawn:
 
 
 def drawn(case: CaseRecord, arrays: plots.Arrays, beside: plots.Arrays = MappingProxyType({})) -> Drawn:
-    """Return what is shown of the arrays of a case (none: no arrays), and of those `split` puts beside them."""
+    """Return what is shown of the arrays of a case (none: no arrays), and of those in the file beside them."""
     # A case without fields was not compared in this run: a file of its name is left over from an earlier one.
     at_hand = bool(case.fields) and "id" in arrays and bool(arrays["id"].size)
     reduced = one_per_atom({name: np.asarray(arrays[name]) for name in sorted(arrays)}) if at_hand else None
@@ -65,31 +63,11 @@ def drawn(case: CaseRecord, arrays: plots.Arrays, beside: plots.Arrays = Mapping
     )
 
 
-def drawn_from(case: CaseRecord, fields: Path) -> Drawn:
-    """Return what is shown of the arrays of a case in the folder ``fields``."""
-    files = (fields / f"{case.case}.npz", beside_file(fields, case.case))
-    return drawn(case, *(read_arrays(path) if case.fields and path.is_file() else {} for path in files))
-
-
-def beside_file(fields: Path, case: str) -> Path:
-    """Return the file of what the page shows of a case beside its arrays, of a name that no case has."""
-    return fields / f"{case}@page.npz"
-
-
-def split(arrays: plots.Arrays) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the arrays of ``fields/CASE.npz``, and what the page shows besides: other steps, pairs.
-
-    Of vectors and tensors at other steps the component closest to its bound.
-    """
-    own = {name: values for name, values in arrays.items() if not name.startswith("@")}
-    beside = {name: values for name, values in arrays.items() if name.startswith("@")}
-    for name in [name for name in beside if " lammps " in name]:
-        names = [name.replace(" lammps ", f" {side} ") for side in SIDES]
-        sides = [np.asarray(beside[each], float) for each in names]
-        if sides[0].ndim > 1:
-            ratio_n = excess(*sides)[1]
-            beside |= {of: worst_component(values, ratio_n) for of, values in zip(names, sides, strict=True)}
-    return own, beside
+def drawn_from(case: CaseRecord, fields: Path, every_step: bool = True) -> Drawn:
+    """Return what is shown of the arrays of a case in the folder ``fields``, at the worst step of a field or at all."""
+    own, beside = read(fields, case.case) if case.fields else ({}, {})
+    shown = beside if every_step else {name: values for name, values in beside.items() if name.startswith("@pairs ")}
+    return drawn(case, own, shown)
 
 
 def one_per_atom(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:

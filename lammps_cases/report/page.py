@@ -49,16 +49,15 @@ class SteppedField:
 
 @dataclass(frozen=True)
 class CaseEntry:
-    """A case that the page lists; ``drawn`` is read from its arrays unless it is at hand."""
+    """A case that the page lists."""
 
     record: CaseRecord
     accepted: bool
-    drawn: Drawn | None
 
     @property
     def weight(self) -> int:
-        """Roughly the characters of its article."""
-        return 10_000 + (len(self.drawn.data or "") if self.drawn else 0)
+        """Roughly what its article costs: particles drawn, at every step of every field."""
+        return 100 + min(self.record.natoms, plots.ATOMS) * sum(1 + len(field.steps) for field in self.record.fields)
 
 
 @dataclass(frozen=True)
@@ -114,14 +113,13 @@ def _articles(family: Family, template: jinja2.Template) -> FamilyArticles:
 
     def article(entry: CaseEntry) -> CaseArticle:
         bare = CaseArticle(entry.record, entry.accepted, Drawn(), [], [], [])
-        return part(PICTURES, faults, lambda: _article(entry, family.fields), bare, [entry.record.case])
+        return part(PICTURES, faults, lambda: _article(entry, family), bare, [entry.record.case])
 
     def text() -> Markup:
         made = template.render(
             entries=[article(entry) for entry in family.entries],
             marks=family.marks,
             known=family.known,
-            whole=family.whole,
             wording=wording,
             deck_wording=deck_wording,
             statements_of=statements,
@@ -139,7 +137,7 @@ def here(families: Sequence[Family]) -> Articles:
 
 
 class RunPage:
-    """The page of a run; arrays of cases that are not in ``drawn`` are read from the folder ``fields``.
+    """The page of a run, whose arrays lie in the folder ``fields``.
 
     ``making`` begins with the articles of cases at once, if it is that of other processes.
     """
@@ -148,16 +146,15 @@ class RunPage:
         self,
         of_run: Outcome,
         fields: Path,
-        drawn: Mapping[str, Drawn] | None = None,
         history: Past | None = None,
         making: Making = here,
     ) -> None:
         self.of_run, self.history = of_run, history
-        run, at_hand = of_run.run, drawn or {}
+        run = of_run.run
         self.matrices = part("agreement", run.faults, lambda: agreement.matrices(run), [])
         self.claims = part("claims", run.faults, lambda: verdicts.summary(run), None)
         cases = listed(of_run, _named(self.matrices, self.claims))
-        self.entries = [CaseEntry(case, of_run.accepted(case), at_hand.get(case.case)) for case in cases]
+        self.entries = [CaseEntry(case, of_run.accepted(case)) for case in cases]
         self.families = list(self._families(fields))
         self._articles = making(self.families)
 
@@ -216,9 +213,9 @@ class RunPage:
             yield Family(entries, fields, of_them, self._known, whole)
 
 
-def render(of_run: Outcome, fields: Path, drawn: Mapping[str, Drawn] | None = None, history: Past | None = None) -> str:
+def render(of_run: Outcome, fields: Path, history: Past | None = None) -> str:
     """Return the page of a run, as `RunPage` makes it in one process."""
-    return RunPage(of_run, fields, drawn, history).render()
+    return RunPage(of_run, fields, history).render()
 
 
 def listed(of_run: Outcome, named: Collection[str] = ()) -> list[CaseRecord]:
@@ -261,8 +258,8 @@ def _rows(case: CaseRecord, steps: list[int], drawn: Collection[str]) -> list[St
     return rows
 
 
-def _article(entry: CaseEntry, fields: Path) -> CaseArticle:
-    case, drawn = entry.record, entry.drawn or drawn_from(entry.record, fields)
+def _article(entry: CaseEntry, family: Family) -> CaseArticle:
+    case, drawn = entry.record, drawn_from(entry.record, family.fields, family.whole or not entry.accepted)
     steps = sorted({at.step for record in case.fields for at in record.steps})
     return CaseArticle(
         record=case,

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eos_ref import InputError
 from eos_ref.syntax.manual import Manual
@@ -22,10 +22,10 @@ from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage
 from lammps_cases.records.stages import stage
+from lammps_cases.run.answers import Kept, discard
 from lammps_cases.run.article_task import begin_articles
 from lammps_cases.run.case_journal import CaseJournal, RunStart, start
-from lammps_cases.run.case_judgement import JUDGING, unjudged
-from lammps_cases.run.case_task import Told, forget, judge_answers
+from lammps_cases.run.flow import JUDGING, faulty, outcomes_of, record_case
 from lammps_cases.run.output_folder import WHAT, output_folder
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.run.provenance import engine_record, run_record
@@ -33,32 +33,27 @@ from lammps_cases.run.report_files import past_of, write_kept_run, write_partial
 from lammps_cases.scene import FromFile
 from lammps_cases.scene.casefile import Case
 
-if TYPE_CHECKING:  # judging is the workers' affair: this process starts sooner without
-    from lammps_cases.report.drawn import Drawn
-
 OPENING = 30.0  # seconds that opening LAMMPS may take at least
 AHEAD = 4  # cases under way for each worker
 KEPT = 1000  # cases of which this process keeps particles, record and picture; of more it keeps the names
 MaybePrepared = PreparedCase | Case  # beyond `KEPT` cases the latter: checked, and prepared when it is its turn
 
 
-@dataclass(eq=False)
-class UnderWay:
-    """A case in the workers: its runs, then its judgement."""
+@dataclass(frozen=True, eq=False)
+class Running:
+    """A case that LAMMPS runs."""
 
     ready: PreparedCase
     futures: list[Future[Any]]
-    told: Told = ()
 
-    @property
-    def judging(self) -> bool:
-        """Whether its runs are over."""
-        return bool(self.told)
 
-    @property
-    def done(self) -> bool:
-        """Whether what it waits for is there."""
-        return all(future.done() for future in self.futures)
+@dataclass(frozen=True, eq=False)
+class Judging:
+    """A case whose answers are judged."""
+
+    ready: PreparedCase
+    kept: Kept
+    future: Future[CaseRecord]
 
 
 def run_cases(
@@ -95,8 +90,8 @@ def run_cases(
         campaign = Campaign(cases, folder, options, progress, store)
         try:
             with Workers(engine.site, max(1, min(jobs, len(cases)))) as workers:
-                drawn = campaign.judge(workers, engine, command)
-                run = _finished(campaign, workers, drawn, begin)
+                campaign.run_all(workers, engine, command)
+                run = _finished(campaign, workers, begin)
             if lost := campaign.lost():
                 cases_lost = wording.counted(len(lost), "judged case")
                 rule = f"lost {cases_lost} during the run; --resume continues"
@@ -116,7 +111,7 @@ def run_cases(
     return run
 
 
-def _finished(campaign: Campaign, workers: Workers, drawn: dict[str, Drawn], begin: float) -> RunRecord:
+def _finished(campaign: Campaign, workers: Workers, begin: float) -> RunRecord:
     """Return the record of a campaign whose cases are judged, and write the report."""
     campaign.collect()  # and what workers left half-written that were killed goes
     run = campaign.run()
@@ -124,7 +119,7 @@ def _finished(campaign: Campaign, workers: Workers, drawn: dict[str, Drawn], beg
     run.seconds = round(time.perf_counter() - begin, 3)
     with stage("report"):
         making = (lambda families: begin_articles(workers, families)) if workers.local else None
-        write_kept_run(run, campaign.folder, drawn, making)
+        write_kept_run(run, campaign.folder, making)
     return run
 
 
@@ -137,7 +132,6 @@ class Campaign:
     ----------
     judged : the names of the cases that are judged
     records : those at hand: what no journal has, `KEPT` others, and all of them after `collect`
-    whole : whether the page draws all steps of cases as expected
     """
 
     def __init__(
@@ -147,7 +141,6 @@ class Campaign:
         self.progress, self.store = progress, store
         self.journal = CaseJournal(folder)
         self.begun = self.journal.begun()
-        self.whole = True
         self.judged = set[str]()
         self.records: dict[str, CaseRecord] = {}
         self.collect()
@@ -157,8 +150,8 @@ class Campaign:
         if len(self.judged) > KEPT:
             self.records.clear()
 
-    def judge(self, workers: Workers, engine: Engine, command: str) -> dict[str, Drawn]:
-        """Judge all cases that are not; return what the page shows of them.
+    def run_all(self, workers: Workers, engine: Engine, command: str) -> None:
+        """Run and judge all cases that are not judged.
 
         Raises
         ------
@@ -166,7 +159,6 @@ class Campaign:
             A bad case, or a run that goes on as another.
         EngineMissing
         """
-        drawn: dict[str, Drawn] = {}
         workers.check_shared(self.folder)
         identity = workers.identify(patience := _patience(self.cases))
         # What does not depend on LAMMPS is done while it starts.
@@ -175,57 +167,53 @@ class Campaign:
             # None is bad: of those shipped tests say so, and they are prepared while LAMMPS runs others.
             rest = [case if case.shipped else _kept(prepare(case), k) for k, case in enumerate(left)]
         now = start(run_record(EngineRecord(), command).model_copy(update=self.options), self.cases)
-        from lammps_cases.report import page
-
-        self.whole = len(self.cases) <= page.WHOLE or self.options["fail_on"] != "new"
         who = workers.outcome(identity, patience)
         if isinstance(who, Failure):
             raise EngineMissing(f"LAMMPS cannot be opened, for any case: {wording.one_line(who.message)}")
         now.run.engine = answering = engine_record(engine, who)
         self.begun = self.journal.begin(now, self.judged)
         rest = [following(each, answering.manual) for each in rest]
-        for ready, verdict in self._judged(workers, rest, answering):
-            judgement = workers.outcome(verdict, JUDGING)
-            if isinstance(judgement, Failure):
-                self.records[ready.case.name] = record = unjudged(ready, judgement, answering)
-            else:
-                record, shown = judgement
-                if len(self.records) < KEPT:
-                    self.records[record.case] = record
-                    drawn |= {record.case: shown} if shown else {}
+        for ready, recorded in self._recorded(workers, rest, answering):
+            record = workers.outcome(recorded, JUDGING)
+            if isinstance(record, Failure):
+                self.records[ready.case.name] = record = faulty(ready, answering, record)
+            elif len(self.records) < KEPT:
+                self.records[record.case] = record
             self.judged.add(ready.case.name)
             if self.store and len(self.judged) % KEPT == 0:
                 self.store.trim()
             complaint = "" if record.as_expected else f"{record.verdict} {record.case}"
             self.progress.advance(len(self.judged), len(self.cases), record.case, complaint)
-        return drawn
 
-    def _judged(
+    def _recorded(
         self, workers: Workers, cases: Sequence[MaybePrepared], engine: EngineRecord
-    ) -> Iterator[tuple[PreparedCase, Future[tuple[CaseRecord, Drawn | None]]]]:
-        """Yield every case with its judgement when that is there; no more are under way than keep the workers busy."""
+    ) -> Iterator[tuple[PreparedCase, Future[CaseRecord]]]:
+        """Yield every case when it is recorded; no more are under way than keep the workers busy.
+
+        LAMMPS' runs of a case are tasks, and then, of the files with their answers, its judgement.
+        """
         from lammps_cases.run.judged_before import judgement_store
 
         assert self.begun is not None
         judgements = judgement_store(self.store, self.begun.code)
-        waiting, under_way = deque(cases), list[UnderWay]()
-        while waiting or under_way:
-            while waiting and len(under_way) < AHEAD * workers.count:
+        waiting, running, judging = deque(cases), list[Running](), list[Judging]()
+        while waiting or running or judging:
+            while waiting and len(running) + len(judging) < AHEAD * workers.count:
                 case = waiting.popleft()
                 ready = case if isinstance(case, PreparedCase) else prepare(case)
                 limit = ready.case.scene.engine.time_limit
-                under_way.append(UnderWay(ready, [workers.submit_for_task(one, limit) for one in ready.jobs]))
-            wait([future for each in under_way for future in each.futures if not future.done()], None, FIRST_COMPLETED)
-            for each in [each for each in under_way if each.done]:
-                if each.judging:
-                    under_way.remove(each)
-                    yield each.ready, each.futures[0]
-                    forget(each.told)
-                else:
-                    limit = each.ready.case.scene.engine.time_limit
-                    each.told = [workers.outcome(future, limit) for future in each.futures]
-                    task = self.folder, each.ready, each.told, engine, self.store, judgements, self.whole
-                    each.futures = [workers.call(judge_answers, *task, time_limit=JUDGING)]
+                running.append(Running(ready, [workers.submit_for_task(job, limit) for job in ready.jobs]))
+            runs = [future for each in running for future in each.futures if not future.done()]
+            wait([*runs, *(each.future for each in judging)], None, FIRST_COMPLETED)
+            for ended in [each for each in running if all(future.done() for future in each.futures)]:
+                running.remove(ended)
+                kept = outcomes_of(workers, ended.ready, ended.futures)
+                task = self.folder, ended.ready, kept, engine, self.store, judgements
+                judging.append(Judging(ended.ready, kept, workers.call(record_case, *task, time_limit=JUDGING)))
+            for over in [each for each in judging if each.future.done()]:
+                judging.remove(over)
+                yield over.ready, over.future
+                discard(over.kept)
 
     def collect(self) -> int:
         """Read the cases that were judged and are not at hand; return how many are judged."""

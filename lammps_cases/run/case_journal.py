@@ -20,7 +20,7 @@ from eos_ref import InputError
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.records import folders
 from lammps_cases.records.documents import SCHEMAS, Document
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records.files import arrays_files, write_atomically
 from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
 from lammps_cases.scene.casefile import SHIPPED, Case
@@ -132,8 +132,7 @@ class CaseJournal:
 
     def arrays(self, case: str) -> list[Path]:
         """Return the files of a case's arrays."""
-        names = (f"{case}.npz", f"{case}@page.npz", f"{case}@steps.npz")
-        return [path for name in names if (path := self.folder / "fields" / name).is_file()]
+        return [path for path in arrays_files(self.folder / "fields", case) if path.is_file()]
 
 
 def start(run: RunRecord, cases: Sequence[Case]) -> RunStart:

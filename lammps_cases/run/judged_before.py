@@ -10,27 +10,23 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import json
-from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from lammps_cases.comparison.prediction_keys import fingerprint
 from lammps_cases.comparison.store import Arrays, Store
 from lammps_cases.engine.session import Answer
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, Predictions, Seconds
+from lammps_cases.run.answers import Answers
 from lammps_cases.run.case_journal import CaseJournal, code, said
-from lammps_cases.run.prepared_case import Outcomes, PreparedCase
-
-if TYPE_CHECKING:
-    from lammps_cases.report.drawn import Drawn
+from lammps_cases.run.prepared_case import Outcomes
 
 _code = functools.cache(code)  # of this process: sources may have changed since the run began
+_RECORD = "record"
 _LISTS = "lists"  # an entry with this name alone: the judgement is that of the answer with its lists
 
 
@@ -64,52 +60,48 @@ class JudgedBefore:
     lammps: float
 
     @classmethod
-    def of(cls, store: Store, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord) -> JudgedBefore | None:
-        """Return where the judgement of LAMMPS' answers lies; None for what is no answer, which is judged at once."""
-        answers = [outcome for outcome in outcomes if isinstance(outcome, Answer)]
-        if len(answers) < len(outcomes):
+    def of(cls, store: Store, answers: Answers, engine: EngineRecord) -> JudgedBefore | None:
+        """Return where the judgement of LAMMPS' answers lies; None for failures, which are judged at once."""
+        given = [outcome for outcome in answers.outcomes if isinstance(outcome, Answer)]
+        if len(given) < len(answers.outcomes):
             return None
+        ready = answers.ready
         case = ready.case.name, said(ready.case), ready.case.shipped, ready.atoms
-        key = fingerprint(*case, engine.name, engine.distribution, [_returned(answer) for answer in answers])
-        return cls(store, key, sum(answer.seconds for answer in answers))
+        key = fingerprint(*case, engine.name, engine.distribution, [_returned(answer) for answer in given])
+        return cls(store, key, sum(answer.seconds for answer in given))
 
-    def find(self, folder: Path, listed: Callable[[], Outcomes]) -> tuple[CaseRecord, Drawn] | None:
-        """Return the judgement and what the page shows of it, its arrays put into a folder; None: to be judged.
+    def find(self, folder: Path, answers: Answers) -> CaseRecord | None:
+        """Return the record, and put its arrays into a folder; None: to be judged.
 
-        ``listed`` asks LAMMPS for its answers with its neighbour lists, if these were judged.
+        LAMMPS is run again for its neighbour lists, if answers with these were judged.
         """
         entry = self.store.read(self.key)
         if entry is not None and _LISTS in entry:
             lists: list[Any] = []
-            with contextlib.suppress(Exception):  # whoever judges asks again, and is told why
-                lists = [answer.lists for answer in listed() if isinstance(answer, Answer)]
+            with contextlib.suppress(Exception):  # judging runs LAMMPS again, and reports the failure
+                lists = [answer.lists for answer in answers.with_lists() if isinstance(answer, Answer)]
             entry = self.store.read(self._with(lists)) if lists else None
         return None if entry is None else self._restored(folder, entry)
 
-    def keep(self, folder: Path, record: CaseRecord, shown: Drawn, looked: Outcomes) -> None:
-        """Keep a judgement whose arrays lie in a folder; ``looked``: the answers with lists, if these were judged."""
-        files = {path.name: path.read_bytes() for path in CaseJournal(folder).arrays(record.case)}
-        texts = {"record": record.model_dump_json(by_alias=True), "shown": json.dumps(astuple(shown))}
-        contents = files | {name: text.encode() for name, text in texts.items()}
+    def keep(self, folder: Path, record: CaseRecord, listed: Outcomes) -> None:
+        """Keep a record whose arrays lie in a folder; ``listed``: the answers with lists, if these were judged."""
+        contents = {path.name: path.read_bytes() for path in CaseJournal(folder).arrays(record.case)}
+        contents[_RECORD] = record.model_dump_json(by_alias=True).encode()
         entry = {name: np.frombuffer(content, np.uint8) for name, content in contents.items()}
-        lists = [answer.lists for answer in looked if isinstance(answer, Answer)]
+        lists = [answer.lists for answer in listed if isinstance(answer, Answer)]
         if lists:
             self.store.write(self.key, {_LISTS: np.array(len(lists))})
         self.store.write(self._with(lists) if lists else self.key, entry)
 
-    def _restored(self, folder: Path, entry: Arrays) -> tuple[CaseRecord, Drawn]:
-        from lammps_cases.report.drawn import Drawn, WorstAtom
-
+    def _restored(self, folder: Path, entry: Arrays) -> CaseRecord:
         contents = {name: array.tobytes() for name, array in entry.items()}
-        record = CaseRecord.model_validate_json(contents.pop("record"))
-        data, more, fields, worst = json.loads(contents.pop("shown"))
+        record = CaseRecord.model_validate_json(contents.pop(_RECORD))
         for name, arrays in contents.items():
             write_atomically(folder / "fields" / name, arrays)
         record.seconds = Seconds(lammps=self.lammps, total=self.lammps)
         predictions = record.predictions.computed + record.predictions.stored
         record.predictions = Predictions(stored=predictions, judgements=1)
-        data, more = (None if text is None else Markup(text) for text in (data, more))
-        return record, Drawn(data, more, tuple(fields), tuple(WorstAtom(*each) for each in worst))
+        return record
 
     def _with(self, lists: Any) -> str:
         return fingerprint(self.key, _plain(lists))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,14 +15,12 @@ from lammps_cases.records.run_record import HeadlineRecord, RunRecord
 
 if TYPE_CHECKING:
     from lammps_cases.history.reported import Past
-    from lammps_cases.report.drawn import Drawn
     from lammps_cases.report.page import Making
 
 
 def write_run(
     run: RunRecord,
     folder: Path,
-    drawn: Mapping[str, Drawn] | None = None,
     past: Past | None = None,
     making: Making | None = None,
 ) -> None:
@@ -30,23 +28,21 @@ def write_run(
     from lammps_cases.report import bare, write_report
 
     with _uncollected():
-        made = lambda: write_report(run, folder, drawn=drawn, history=past, making=making)  # noqa: E731
+        made = lambda: write_report(run, folder, history=past, making=making)  # noqa: E731
         if part("report", run.faults, made, None) is None:
             write_atomically(folder / "summary.md", bare.summary(run))
             write_atomically(folder / "report.html", bare.page(run))
         write_atomically(folder / "run.json", run.to_json())  # last: it holds what the report lacks
 
 
-def write_kept_run(
-    run: RunRecord, folder: Path, drawn: Mapping[str, Drawn] | None = None, making: Making | None = None
-) -> None:
+def write_kept_run(run: RunRecord, folder: Path, making: Making | None = None) -> None:
     """Write a run with the runs before it, and keep it in the user's history."""
     past = past_of(run)
-    write_run(run, folder, drawn, past, making)
+    write_run(run, folder, past, making)
     before = len(run.faults)
     part("entry in the history", run.faults, lambda: history.collect(run, folder), None)
     if len(run.faults) > before:
-        write_run(run, folder, drawn, past, making)
+        write_run(run, folder, past, making)
 
 
 def past_of(run: RunRecord) -> Past | None:

@@ -16,7 +16,7 @@ from lammps_cases.engine.session import EngineMissing, Job
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run.case_judgement import JUDGING, answers, judge, unjudged
+from lammps_cases.run.flow import JUDGING, faulty, judge, outcomes_of
 from lammps_cases.run.prepared_case import Outcomes, PreparedCase, prepare
 from lammps_cases.run.provenance import engine_record
 from lammps_cases.scene.casefile import Case
@@ -178,20 +178,20 @@ class WorkerJudge:
         self.engine: EngineRecord = engine_record(engine, who)
 
     def __call__(self, case: Case) -> CaseRecord:
-        """Return the record of a case; see `lammps_cases.run.case_judgement.judge`."""
+        """Return the record of a case; see `lammps_cases.run.flow.judge`."""
         ready = prepare(case)
         return self.judged(ready, self.answers(ready, ready.jobs))
 
     def answers(self, ready: PreparedCase, jobs: Sequence[Job]) -> Outcomes:
         """Return what LAMMPS answers to the jobs of a case, or how it fails."""
         futures = [self.workers.submit(job, ready.case.scene.engine.time_limit) for job in jobs]
-        return answers(self.workers, ready, futures)
+        return outcomes_of(self.workers, ready, futures)
 
     def judged(self, ready: PreparedCase, outcomes: Outcomes) -> CaseRecord:
         """Return the verdict on the answers."""
         task = self.workers.call(judge, ready, outcomes, self.engine, None, time_limit=JUDGING)
         judged = self.workers.outcome(task, JUDGING)
-        return unjudged(ready, judged, self.engine) if isinstance(judged, Failure) else judged[0]
+        return faulty(ready, self.engine, judged) if isinstance(judged, Failure) else judged[0]
 
 
 def shrink_on(case: Case, engine: Engine, finding: str = "", progress: Progress = SILENT) -> Shrunk:

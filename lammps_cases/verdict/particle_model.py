@@ -55,7 +55,7 @@ class Reason:
     explained: list[Finding] = field(default_factory=list)
 
 
-def judge(
+def compare_and_explain(
     problem: Problem, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
 ) -> ModelVerdict:
     """Compare all fields at all steps, and explain what is outside by the ledger."""

@@ -26,21 +26,20 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.setup.twins import Twin
+from lammps_cases.verdict.case_arrays import Arrays, field_arrays
 from lammps_cases.verdict.explanation import Trial
-from lammps_cases.verdict.model_cases import problem_of, read_snapshots
 from lammps_cases.verdict.model_fields import compare_all, first_outside, over_steps
 from lammps_cases.verdict.outcome import (
-    Arrays,
     blank_record,
-    field_arrays,
     finish,
-    judge_failure,
-    judge_lost_atoms,
     other_atoms,
+    record_failure,
+    record_lost_atoms,
 )
+from lammps_cases.verdict.snapshots import read_snapshots
 
 
-def evaluate_twin(
+def compare_twin(
     case: Case,
     twin: Twin,
     outcomes: Sequence[Answer | Failure],
@@ -59,13 +58,13 @@ def evaluate_twin(
     failures = [outcome for outcome in outcomes if isinstance(outcome, Failure)]
     lost = [ids for answer in answers if (ids := other_atoms(twin.atoms, answer)) is not None]
     if failures:
-        judge_failure(record, failures[0], case.scene)
+        record_failure(record, failures[0], case.scene)
         alone = not isinstance(outcomes[1], Answer) and len(failures) == 1
         record.only_twin = alone and record.verdict != "skipped"
     elif lost:
-        judge_lost_atoms(record, twin.atoms, lost[0])
+        record_lost_atoms(record, twin.atoms, lost[0])
     else:
-        arrays = _judge_twin(record, case, twin, answers, engine.distribution, predictor)
+        arrays = _compare_twin(record, case, twin, answers, engine.distribution, predictor)
     finish(record, sum(answer.seconds for answer in answers), begin, predictor)
     return record, arrays
 
@@ -81,7 +80,7 @@ class _Side:
     spread: tuple[Fields, ...] = ()  # by input that was rounded, per step
 
 
-def _judge_twin(
+def _compare_twin(
     record: CaseRecord, case: Case, twin: Twin, answers: Sequence[Answer], engine: str, predictor: Predictor
 ) -> Arrays:
     one, other = _sides(case, twin, answers, predictor)
@@ -111,7 +110,7 @@ def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predict
             problem = replace(sides[0].problem, ranks=scene.engine.ranks, newton=scene.engine.newton_flags)
             sides.append(replace(sides[0], problem=problem, snapshots=snapshots))
             continue
-        problem, random = problem_of(scene, atoms, case.where, twin.steps, predictor), seed(f"{name}/moved runs")
+        problem, random = predictor.problem_of(scene, atoms, case.where, twin.steps), seed(f"{name}/moved runs")
         prediction = predictor.predict(problem, seed=random)
         rounds = twin.rounds_input and not sides
         spread = predictor.input_spread(problem, prediction, random) if rounds else ()

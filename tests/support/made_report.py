@@ -27,7 +27,7 @@ from lammps_cases.records.run_record import (
     Seconds,
     StepRecord,
 )
-from lammps_cases.report import drawn
+from lammps_cases.verdict import case_arrays
 
 HOSTILE = "<img src=x onerror=alert(1)> | `b` </script><script>alert(2)</script> \x1b[31m & ]]> *x*"
 NAME = HOSTILE.replace("/", "")  # of a case, which is that of a file
@@ -140,7 +140,7 @@ def beside(arrays: dict[str, Any]) -> dict[str, Any]:
     found |= {"@pairs step": [0], "@pairs atom": [4], "@pairs count": [2], "@pairs id": [7, 9], "@pairs r": [0.5, 0.75]}
     found |= {"@pairs names": ["force x", "pressure_force x", "drho"], "@pairs sum": [[3.0, 3.0, -0.25]]}
     found["@pairs pair"] = [[1.0, 1.0, 0.5], [2.0, 2.0, -0.75]]
-    return drawn.split({key: np.asarray(values) for key, values in found.items()})[1]
+    return {key: np.asarray(values) for key, values in found.items()}
 
 
 def model(folder: Path, name: str, dimension: int) -> CaseRecord:
@@ -184,8 +184,7 @@ def model(folder: Path, name: str, dimension: int) -> CaseRecord:
                 steps=steps,
             )
         )
-    files.write_arrays(folder / "fields" / f"{name}.npz", arrays)
-    files.write_arrays(drawn.beside_file(folder / "fields", name), beside(arrays))
+    case_arrays.write(folder / "fields", name, beside(arrays))
     values = {"lammps": 1.5, "reference": 0.5, "bound": 1e-14}
     first = Blame(field="f", stage="pair", step=0, atom=4, outside=1, of=count, **values)
     laws = laws_of(EOSTable((WATER,)))

@@ -10,15 +10,14 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.trajectory import visit
-from lammps_cases.diagnosis import answers
 from lammps_cases.diagnosis.triage import triage
-from lammps_cases.records.files import write_arrays
+from lammps_cases.records.files import arrays_files, write_arrays
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, worst
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import particle_model
-from lammps_cases.verdict.model_cases import problem_of
 
 ENGINE = "2099.1.1"
 
@@ -39,7 +38,7 @@ def red_run(
         sim = problem.simulation(stages, stepping)
         visited = visit(sim, steps, problem.timestep, problem.stops)
         snapshots = [{name: np.array(sim.output(name), float) for name in problem.fields} for _ in visited]
-        judged = particle_model.judge(problem, case.name, ready.atoms.id_n, snapshots, ENGINE, predictor)
+        judged = particle_model.compare_and_explain(problem, case.name, ready.atoms.id_n, snapshots, ENGINE, predictor)
         fields = [comparison.record for comparison in judged.comparisons]
         verdict = worst([field.verdict for field in fields])
         record = CaseRecord(case=case.name, verdict=verdict, fields=fields, blame=judged.first, beyond=judged.beyond)
@@ -50,7 +49,7 @@ def red_run(
                 for step, snapshot in zip(steps, snapshots, strict=True)
                 for name, values in snapshot.items()
             }
-            write_arrays(answers.file_of(folder, case.name), arrays)
+            write_arrays(arrays_files(folder, case.name)[2], arrays)
     run = RunRecord(engine=EngineRecord(distribution=ENGINE), reference={}, cases=records).counted()
     run.triage = triage(run, cases, folder, predictor, seconds)
     return run

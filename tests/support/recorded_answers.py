@@ -28,8 +28,9 @@ from lammps_cases.engine import installations
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER, accepted_cases
 from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord
+from lammps_cases.run.answers import Answers
 from lammps_cases.run.campaign import following
-from lammps_cases.run.case_judgement import JUDGING, answers, evaluated, with_lists
+from lammps_cases.run.flow import JUDGING, compared, lists_decide, outcomes_of
 from lammps_cases.run.prepared_case import Outcomes, PreparedCase, prepare
 from lammps_cases.run.provenance import engine_record
 from lammps_cases.scene import casefile
@@ -63,7 +64,7 @@ def told(record: CaseRecord) -> dict[str, Any]:
 
 def judged(ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, predictor: Predictor) -> CaseRecord:
     """A case judged."""
-    return evaluated(ready, outcomes, engine, predictor)[0]
+    return compared(ready, outcomes, engine, predictor)[0]
 
 
 # --- record
@@ -71,9 +72,9 @@ def judged(ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, predic
 
 def with_its_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord) -> Outcomes:
     """Task: the answers, with the lists of neighbours if the judge asks for them."""
-    record, arrays = evaluated(ready, outcomes, engine, Predictor())
+    record, arrays = compared(ready, outcomes, engine, Predictor())
     asked = bool(arrays) and ready.case.scene.whole_model
-    return (asked and with_lists(site, ready, outcomes, record)) or outcomes
+    return (asked and (lists_decide(ready, record) and Answers(site, ready, outcomes).with_lists())) or outcomes
 
 
 def candidates(version: str) -> list[str]:
@@ -100,7 +101,7 @@ def record(name: str, folder: Path) -> None:
             ready = following(prepare(case), who.manual)
             assert isinstance(ready, PreparedCase)
             limit = case.scene.engine.time_limit
-            outcomes = answers(workers, ready, [workers.submit(job, limit) for job in ready.jobs])
+            outcomes = outcomes_of(workers, ready, [workers.submit(job, limit) for job in ready.jobs])
             outcomes = workers.outcome(workers.call(with_its_lists, ready, outcomes, who, time_limit=JUDGING))
             found = judged(ready, outcomes, who, Predictor())
             if any(shown[finding] < EACH for finding in found.findings):

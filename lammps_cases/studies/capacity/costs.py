@@ -19,7 +19,7 @@ from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers, identify, solve
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.run_record import EngineRecord, read_run
-from lammps_cases.run import campaign, case_judgement, prepared_case
+from lammps_cases.run import campaign, flow, prepared_case
 from lammps_cases.run.merge import merge
 from lammps_cases.scene.casefile import Case, load
 
@@ -108,7 +108,7 @@ def _judged(site: str | None, case: Case, folder: Path) -> JudgedScene:
     begin = time.process_time()
     answers: list[Answer | Failure] = [solve(site, job) for job in ready.jobs]
     answered = time.process_time()
-    record, _ = case_judgement.judge_into(site, folder, ready, answers, EngineRecord(**identify(site)), None)
+    record = flow.record_case(site, folder, ready, answers, EngineRecord(**identify(site)))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     alone = case.scene.engine.ranks == 1
     return JudgedScene(

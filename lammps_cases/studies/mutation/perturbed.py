@@ -15,7 +15,7 @@ from eos_ref.model.box import Box
 from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.prediction_keys import current
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.problem import Problem, problem_of
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.installations import Engine
@@ -29,11 +29,11 @@ from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.run.provenance import engine_record
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
-from lammps_cases.verdict.judgement import evaluate
-from lammps_cases.verdict.model_cases import first_step, problem_of, snapshot
+from lammps_cases.verdict.cases import compare_case, first_step
 from lammps_cases.verdict.model_fields import nearest_image
 from lammps_cases.verdict.particle_model import Reason
-from lammps_cases.verdict.twins import evaluate_twin
+from lammps_cases.verdict.snapshots import snapshot
+from lammps_cases.verdict.twins import compare_twin
 
 T = TypeVar("T")
 Rows = npt.NDArray[np.integer[Any]]
@@ -72,8 +72,8 @@ class PerturbedJudge:
         ready = case.ready
         ordered = [in_order(o, case.row_n) if isinstance(o, Answer) else o for o in outcomes]
         if ready.twin is not None:
-            return evaluate_twin(ready.case, ready.twin, ordered, self.engine, self.predictor)[0]
-        return evaluate(ready.case, ready.eos, ready.atoms, ordered[0], self.engine, self.predictor)[0]
+            return compare_twin(ready.case, ready.twin, ordered, self.engine, self.predictor)[0]
+        return compare_case(ready.case, ready.eos, ready.atoms, ordered[0], self.engine, self.predictor)[0]
 
 
 class JudgingWorkers(Workers):
@@ -189,7 +189,7 @@ class RepeatedCase:
 
     def _judged(self, answer: Answer | Failure) -> CaseRecord:
         ready = self.ready
-        return evaluate(ready.case, ready.eos, ready.atoms, answer, self.engine, self.predictor)[0]
+        return compare_case(ready.case, ready.eos, ready.atoms, answer, self.engine, self.predictor)[0]
 
     def _fitting(self, record: CaseRecord, first: Snapshot) -> tuple[Problem, Prediction]:
         case, scene = self.ready.case, self.ready.case.scene

@@ -198,7 +198,8 @@ def answer_side(
 
     ``fit`` is the scene, particles and answer that findings are fitted to.
     """
-    from lammps_cases.verdict.model_cases import problem_of, snapshot
+    from lammps_cases.comparison.problem import problem_of
+    from lammps_cases.verdict.snapshots import snapshot
 
     if not scene.whole_model:
         return _answer_law(mutation, where, scene, atoms, answer)
@@ -230,8 +231,8 @@ def _answer_law(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: 
 
 def _answer_model(where: str, scene: Any, atoms: Any, answer: Answer, stages: Any, stepping: Any) -> Answer:
     """Return the fields of the particle model at the steps that LAMMPS was read at."""
+    from lammps_cases.comparison.problem import problem_of
     from lammps_cases.comparison.trajectory import visit
-    from lammps_cases.verdict.model_cases import problem_of
 
     problem = problem_of(scene, atoms, where, scene.snapshots)
     sim = problem.simulation(stages, stepping)

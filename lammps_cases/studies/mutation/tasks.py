@@ -10,17 +10,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from lammps_cases.comparison.problem import problem_of
 from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import LEDGER, shown_by
-from lammps_cases.records.run_record import CaseRecord, HarnessError, LostAtoms
-from lammps_cases.run.case_judgement import faulty, listed, with_lists
+from lammps_cases.records.run_record import CaseRecord, LostAtoms
+from lammps_cases.run.answers import Answers, with_lists
+from lammps_cases.run.flow import lists_decide, set_fault
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.studies.mutation import catalogue, input_faults, output_faults, substitute
 from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, keep, recall
 from lammps_cases.studies.mutation.fault import Detection, files
 from lammps_cases.studies.mutation.perturbed import PerturbedCase, PerturbedJudge, outcome
-from lammps_cases.verdict.model_cases import problem_of
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,12 @@ def answer_case(
     outcomes: list[Outcome] = [Failure("crashed", failure) if failure else outcome(site, job) for job in ready.jobs]
     case = AnsweredCase(ready, tuple(outcomes))
     plain = _verdict(judge, case, outcomes)
-    if plain.fields and ready.case.scene.whole_model and (looked := with_lists(site, ready, outcomes, plain)):
+    if (
+        plain.fields
+        and ready.case.scene.whole_model
+        and lists_decide(ready, plain)
+        and (looked := Answers(site, ready, outcomes).with_lists())
+    ):
         case = AnsweredCase(ready, tuple(looked))
         plain = _verdict(judge, case, looked)
     keep(folder / f"{name}.known", case)
@@ -110,7 +116,7 @@ def _of_input(site: str | None, fault: str, case: AnsweredCase) -> list[Outcome]
     if not outcomes or not followed or not all(isinstance(one, Answer) for one in outcomes):
         return outcomes
     try:
-        return listed(site, case.ready, outcomes, input_faults.jobs(planted, case.ready, lists=True) or ())
+        return with_lists(site, case.ready, outcomes, input_faults.jobs(planted, case.ready, lists=True) or ())
     except (EngineRefused, EngineCrashed):  # of a run that was read at fewer steps a moment ago
         return []
 
@@ -163,4 +169,4 @@ def _verdict(judge: PerturbedJudge, case: AnsweredCase, outcomes: Sequence[Outco
         return judge.verdict(PerturbedCase(case.ready, ()), outcomes)
     except Exception as error:
         record = CaseRecord(case=case.ready.case.name, verdict="error")
-        return faulty(record, HarnessError(exception=type(error).__name__, text=str(error)))
+        return set_fault(record, error)

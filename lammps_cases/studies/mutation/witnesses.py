@@ -20,7 +20,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import EosState, evaluate, excess
 from lammps_cases.comparison.predictor import Made, Predictor
-from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.problem import Problem, problem_of
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine import forkserver
@@ -34,7 +34,6 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import formula, in_place
 from lammps_cases.studies.mutation.source import SourceFault
 from lammps_cases.verdict import exercise, law_mistakes, model_mistakes
-from lammps_cases.verdict.model_cases import problem_of
 
 ENOUGH = 2  # witnesses of a rule, in different scenes, in every dimension in which it has to have them
 

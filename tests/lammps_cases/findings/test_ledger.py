@@ -17,6 +17,7 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.problem import problem_of
 from lammps_cases.findings import LEDGER, accepted_cases, engines, forces, ledger_of
 from lammps_cases.findings.engines import SEEN_ON
 from lammps_cases.findings.entry import Finding
@@ -29,7 +30,6 @@ from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation.alarms import KINDS
 from lammps_cases.verdict import particle_model
-from lammps_cases.verdict.model_cases import problem_of
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
@@ -198,7 +198,7 @@ def _judged(name: str) -> CaseRecord:
     problem = problem_of(case.scene, ready.atoms, case.where, case.scene.snapshots)
     fields = predictor.values(problem, (HalfVolume, Simulation))
     snapshots = [{name: np.asarray(values) for name, values in at.items()} for at in fields]
-    judged = particle_model.judge(problem, name, ready.atoms.id_n, snapshots, ENGINE, predictor)
+    judged = particle_model.compare_and_explain(problem, name, ready.atoms.id_n, snapshots, ENGINE, predictor)
     records = [comparison.record for comparison in judged.comparisons]
     assert [entry.id for entry in judged.entries] == ["halved"]
     return CaseRecord(case=name, verdict="explained", fields=records)

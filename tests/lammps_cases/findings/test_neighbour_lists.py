@@ -14,7 +14,7 @@ import yaml
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.problem import Problem, problem_of
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.findings import shown_by
@@ -23,12 +23,11 @@ from lammps_cases.findings.surfaces import LayerOfFirst, StatusOfLayers
 from lammps_cases.findings.variants import Variant, combined
 from lammps_cases.findings.walls import AccelerationsOfOldImages, GradientOfSecond
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import case_judgement, prepared_case
+from lammps_cases.run import answers, flow, prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.mutation.substitute import in_place_of
-from lammps_cases.verdict import model_cases
 from tests.support.outcome import Outcome, Solver
 
 pytestmark = pytest.mark.lammps
@@ -63,7 +62,7 @@ class Seen:
     def problem(self) -> Problem:
         """The scene with all its steps."""
         steps = tuple(range(len(self.every.snapshots)))
-        return model_cases.problem_of(self.ready.case.scene, self.ready.atoms, "", steps)
+        return problem_of(self.ready.case.scene, self.ready.atoms, "", steps)
 
     @property
     def lists(self) -> tuple[NeighbourList, ...]:
@@ -100,9 +99,9 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., CaseRecord]:
     """A case judged, where LAMMPS answers the second question with ``every``."""
 
     def judge(given: Seen, engine: EngineRecord = ENGINE) -> CaseRecord:
-        monkeypatch.setattr(case_judgement, "solve", lambda site, told: given.every)
-        monkeypatch.setattr(case_judgement, "first_step_outside", lambda *of: None)
-        return case_judgement.judge(None, given.ready, [given.answer], engine)[0]
+        monkeypatch.setattr(answers, "solve", lambda site, told: given.every)
+        monkeypatch.setattr(flow, "first_step_outside", lambda *of: None)
+        return flow.judge(None, given.ready, [given.answer], engine)[0]
 
     return judge
 
@@ -352,18 +351,18 @@ def test_order_of_pairs_explains_older_wheels(seen: Callable[..., Seen], judged:
 def test_order_of_pairs_explains_the_layer(case: str, solver: Solver, monkeypatch: pytest.MonkeyPatch) -> None:
     ready = prepared_case.prepare(casefile.select(casefile.load(), [case])[0])
     outcomes: prepared_case.Outcomes = [solver(told) for told in ready.jobs]
-    monkeypatch.setattr(case_judgement, "solve", lambda site, told: solver(told))
-    record = case_judgement.judge(None, ready, outcomes, ENGINE)[0]
+    monkeypatch.setattr(answers, "solve", lambda site, told: solver(told))
+    record = flow.judge(None, ready, outcomes, ENGINE)[0]
     assert record.verdict == "explained", record.message
     assert _explained(record) == {"layer-depends-on-pair-order"}
-    assert case_judgement.judge(None, ready, outcomes, NEWER)[0].verdict == "explained"
+    assert flow.judge(None, ready, outcomes, NEWER)[0].verdict == "explained"
 
     def turned(site: str | None, told: Job) -> Answer:
         answer = solver(told)
         return replace(answer, lists=tuple(a | {"pair_ps": a["pair_ps"][:, ::-1]} for a in answer.lists))
 
-    monkeypatch.setattr(case_judgement, "solve", turned)
-    assert case_judgement.judge(None, ready, outcomes, ENGINE)[0].verdict == "differs"
+    monkeypatch.setattr(answers, "solve", turned)
+    assert flow.judge(None, ready, outcomes, ENGINE)[0].verdict == "differs"
 
 
 def test_variants_that_share_steps_are_combined_in_any_order(seen: Callable[..., Seen]) -> None:

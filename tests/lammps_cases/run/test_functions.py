@@ -18,9 +18,8 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases import audit, compare, run
-from lammps_cases.records.files import read_arrays
+from lammps_cases.records.files import arrays_files, read_arrays
 from lammps_cases.records.run_record import read_run
-from lammps_cases.report.drawn import beside_file
 from lammps_cases.run import tables
 from lammps_cases.run.results import Result
 from lammps_cases.run.tables import VALUE_COLUMNS
@@ -107,7 +106,7 @@ def test_the_page_has_the_pairs_of_explain_and_is_made_again(
     made = [unpacked((folder / "report.html").read_text()) for folder in (ran.folder, again)]
     first, second = (re.findall(r'class="(?:data|more)">(.*?)</script>', html) for html in made)
     assert first == second and len(first) == 3  # of both cases, and the other steps of one
-    beside = read_arrays(beside_file(ran.folder / "fields", CASES[0]))
+    beside = read_arrays(arrays_files(ran.folder / "fields", CASES[0])[1])
     field = next(field for field in ran.record.cases[0].fields if field.field == "f")
     looked = list(zip(beside["@pairs step"].tolist(), beside["@pairs atom"].tolist(), strict=True))
     at = looked.index((field.worst_step, field.worst_id))

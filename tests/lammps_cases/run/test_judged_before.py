@@ -6,7 +6,9 @@ import errno
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,13 +19,11 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
-from lammps_cases.report import drawn
-from lammps_cases.report.drawn import Drawn
-from lammps_cases.run import case_journal, case_judgement, judged_before
+from lammps_cases.run import answers, case_journal, flow, judged_before
+from lammps_cases.run.answers import Answers
 from lammps_cases.run.judged_before import JudgedBefore, judgement_store
 from lammps_cases.run.prepared_case import Outcomes, PreparedCase, prepare
 from lammps_cases.scene import casefile
-from tests.support.broken import plant
 from tests.support.outcome import Solver
 
 pytestmark = pytest.mark.lammps
@@ -56,7 +56,7 @@ def asked(monkeypatch: pytest.MonkeyPatch, solver: Solver) -> list[Job]:
         jobs.append(job)
         return solver(job)
 
-    monkeypatch.setattr(case_judgement, "solve", solve)
+    monkeypatch.setattr(answers, "solve", solve)
     return jobs
 
 
@@ -66,11 +66,9 @@ def store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Store:
     return open_store()
 
 
-def judged_into(
-    folder: Path, ready: PreparedCase, outcomes: Outcomes, of: Store | None
-) -> tuple[CaseRecord, Drawn | None]:
+def judged_into(folder: Path, ready: PreparedCase, outcomes: Outcomes, of: Store | None) -> CaseRecord:
     kept = judgement_store(of, case_journal.code())
-    return case_judgement.judge_into(None, folder, ready, outcomes, ENGINE, of, kept)
+    return flow.record_case(None, folder, ready, outcomes, ENGINE, of, kept)
 
 
 def _files(folder: Path) -> dict[str, bytes]:
@@ -97,16 +95,14 @@ def test_answer_given_before_is_not_judged_again_and_everything_is_as_it_was(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ready, outcomes = answered(name)
-    first, shown = judged_into(tmp_path / "first", ready, outcomes, store)
+    first = judged_into(tmp_path / "first", ready, outcomes, store)
     read = len(asked)
     assert (name == LISTED) == bool(read)
     assert first.predictions.judgements == 0
-    monkeypatch.setattr(case_judgement, "_judgement", _never)
-    second, shown_again = judged_into(tmp_path / "second", ready, outcomes, store)
+    monkeypatch.setattr(flow, "_judged", _never)
+    second = judged_into(tmp_path / "second", ready, outcomes, store)
     assert len(asked) == 2 * read  # for its lists LAMMPS is asked once more
     assert _told(second) == _told(first)
-    assert shown_again == shown
-    assert type(shown_again.data) is type(shown.data)
     assert _files(tmp_path / "second") == _files(tmp_path / "first")
     assert second.predictions.judgements == 1
     assert second.predictions.stored == first.predictions.computed + first.predictions.stored
@@ -149,15 +145,15 @@ def test_every_bit_that_lammps_returned_decides(
     ready, [answer] = answered(name)
     assert isinstance(answer, Answer)
     assert bool(answer.carried) == (name == STOPS)
-    own = JudgedBefore.of(store, ready, [answer], ENGINE)
+    own = JudgedBefore.of(store, Answers(None, ready, [answer]), ENGINE)
     assert own is not None
     keys = {"own": own.key}
     for where, other in _changed(answer):
-        changed = JudgedBefore.of(store, ready, [other], ENGINE)
+        changed = JudgedBefore.of(store, Answers(None, ready, [other]), ENGINE)
         assert changed is not None
         keys[where] = changed.key
     assert len(set(keys.values())) == len(keys) > len(answer.arrays) + 2
-    again = JudgedBefore.of(store, ready, [replace(answer, seconds=7.0, run_seconds=(7.0,))], ENGINE)
+    again = JudgedBefore.of(store, Answers(None, ready, [replace(answer, seconds=7.0, run_seconds=(7.0,))]), ENGINE)
     assert again is not None
     assert again.key == own.key  # how long it took is no matter
 
@@ -176,7 +172,7 @@ def test_case_and_engine_decide(answered: Callable[[str], tuple[PreparedCase, Ou
         (ready, EngineRecord(name="path:elsewhere", distribution="2025.7.22.4.0")),
         (ready, ENGINE),
     ]
-    found = [JudgedBefore.of(store, other, outcomes, engine) for other, engine in others]
+    found = [JudgedBefore.of(store, Answers(None, other, outcomes), engine) for other, engine in others]
     assert len({each.key for each in found if each}) == len(others)
 
 
@@ -189,19 +185,22 @@ def test_lists_that_differ_are_judged_again(
     ready, outcomes = answered(LISTED)
     before = _before(store, ready, outcomes)
     judged_into(tmp_path, ready, outcomes, store)
-    (every,) = case_judgement.listed(None, ready, outcomes, ready.reading_lists)
+    (every,) = Answers(None, ready, outcomes).with_lists()
     assert isinstance(every, Answer)
-    assert before.find(tmp_path, lambda: [every]) is not None
+    assert before.find(tmp_path, SimpleNamespace(with_lists=lambda: [every])) is not None
     for where, other in _changed(every):
         if where.startswith("list"):
-            assert before.find(tmp_path, lambda: [other]) is None, where  # noqa: B023 - called at once
-    assert before.find(tmp_path, list) is None  # LAMMPS ran otherwise when it was asked for them
+            changed = SimpleNamespace(with_lists=partial(list, [other]))
+            assert before.find(tmp_path, changed) is None, where
+    assert (
+        before.find(tmp_path, SimpleNamespace(with_lists=list)) is None
+    )  # LAMMPS ran otherwise when it was asked for them
 
 
 def _before(store: Store, ready: PreparedCase, outcomes: Outcomes) -> JudgedBefore:
     kept = judgement_store(store, case_journal.code())
     assert kept is not None
-    before = JudgedBefore.of(kept, ready, outcomes, ENGINE)
+    before = JudgedBefore.of(kept, Answers(None, ready, outcomes), ENGINE)
     assert before is not None
     return before
 
@@ -216,10 +215,10 @@ def test_only_what_is_as_expected_is_kept(
         replace(answer, snapshots=tuple({**each, "rho": 1.1 * each["rho"]} for each in answer.snapshots))
     ]
     for _ in range(2):
-        record, _ = judged_into(tmp_path, ready, spoilt, store)
+        record = judged_into(tmp_path, ready, spoilt, store)
         assert record.verdict == "differs"
         assert record.predictions.judgements == 0
-    assert JudgedBefore.of(store, ready, [Failure("crashed", "it died")], ENGINE) is None
+    assert JudgedBefore.of(store, Answers(None, ready, [Failure("crashed", "it died")]), ENGINE) is None
 
 
 def test_fresh_run_and_other_code_find_nothing(
@@ -232,7 +231,7 @@ def test_fresh_run_and_other_code_find_nothing(
     ready, outcomes = answered(PLAIN)
 
     def judgements(of: Store | None) -> int:
-        record, _ = judged_into(tmp_path, ready, outcomes, of)
+        record = judged_into(tmp_path, ready, outcomes, of)
         return record.predictions.judgements
 
     assert [judgements(each) for each in (store, store, open_store(fresh=True), store, None)] == [0, 1, 0, 1, 0]
@@ -252,7 +251,7 @@ def test_process_of_other_code_than_the_run_looks_up_and_keeps_nothing(
     ready, outcomes = answered(PLAIN)
     for edited in (True, False, False):
         monkeypatch.setattr(judged_before, "_code", lambda edited=edited: "edited" if edited else case_journal.code())
-        record, _ = judged_into(tmp_path, ready, outcomes, store)
+        record = judged_into(tmp_path, ready, outcomes, store)
         assert record.predictions.judgements == 0 if edited else record.predictions.computed == 0
     assert record.predictions.judgements == 1, "the second was kept, the first was not"
 
@@ -274,8 +273,8 @@ def test_lists_that_cannot_be_read_leave_no_verdict(
     def full(*_: object) -> Answer:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(case_judgement, "solve", full)
-    record, _ = judged_into(tmp_path, ready, outcomes, store)
+    monkeypatch.setattr(answers, "solve", full)
+    record = judged_into(tmp_path, ready, outcomes, store)
     assert record.verdict == "error"
     assert "neighbour lists: [Errno 28] No space left on device" in record.message
 
@@ -290,7 +289,7 @@ def test_key_keeps_the_parts_of_a_case_apart(
         if moved == "from tags to rules"
         else (replace(ready.case, about="a\0b", tags=()), replace(ready.case, about="a", tags=("b",)))
     )
-    keys = [JudgedBefore.of(store, replace(ready, case=case), outcomes, ENGINE) for case in (one, other)]
+    keys = [JudgedBefore.of(store, Answers(None, replace(ready, case=case), outcomes), ENGINE) for case in (one, other)]
     assert keys[0] != keys[1]
     run = RunRecord(engine=ENGINE, reference={}, date="d")
     assert case_journal.start(run, [one]).cases != case_journal.start(run, [other]).cases
@@ -300,10 +299,10 @@ def test_damaged_judgement_is_made_again(
     answered: Callable[[str], tuple[PreparedCase, Outcomes]], asked: list[Job], store: Store, tmp_path: Path
 ) -> None:
     ready, outcomes = answered(PLAIN)
-    first, _ = judged_into(tmp_path, ready, outcomes, store)
+    first = judged_into(tmp_path, ready, outcomes, store)
     for path in store.folder.iterdir():
         path.write_bytes(path.read_bytes()[:-1] + b"?")
-    second, _ = judged_into(tmp_path, ready, outcomes, store)
+    second = judged_into(tmp_path, ready, outcomes, store)
     assert second.predictions.judgements == 0
     assert _told(second) == _told(first)
 
@@ -313,16 +312,4 @@ def test_worker_that_does_not_see_a_case_s_files_judges_all_the_same(
 ) -> None:
     ready, outcomes = answered("files.extxyz")
     elsewhere = replace(ready, case=replace(ready.case, source=Path("elsewhere") / "droplet.yaml"))
-    assert JudgedBefore.of(store, elsewhere, outcomes, ENGINE) is not None
-
-
-def test_a_case_that_cannot_be_drawn_is_judged(
-    answered: Callable[[str], tuple[PreparedCase, Outcomes]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    ready, outcomes = answered(PLAIN)
-    record, shown = judged_into(tmp_path / "first", ready, outcomes, None)
-    assert shown
-    plant(drawn.drawn, monkeypatch)
-    again, shown = judged_into(tmp_path / "second", ready, outcomes, None)
-    assert shown is None and _told(again) == _told(record)
-    assert _files(tmp_path / "second") == _files(tmp_path / "first")
+    assert JudgedBefore.of(store, Answers(None, elsewhere, outcomes), ENGINE) is not None

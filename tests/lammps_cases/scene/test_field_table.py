@@ -18,9 +18,10 @@ from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import PRESSURE, QUANTITIES, Quantity, evaluated_for, order, required
 from lammps_cases.audit import fields as audit
 from lammps_cases.audit.deck import Deck
+from lammps_cases.comparison.problem import problem_of
 from lammps_cases.engine.session import Answer
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import case_judgement, prepared_case
+from lammps_cases.run import flow, prepared_case
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS, Field, in_step_order
@@ -28,7 +29,7 @@ from lammps_cases.setup import commands, twins
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.mutation import output_faults
 from lammps_cases.studies.mutation.substitute import in_place_of
-from lammps_cases.verdict.model_cases import problem_of, snapshot
+from lammps_cases.verdict.snapshots import snapshot
 from tests.support.outcome import Solver
 
 ENGINE = EngineRecord(name="env", distribution=version("lammps"))
@@ -68,7 +69,7 @@ def answered(solver: Solver, case: Case) -> tuple[prepared_case.PreparedCase, An
 
 
 def judged(ready: prepared_case.PreparedCase, answer: Answer) -> CaseRecord:
-    return case_judgement.judge(None, ready, [answer], ENGINE)[0]
+    return flow.judge(None, ready, [answer], ENGINE)[0]
 
 
 # --- every field

@@ -18,7 +18,7 @@ from lammps_cases import findings
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, read_run
-from lammps_cases.run import case_judgement, prepared_case
+from lammps_cases.run import flow, prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import twins
@@ -89,7 +89,7 @@ def answers(workers: Workers, ready: prepared_case.PreparedCase) -> list[Answer 
 
 def judged(workers: Workers, case: Case) -> CaseRecord:
     ready = prepared_case.prepare(case)
-    return case_judgement.judge(None, ready, answers(workers, ready), ENGINE)[0]
+    return flow.judge(None, ready, answers(workers, ready), ENGINE)[0]
 
 
 # --- what real LAMMPS does
@@ -129,7 +129,7 @@ def test_findings_explain_what_they_break(
 def test_without_an_entry_it_differs(make: Make, workers: Workers, monkeypatch: pytest.MonkeyPatch) -> None:
     ready = prepared_case.prepare(make("boost", **WALLS))
     monkeypatch.setattr(findings, "LEDGER", ())
-    record, _ = case_judgement.judge(None, ready, answers(workers, ready), EngineRecord(distribution="2099.1.1"))
+    record, _ = flow.judge(None, ready, answers(workers, ready), EngineRecord(distribution="2099.1.1"))
     assert record.verdict == "differs"
     assert not record.as_expected
     assert BLAME.match(record.message), record.message
@@ -147,7 +147,7 @@ def test_a_corrupted_answer_is_blamed(kind: str, make: Make, workers: Workers) -
     force_nc = other.snapshots[1]["f"].copy()
     force_nc[row, 1] *= 1 + 1e-9
     snapshots = (other.snapshots[0], other.snapshots[1] | {"f": force_nc}, other.snapshots[2])
-    record, arrays = case_judgement.judge(None, ready, [one, replace(other, snapshots=snapshots)], ENGINE)
+    record, arrays = flow.judge(None, ready, [one, replace(other, snapshots=snapshots)], ENGINE)
     assert record.verdict == "differs"
     start = f"LAMMPS against itself (twin: {kind}): f (stage twin) leaves its bound at step 1 at 1 of 56 atoms, "
     assert record.message.startswith(f"{start}first atom 17: as given "), record.message
@@ -186,7 +186,7 @@ def test_everything_rescaled_is_the_same_problem(make: Make, workers: Workers) -
 def test_a_failure_of_the_twin_is_told(make: Make, workers: Workers) -> None:
     ready = prepared_case.prepare(make("newton"))
     one, _ = answers(workers, ready)
-    record, arrays = case_judgement.judge(None, ready, [one, Failure("crashed", "it died")], ENGINE)
+    record, arrays = flow.judge(None, ready, [one, Failure("crashed", "it died")], ENGINE)
     assert (record.verdict, arrays) == ("crashed", {})
     assert record.message == "LAMMPS answers, and its twin (newton) does not: it died"
 

@@ -14,7 +14,7 @@ from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation import catalogue, input_faults
-from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.cases import compare_case
 from tests.support.outcome import Solver
 from tests.support.told import Told, engine
 
@@ -48,7 +48,7 @@ def test_speeds_of_images_may_be_differences_of_places(monkeypatch: pytest.Monke
     ready = prepare(replace(case, scene=case.scene.model_validate(content)))
 
     def found() -> str:
-        return evaluate(ready.case, ready.eos, ready.atoms, solver(ready.jobs[0]), ENGINE, Predictor())[0].verdict
+        return compare_case(ready.case, ready.eos, ready.atoms, solver(ready.jobs[0]), ENGINE, Predictor())[0].verdict
 
     assert found() == "explained"
     monkeypatch.setattr(Deform, "image_rounding", lambda self, first: np.zeros((2, 2)))
@@ -70,5 +70,5 @@ def test_a_fault_in_what_lammps_is_told_of_the_box_is_seen(name: str, fault: str
     (case,) = casefile.select(casefile.load(), [name])
     ready = prepare(case)
     jobs = input_faults.jobs(catalogue.input_faults()[f"told.{fault}"], ready)
-    record, *_ = evaluate(case, ready.eos, ready.atoms, solver(jobs[0]), ENGINE, Predictor())
+    record, *_ = compare_case(case, ready.eos, ready.atoms, solver(jobs[0]), ENGINE, Predictor())
     assert record.verdict == "differs"

@@ -14,7 +14,7 @@ import pytest
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.problem import Problem, problem_of
 from lammps_cases.findings import LEDGER, Finding, applicable, shown_by
 from lammps_cases.findings.variants import Snapshot, Variant, combined
 from lammps_cases.records import wording
@@ -22,7 +22,6 @@ from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import explanation, particle_model
-from lammps_cases.verdict.model_cases import problem_of
 
 CASES = {case.name: case for case in casefile.load()}
 BY_ID = {entry.id: entry for entry in LEDGER}
@@ -61,7 +60,7 @@ def judged(
     of: Problem, id_n: Any, name: str, snapshots: Sequence[Snapshot], engine: str
 ) -> particle_model.ModelVerdict:
     """Judge the fields of a scene as those of an engine."""
-    return particle_model.judge(of, name, id_n, snapshots, engine, PREDICTOR)
+    return particle_model.compare_and_explain(of, name, id_n, snapshots, engine, PREDICTOR)
 
 
 @pytest.mark.parametrize("engine", ["2025.7.22.4.0", NEW])

@@ -19,7 +19,7 @@ from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.cases import compare_case
 from lammps_cases.verdict.law_mistakes import MUTANTS, unseen
 from tests.support.outcome import Solver
 
@@ -36,7 +36,7 @@ def solved(solver: Solver) -> Solved:
 
 
 def judge(solved: Solved) -> list[CaseRecord]:
-    return [evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)[0] for ready, answer in solved]
+    return [compare_case(ready.case, ready.eos, ready.atoms, answer, ENGINE)[0] for ready, answer in solved]
 
 
 @pytest.mark.lammps
@@ -90,7 +90,7 @@ def test_wrong_input_is_blamed_on_the_input_stage(solved: Solved) -> None:
     rho = answer.arrays["rho"].copy()
     rho[3] = np.nextafter(rho[3], 10)  # one ulp: LAMMPS does not hold what it was given
     spoilt = Answer({**answer.arrays, "rho": rho}, answer.seconds)
-    record, _ = evaluate(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
+    record, _ = compare_case(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
     assert record.verdict == "differs"
     assert record.message.startswith("rho (stage input) leaves its bound at 1 of")
     assert f"first atom {answer.arrays['id'][3]} " in record.message
@@ -105,7 +105,7 @@ def test_answer_with_the_wrong_atoms_differs(fault: str, solved: Solved) -> None
     picks = {"lost": every[1:], "doubled": np.r_[0, every[:-1]], "none": every[:0], "exchanged": np.r_[1, 0, every[2:]]}
     pick = picks[fault]
     spoilt = Answer({name: values[pick] for name, values in answer.arrays.items()}, 0.0)
-    record, arrays = evaluate(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
+    record, arrays = compare_case(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
     assert record.verdict == "differs"
     assert not arrays
     assert f"LAMMPS returned {len(pick)} of {n} atoms" in record.message
@@ -117,7 +117,7 @@ def test_pressure_that_forces_use_is_compared_too(solved: Solved) -> None:
     spoilt_n = answer.arrays["pressure"].copy()
     spoilt_n[2] *= 1 + 1e-9
     spoilt = Answer({**answer.arrays, "pressure": spoilt_n}, 0.0)
-    record, _ = evaluate(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
+    record, _ = compare_case(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
     assert [field.verdict for field in record.fields if field.field.startswith("pressure")] == ["differs", "exact"]
     assert "pressure_used (stage eos) leaves its bound at 1 of" in record.message
 

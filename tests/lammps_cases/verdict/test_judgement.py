@@ -16,7 +16,7 @@ from lammps_cases import findings
 from lammps_cases.comparison import compare
 from lammps_cases.comparison.compare import EosState, compare_field
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.problem import Problem, problem_of
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
@@ -37,11 +37,11 @@ from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.settings import Evolve
 from lammps_cases.verdict import outcome
-from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.cases import compare_case, first_step
 from lammps_cases.verdict.law_mistakes import MUTANTS
-from lammps_cases.verdict.model_cases import asks_for_lists, first_step, problem_of, read_snapshots
 from lammps_cases.verdict.model_fields import derived, over_steps, sides
 from lammps_cases.verdict.model_mistakes import unseen_in_model
+from lammps_cases.verdict.snapshots import asks_for_lists, read_snapshots
 from tests.support import made_answers
 from tests.support.made_findings import finding
 from tests.support.roundings import rounded
@@ -80,7 +80,7 @@ def answer_of(ready: PreparedCase) -> Answer:
 
 
 def judged(ready: PreparedCase, outcome: Answer | Failure) -> CaseRecord:
-    return evaluate(ready.case, ready.eos, ready.atoms, outcome, ENGINE)[0]
+    return compare_case(ready.case, ready.eos, ready.atoms, outcome, ENGINE)[0]
 
 
 def changed(answer: Answer, **arrays: Any) -> Answer:
@@ -139,7 +139,7 @@ def test_input_is_blamed_before_what_follows_from_it(law: PreparedCase) -> None:
 def test_a_gas_is_judged_by_the_energy_that_lammps_holds(case_file: Write) -> None:
     ready = prepared(case_file(**GAS))
     answer = answer_of(ready)
-    record, arrays = evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)
+    record, arrays = compare_case(ready.case, ready.eos, ready.atoms, answer, ENGINE)
     assert [(field.field, field.verdict) for field in record.fields] == [
         (name, "exact") for name in ("type", "rho", "esph", "pressure_used", "pressure")
     ]
@@ -158,7 +158,7 @@ def test_the_output_alone_has_digits_to_lose(law: PreparedCase) -> None:
 def test_both_sides_of_every_field_are_kept_with_the_atoms(law: PreparedCase) -> None:
     answer, atoms = answer_of(law), law.atoms
     wrong = changed(answer, q__pressure=answer.arrays["q.pressure"] + 1.0)
-    _, arrays = evaluate(law.case, law.eos, atoms, wrong, ENGINE)
+    _, arrays = compare_case(law.case, law.eos, atoms, wrong, ENGINE)
     fields = [f"{name}.{side}" for name in ("type", "rho", "pressure_used", "pressure") for side in SIDES]
     assert list(arrays) == ["id", "type", "x", "v", "rho", "mass", "box", "periodic", *fields]
     assert all(arrays[name] is answer.arrays[name] for name in ("id", "type", "x", "v", "rho"))
@@ -317,7 +317,7 @@ def test_a_stop_moves_no_bit_that_a_file_carries(case_file: Write) -> None:
 
 def test_the_record_of_a_model_has_its_lint_its_bounds_and_the_findings_that_are_gone(model: PreparedCase) -> None:
     engine = EngineRecord(distribution="2025.7.22.4.0")
-    record, arrays = evaluate(model.case, model.eos, model.atoms, answer_of(model), engine)
+    record, arrays = compare_case(model.case, model.eos, model.atoms, answer_of(model), engine)
     assert record.unseen == ["force-per-volume"], "this LAMMPS computes the force that the manual gives"
     problem = problem_of(model.case.scene, model.atoms, "", (0, 1, 2))
     prediction = Predictor().predict(problem, seed=seed("mine/moved runs"))
@@ -475,7 +475,7 @@ def test_an_end_other_than_the_one_expected_may_be_explained(
     """Where a finding predicts it; what could not run has no end."""
     monkeypatch.setattr(outcome, "explain_outcome", lambda record, *scene: LEDGER[0])
     record = CaseRecord(case="a.case", verdict="skipped", ended="skipped", expects=expects)
-    outcome.judge_failure(record, Failure(ended, words))
+    outcome.record_failure(record, Failure(ended, words))
     explained_by = [LEDGER[0].id] if verdict == "explained" else []
     assert (record.verdict, record.ended, record.explained_by) == (verdict, ended, explained_by)
 
@@ -483,5 +483,5 @@ def test_an_end_other_than_the_one_expected_may_be_explained(
 def test_an_end_that_no_finding_predicts_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(outcome, "explain_outcome", lambda record, *scene: None)
     record = CaseRecord(case="a.case", verdict="skipped", ended="skipped")
-    outcome.judge_failure(record, Failure("crashed", "SIGSEGV"))
+    outcome.record_failure(record, Failure("crashed", "SIGSEGV"))
     assert (record.verdict, record.explained_by) == ("crashed", [])

@@ -15,8 +15,9 @@ from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
-from lammps_cases.verdict.laws import judge_laws
-from lammps_cases.verdict.outcome import Arrays, blank_record
+from lammps_cases.verdict.case_arrays import Arrays
+from lammps_cases.verdict.cases import compare_laws
+from lammps_cases.verdict.outcome import blank_record
 from tests.support import made_answers
 
 GAS = {"pressure": [{"types": "*", "style": "ideal/gas", "gamma": 1.4}], "energy": {"range": [0.5, 2.5]}}
@@ -37,7 +38,7 @@ def answer_of(ready: PreparedCase) -> Answer:
 def judged(ready: PreparedCase, answer: Answer) -> tuple[CaseRecord, Arrays]:
     assert ready.eos is not None
     record = blank_record(ready.case, ready.eos, ready.atoms, EngineRecord(distribution="2099.1.1"))
-    return record, judge_laws(record, ready.case, ready.eos, ready.atoms, answer)
+    return record, compare_laws(record, ready.case, ready.eos, ready.atoms, answer)
 
 
 def test_the_same_bits_are_exact_and_arrays_hold_the_energy_per_mass(gas: PreparedCase) -> None:

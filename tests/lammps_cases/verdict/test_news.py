@@ -18,8 +18,8 @@ from lammps_cases.records.run_record import Beyond, Blame, CaseRecord, EngineRec
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
-from lammps_cases.verdict.judgement import evaluate
-from lammps_cases.verdict.model_cases import first_step, with_news
+from lammps_cases.verdict.cases import compare_case, first_step
+from lammps_cases.verdict.inputs import prefer_input
 from lammps_cases.verdict.particle_model import Reason
 from tests.support import made_answers
 
@@ -53,7 +53,7 @@ def reason(step: int | None, left: int | None = None, explained: bool = False) -
     ],
 )
 def test_input_outside_is_the_reason_unless_something_came_before(of: Reason | None, step: int | None) -> None:
-    assert with_news(of, at(step, "x")) == Reason(at(step, "x"))
+    assert prefer_input(of, at(step, "x")) == Reason(at(step, "x"))
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_input_outside_is_the_reason_unless_something_came_before(of: Reason | N
     [(reason(3), 4), (reason(0), 1), (reason(2, left=4), 5), (reason(0, left=0), 1), (reason(None, left=0), 1)],
 )
 def test_input_outside_after_what_is_new_changes_nothing(of: Reason, step: int) -> None:
-    assert with_news(of, at(step, "x")) is of
+    assert prefer_input(of, at(step, "x")) is of
 
 
 @pytest.mark.parametrize(
@@ -74,12 +74,12 @@ def test_input_outside_after_what_is_new_changes_nothing(of: Reason, step: int) 
     ],
 )
 def test_input_outside_beside_a_known_finding_is_what_is_new(of: Reason, step: int, beside: list[str]) -> None:
-    assert with_news(of, at(step, "x")) == Reason(of.first, Beyond(findings=beside, blame=at(step, "x")))
+    assert prefer_input(of, at(step, "x")) == Reason(of.first, Beyond(findings=beside, blame=at(step, "x")))
 
 
 def test_without_input_outside_a_reason_stays() -> None:
     of = reason(2)
-    assert with_news(of, None) is of and with_news(None, None) is None
+    assert prefer_input(of, None) is of and prefer_input(None, None) is None
 
 
 # --- whole cases
@@ -102,7 +102,7 @@ def answer(ready: PreparedCase, *findings: str, **after: Any) -> Answer:
 
 
 def judged(ready: PreparedCase, given: Answer) -> CaseRecord:
-    return evaluate(ready.case, ready.eos, ready.atoms, given, KNOWN)[0]
+    return compare_case(ready.case, ready.eos, ready.atoms, given, KNOWN)[0]
 
 
 def test_positions_in_a_text_are_those_of_any_image_to_its_digits(ready: PreparedCase) -> None:
@@ -170,5 +170,5 @@ def test_a_finding_that_is_gone_is_one_that_this_version_had(case_file: Write, v
     path = case_file(types=types, energy={"range": [0.8, 1.9]}, compare=["heatflow"])
     ready = prepared_case.prepare(casefile.load((path,))[0])
     made = made_answers.of_model(ready.case.scene, ready.atoms)
-    record = evaluate(ready.case, ready.eos, ready.atoms, made, EngineRecord(distribution=version))[0]
+    record = compare_case(ready.case, ready.eos, ready.atoms, made, EngineRecord(distribution=version))[0]
     assert ("heat-over-density" in record.unseen) == gone

@@ -13,7 +13,7 @@ from lammps_cases.records.run_record import CaseRecord, EngineRecord, read_run
 from lammps_cases.records.yaml_files import yaml_text
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.cases import compare_case
 from tests.support.outcome import Outcome
 
 STALE, MEANS = "stale-gradient-below-zmin", "harmonic-mean-undefined"
@@ -81,7 +81,7 @@ def judged(folder: Path, scene: dict[str, Any]) -> CaseRecord:
     (case,) = casefile.load((file_of(folder, scene),))
     ready = prepared_case.prepare(case)
     lost = Failure("refused", "ERROR: Lost atoms: original 56 current 0")
-    return evaluate(ready.case, ready.eos, ready.atoms, lost, ENGINE)[0]
+    return compare_case(ready.case, ready.eos, ready.atoms, lost, ENGINE)[0]
 
 
 @pytest.mark.parametrize(("zmin", "explained_by"), [(20, [STALE]), (0, [])])

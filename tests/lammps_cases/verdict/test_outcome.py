@@ -15,6 +15,7 @@ from eos_ref import EOS, EOSTable
 from eos_ref.eos.bounds import EPS
 from eos_ref.model.box import Box
 from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.problem import problem_of
 from lammps_cases.engine.interlude import Carried
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
@@ -24,16 +25,10 @@ from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import kernel_cut, seed
-from lammps_cases.verdict.judgement import evaluate
-from lammps_cases.verdict.model_cases import problem_of
-from lammps_cases.verdict.outcome import (
-    BY_IMAGES,
-    blank_record,
-    compare_carried,
-    explain_ending,
-    finish,
-    sampled,
-)
+from lammps_cases.verdict.case_arrays import sampled
+from lammps_cases.verdict.cases import compare_case
+from lammps_cases.verdict.inputs import BY_IMAGES, compare_carried
+from lammps_cases.verdict.outcome import blank_record, explain_ending, finish
 from tests.support import made_answers
 from tests.support.roundings import rounded
 
@@ -108,7 +103,7 @@ def test_an_end_is_foretold_by_the_scene(
     case_file: Write, compare: list[str], ended: Any, words: str, explained_by: list[str]
 ) -> None:
     ready = prepared(case_file(compare=compare))
-    record, arrays = evaluate(ready.case, ready.eos, ready.atoms, Failure(ended, words), ENGINE)
+    record, arrays = compare_case(ready.case, ready.eos, ready.atoms, Failure(ended, words), ENGINE)
     assert (record.explained_by, arrays) == (explained_by, {})
     assert record.verdict == ("explained" if explained_by else ended)
     assert record.ended == ended
@@ -142,7 +137,7 @@ def test_an_end_that_a_scene_foretells_is_the_verdict_too(case_file: Write) -> N
 )
 def test_a_word_that_lammps_does_not_have_is_no_difference(case_file: Write, error: str, lacks: str) -> None:
     ready = prepared(case_file())
-    record, _ = evaluate(ready.case, ready.eos, ready.atoms, Failure("refused", error), ENGINE)
+    record, _ = compare_case(ready.case, ready.eos, ready.atoms, Failure("refused", error), ENGINE)
     assert (record.verdict, record.lacks) == ("skipped" if lacks else "refused", lacks)
     assert (record.message == f"this LAMMPS has no {lacks!r}") == bool(lacks)
 
@@ -150,7 +145,7 @@ def test_a_word_that_lammps_does_not_have_is_no_difference(case_file: Write, err
 def test_a_refusal_that_is_expected_in_other_words_differs(case_file: Write) -> None:
     ready = prepared(case_file(violate="missing-argument", expect={"refused": "Invalid range"}))
     refused = Failure("refused", "ERROR: Illegal fix command, cubic")
-    record, _ = evaluate(ready.case, ready.eos, ready.atoms, refused, ENGINE)
+    record, _ = compare_case(ready.case, ready.eos, ready.atoms, refused, ENGINE)
     assert (record.verdict, record.lacks) == ("differs", "")
 
 
@@ -165,7 +160,7 @@ def test_atoms_that_are_lost_on_the_way_are_lost(case_file: Write, where: str) -
         answer = replace(answer, snapshots=(fewer, *answer.snapshots[1:]))
     else:
         answer = replace(answer, carried=(replace(answer.carried[0], **{where: fewer}),))
-    record, _ = evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)
+    record, _ = compare_case(ready.case, ready.eos, ready.atoms, answer, ENGINE)
     assert (record.verdict, record.unusable) == ("differs", LostAtoms(returned=19, given=20, first_id=1))
 
 
@@ -352,10 +347,10 @@ def test_of_very_many_atoms_a_sample_and_the_worst_of_each_field_are_kept(monkey
     sides |= {"rho.lammps": rho_n, "rho.reference": zero_n, "rho.bound": zero_n + 2.0}
     arrays = {"id": np.arange(1, n + 1), "box": np.zeros((2, 3)), "periodic": np.ones(3, bool), **sides}
     arrays["@pairs sum"] = np.zeros((2, 4))
-    monkeypatch.setattr("lammps_cases.verdict.outcome.ALL_KEPT", n)
+    monkeypatch.setattr("lammps_cases.verdict.case_arrays.ALL_KEPT", n)
     assert sampled(arrays) is arrays
     for name, number in (("ALL_KEPT", n - 1), ("SAMPLE", 10), ("WORST", 1)):
-        monkeypatch.setattr(f"lammps_cases.verdict.outcome.{name}", number)
+        monkeypatch.setattr(f"lammps_cases.verdict.case_arrays.{name}", number)
     kept, even = sampled(arrays), {1, 112, 223, 334, 445, 556, 667, 778, 889, 1000}
     assert set(kept["id"].tolist()) == even | {124, 878}
     assert kept["f.lammps"][kept["id"] == 124].tolist() == [[0.0, 1.0]]
@@ -371,7 +366,7 @@ def test_a_field_that_differs_is_kept_at_its_other_steps(case_file: Write) -> No
     answer = made_answers.of_model(ready.case.scene, ready.atoms)
     last = answer.snapshots[2] | {"f": answer.snapshots[2]["f"] + [[1.0, 0.0, 0.0]]}
     answer = replace(answer, snapshots=(*answer.snapshots[:2], last))
-    _, arrays = evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)
+    _, arrays = compare_case(ready.case, ready.eos, ready.atoms, answer, ENGINE)
     names = [name for name in arrays if name.startswith("@")]
     assert names == [f"@{step} {side} f" for step in (0, 1) for side in ("lammps", "reference", "bound")]
     np.testing.assert_array_equal(arrays["@1 lammps f"], answer.snapshots[1]["f"][:, :2])
@@ -383,5 +378,5 @@ def test_a_field_that_differs_is_kept_at_its_other_steps(case_file: Write) -> No
 def test_the_time_of_a_judgement_is_told_by_stage(case_file: Write) -> None:
     ready = prepared(case_file(compare=["f"]))
     taken()
-    evaluate(ready.case, ready.eos, ready.atoms, made_answers.of_model(ready.case.scene, ready.atoms), ENGINE)
+    compare_case(ready.case, ready.eos, ready.atoms, made_answers.of_model(ready.case.scene, ready.atoms), ENGINE)
     assert set(taken()) == {"reference", "bounds", "variants", "digits", "mistakes", "rest"}

@@ -17,7 +17,8 @@ from eos_ref.model.parameters import Model
 from lammps_cases.engine.session import Answer
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import case_judgement, prepared_case
+from lammps_cases.run import answers as of_lammps
+from lammps_cases.run import flow, prepared_case
 from lammps_cases.scene import casefile
 from tests.support.outcome import Solver
 
@@ -46,11 +47,11 @@ def answers(solver: Solver) -> Callable[[str], tuple[prepared_case.PreparedCase,
 def judge(
     answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]], solver: Solver, monkeypatch: pytest.MonkeyPatch
 ) -> Judge:
-    monkeypatch.setattr(case_judgement, "solve", lambda site, job: solver(job))
+    monkeypatch.setattr(of_lammps, "solve", lambda site, job: solver(job))
 
     def of(name: str) -> CaseRecord:
         ready, answer = answers(name)
-        return case_judgement.judge(None, ready, [answer], ENGINE)[0]
+        return flow.judge(None, ready, [answer], ENGINE)[0]
 
     return of
 
@@ -191,11 +192,11 @@ def test_one_wrong_number_of_lammps_is_seen(
 ) -> None:
     ready, answer = answers(FORCES)
     monkeypatch.setattr(array_evaluator.ArrayEvaluator, "collecting_volume", ForcePerVolume.collecting_volume)
-    monkeypatch.setattr(case_judgement, "first_step_outside", lambda *of: None)
+    monkeypatch.setattr(flow, "first_step_outside", lambda *of: None)
     snapshots = [{name: values.copy() for name, values in arrays.items()} for arrays in answer.snapshots]
     snapshots[1][field][5] += 1e-9 if field != "q.coordination" else 1
     spoilt = Answer(snapshots[-1], answer.seconds, tuple(snapshots), answer.steps)
-    record = case_judgement.judge(None, ready, [spoilt], ENGINE)[0]
+    record = flow.judge(None, ready, [spoilt], ENGINE)[0]
     assert record.verdict == "differs"
     name = {"pressure": "pressure_used"}.get(field, field.removeprefix("q."))
     assert [f.field for f in record.fields if f.verdict == "differs"] == [name]
@@ -224,17 +225,17 @@ def test_what_cannot_be_predicted_hides_nothing_else(
     case: str, field: str, spoil: float, answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]]
 ) -> None:
     ready, answer = answers(case)
-    assert case_judgement.judge(None, ready, [answer], ENGINE)[0].as_expected
+    assert flow.judge(None, ready, [answer], ENGINE)[0].as_expected
     snapshots = [dict(arrays) for arrays in answer.snapshots]
     snapshots[-1][field] = snapshots[-1][field] + spoil
     spoilt = Answer(snapshots[-1], answer.seconds, tuple(snapshots), answer.steps)
-    assert case_judgement.judge(None, ready, [spoilt], ENGINE)[0].verdict == "differs"
+    assert flow.judge(None, ready, [spoilt], ENGINE)[0].verdict == "differs"
 
 
 def test_answer_of_other_steps_differs(answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]]) -> None:
     ready, answer = answers(FORCES)
     other = Answer(answer.arrays, answer.seconds, answer.snapshots, (0, 2, 10))
-    record = case_judgement.judge(None, ready, [other], ENGINE)[0]
+    record = flow.judge(None, ready, [other], ENGINE)[0]
     assert record.verdict == "differs"
     assert "LAMMPS counted steps (0, 2, 10)" in record.message
 
@@ -247,6 +248,6 @@ def test_finding_that_cannot_be_fitted_explains_nothing(
     fields = tuple(field for field in ready.case.scene.compare if field != "shift/v")
     scene = ready.case.scene.model_copy(update={"compare": fields})
     blind = replace(ready, case=replace(ready.case, scene=scene))
-    assert case_judgement.judge(None, blind, [answer], ENGINE)[0].verdict == "explained"
-    monkeypatch.setattr(case_judgement, "with_lists", lambda *arguments: [])
-    assert case_judgement.judge(None, blind, [answer], ENGINE)[0].verdict == "differs"
+    assert flow.judge(None, blind, [answer], ENGINE)[0].verdict == "explained"
+    monkeypatch.setattr(of_lammps.Answers, "with_lists", lambda self: [])
+    assert flow.judge(None, blind, [answer], ENGINE)[0].verdict == "differs"

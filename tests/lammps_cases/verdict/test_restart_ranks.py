@@ -14,7 +14,7 @@ from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene, casefile
-from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.cases import compare_case
 
 pytestmark = pytest.mark.lammps
 ENGINE = EngineRecord(name="env", distribution="2025.7.22.4.0")
@@ -61,7 +61,7 @@ def judged(workers: Workers, ready: PreparedCase, ranks: tuple[int, int], folder
     read = workers.outcome(workers.submit(reading, 60.0))
     assert isinstance(wrote, Answer) and isinstance(read, Answer), (wrote, read)
     answer = replace(read, carried=(Carried(wrote.carried[0].before, read.carried[0].after),))
-    return evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE, Predictor())[0]
+    return compare_case(ready.case, ready.eos, ready.atoms, answer, ENGINE, Predictor())[0]
 
 
 @pytest.mark.parametrize("ranks", [(1, 2), (2, 1)])

@@ -18,7 +18,7 @@ from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.settings import Evolve
 from lammps_cases.studies.mutation import catalogue, input_faults
-from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.cases import compare_case
 
 pytestmark = pytest.mark.lammps
 ENGINE = EngineRecord(name="env", distribution="2025.7.22.4.0")
@@ -42,7 +42,7 @@ def judge() -> Any:
             assert jobs is not None
             answer = workers.outcome(workers.submit(jobs[0], 60.0))
             outcome = change(answer) if isinstance(answer, Answer) else answer
-            return evaluate(case, ready.eos, ready.atoms, outcome, ENGINE, predictor)[0]
+            return compare_case(case, ready.eos, ready.atoms, outcome, ENGINE, predictor)[0]
 
         yield judged
 

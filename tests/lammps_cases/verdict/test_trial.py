@@ -133,7 +133,7 @@ def judge(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[ModelVerdict, 
         if lists:
             predictor.told[0]["lists"] = ()
         monkeypatch.setattr(particle_model, "unseen_in_model", mistakes)
-        return particle_model.judge(of, "a.case", ID, predictor.told, KNOWN[0], predictor), predictor
+        return particle_model.compare_and_explain(of, "a.case", ID, predictor.told, KNOWN[0], predictor), predictor
 
     return judged
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.problem import Problem, problem_of
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
@@ -25,9 +25,8 @@ from lammps_cases.scene.fields import in_step_order
 from lammps_cases.setup.twins import Twin
 from lammps_cases.verdict import twins
 from lammps_cases.verdict.explanation import Explanation, Trial
-from lammps_cases.verdict.model_cases import problem_of
 from lammps_cases.verdict.model_fields import derived
-from lammps_cases.verdict.twins import evaluate_twin
+from lammps_cases.verdict.twins import compare_twin
 from tests.support import made_answers
 from tests.support.twin_kinds import KINDS, PLAIN
 
@@ -60,7 +59,7 @@ def answers_of(ready: PreparedCase, *findings: str) -> list[Answer]:
 
 
 def judged(ready: PreparedCase, outcomes: Any) -> CaseRecord:
-    return evaluate_twin(ready.case, twin_of(ready), outcomes, ENGINE)[0]
+    return compare_twin(ready.case, twin_of(ready), outcomes, ENGINE)[0]
 
 
 def moved(answer: Answer, name: str, by: float, row: int, at: int = -1) -> Answer:
@@ -74,7 +73,7 @@ def moved(answer: Answer, name: str, by: float, row: int, at: int = -1) -> Answe
 @pytest.mark.parametrize("kind", PLAIN)
 def test_the_reference_agrees_with_its_twin(make: Make, kind: str) -> None:
     ready = make(kind)
-    record, arrays = evaluate_twin(ready.case, twin_of(ready), answers_of(ready), ENGINE)
+    record, arrays = compare_twin(ready.case, twin_of(ready), answers_of(ready), ENGINE)
     assert record.verdict in ("exact", "pass") and (record.ended, record.blame, record.twin) == ("answered", None, kind)
     steps = [2] if kind == "split" else [0, 2]
     for field in record.fields:
@@ -93,7 +92,7 @@ def test_the_bounds_of_both_runs_are_added(make: Make) -> None:
     ready = make("rescale")
     twin = twin_of(ready)
     ours, theirs = answers_of(ready)
-    record, arrays = evaluate_twin(ready.case, twin, [moved(ours, "f", 0.5, 6), theirs], ENGINE)
+    record, arrays = compare_twin(ready.case, twin, [moved(ours, "f", 0.5, 6), theirs], ENGINE)
     assert {field.worst_step for field in record.fields if field.field == "f"} == {2}
     bounds = []
     for name, (scene, atoms) in zip(("mine", "mine/twin"), ready.sides, strict=True):
@@ -108,7 +107,7 @@ def test_the_bounds_of_both_runs_are_added(make: Make) -> None:
 def test_what_the_way_back_and_other_units_round_is_added_too(make: Make, kind: str, field: str) -> None:
     ready = make(kind)
     twin = twin_of(ready)
-    record, arrays = evaluate_twin(ready.case, twin, answers_of(ready), ENGINE)
+    record, arrays = compare_twin(ready.case, twin, answers_of(ready), ENGINE)
     (worst,) = (each.worst_step for each in record.fields if each.field == field)
     assert worst is not None
     at = twin.steps.index(worst)
@@ -255,7 +254,7 @@ def test_a_run_without_an_answer_ends_the_comparison(
     outcomes = [
         Failure(end, f"{end}: words") if end else answer for end, answer in zip(ends, answers_of(ready), strict=True)
     ]
-    record, arrays = evaluate_twin(ready.case, twin_of(ready), outcomes, ENGINE)
+    record, arrays = compare_twin(ready.case, twin_of(ready), outcomes, ENGINE)
     assert (record.verdict, record.ended, record.only_twin) == (verdict, verdict, only_twin)
     assert (record.fields, arrays, record.engine_error) == ([], {}, f"{verdict}: words")
     assert record.seconds.lammps == made_answers.SECONDS * ends.count(None)

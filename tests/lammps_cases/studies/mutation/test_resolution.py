@@ -18,7 +18,7 @@ from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation import resolution
 from lammps_cases.studies.mutation.resolution import Resolution
 from lammps_cases.studies.mutation.scene_numbers import SceneNumber, numbers
-from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.cases import compare_case
 from tests.support.outcome import Solver
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
@@ -150,7 +150,7 @@ def red() -> Iterator[Callable[[str, str, str, float], bool]]:
             ready = prepared_case.prepare(CASES[case])
             number = next(n for n in numbers(ready) if (n.parameter, n.place) == (parameter, place))
             answer = workers.outcome(workers.submit(number.job_with(number.value + change), 60.0))
-            return evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)[0].verdict == "differs"
+            return compare_case(ready.case, ready.eos, ready.atoms, answer, ENGINE)[0].verdict == "differs"
 
         yield verdict
 
@@ -185,7 +185,7 @@ def test_bound_of_the_law_is_the_resolution_of_its_speed_of_sound(
 ) -> None:
     """P of linear goes with cs^2: red where twice the change exceeds the relative bound, less what rounding does."""
     ready = prepared_case.prepare(CASES[LAW])
-    arrays = evaluate(ready.case, ready.eos, ready.atoms, solver(ready.jobs[0]), ENGINE)[1]
+    arrays = compare_case(ready.case, ready.eos, ready.atoms, solver(ready.jobs[0]), ENGINE)[1]
     least = float((arrays["pressure.bound"] / np.abs(arrays["pressure.reference"])).min())
     quick = measured["cs"].quick
     assert quick is not None

@@ -1,4 +1,4 @@
-"""The tasks of a run in its workers, by answers that lie in files."""
+"""LAMMPS' answers that lie in files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import pytest
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import KeptAnswer
 from lammps_cases.records.run_record import EngineRecord
-from lammps_cases.run import case_task
+from lammps_cases.run import answers
+from lammps_cases.run.flow import record_case
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from tests.support.outcome import Solver
@@ -27,9 +28,9 @@ def test_answer_that_was_taken_away_is_asked_for_once_more(
         asked.append(job)
         return solver(job)
 
-    monkeypatch.setattr(case_task, "solve", solve)
+    monkeypatch.setattr(answers, "solve", solve)
     gone = KeptAnswer(tmp_path / "answer")
-    record, _ = case_task.judge_answers(None, tmp_path, ready, [gone], EngineRecord(), None, None, True)
+    record = record_case(None, tmp_path, ready, [gone], EngineRecord())
     assert record.verdict == "exact"
     assert len(asked) == 1
-    case_task.forget([gone])
+    answers.discard([gone])

@@ -7,12 +7,12 @@ import pytest
 
 from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.trajectory import halted
 from lammps_cases.records.run_record import Blame, CaseRecord, FieldRecord, StepRecord
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
-from lammps_cases.verdict.looks import looks, pair_arrays
-from lammps_cases.verdict.model_cases import problem_of
+from lammps_cases.verdict.case_arrays import looked_at, pair_arrays
 
 
 def record(*places: tuple[int, int]) -> CaseRecord:
@@ -30,9 +30,9 @@ def test_the_first_and_the_worst_are_looked_at() -> None:
     made.fields.append(made.fields[0].model_copy(update={"verdict": "pass", "worst_id": 99}))
     values = {"lammps": 1.0, "reference": 0.0, "bound": 0.1, "outside": 1, "of": 9}
     made.blame = Blame(field="f", stage="pair", step=3, atom=5, **values)
-    assert looks(made, (0, 10)) == [(10, 7), (0, 3)]  # step 3 is not compared
+    assert looked_at(made, (0, 10)) == [(10, 7), (0, 3)]  # step 3 is not compared
     made.blame.step = 10
-    assert looks(made, (0, 10)) == [(10, 5), (10, 7), (0, 3)]
+    assert looked_at(made, (0, 10)) == [(10, 5), (10, 7), (0, 3)]
 
 
 @pytest.mark.parametrize("name", ["forces.all.rk1.2d", "thermal.arithmetic.2d", "walls.stored.gravity"])
@@ -46,7 +46,7 @@ def test_pairs_beside_a_verdict_are_those_of_a_run_of_their_own(name: str) -> No
     found = pair_arrays(made, case.scene, atoms, case.where, steps, predictor)
     assert found["@pairs step"].tolist() == [steps[-1], 0] and found["@pairs atom"].tolist() == [5, 9]
     begin = 0
-    for k, (step, atom) in enumerate(looks(made, steps)):
+    for k, (step, atom) in enumerate(looked_at(made, steps)):
         alone = pair_sums.terms(problem, step, atom, len(atoms) ** 2, forces=True)
         rows = slice(begin, begin + alone.count)
         begin += alone.count
@@ -64,5 +64,5 @@ def test_pairs_beside_a_verdict_are_those_of_a_run_of_their_own(name: str) -> No
 def test_a_large_scene_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
     (case,) = (case for case in casefile.load() if case.name == "forces.all.rk1.2d")
     atoms = prepare(case).atoms
-    monkeypatch.setattr("lammps_cases.verdict.looks.LARGEST", len(atoms) - 1)
+    monkeypatch.setattr("lammps_cases.verdict.case_arrays.LARGEST", len(atoms) - 1)
     assert pair_arrays(record((0, 5)), case.scene, atoms, case.where, case.scene.snapshots, Predictor()) == {}

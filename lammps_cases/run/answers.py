@@ -1,0 +1,72 @@
+"""LAMMPS' answers to the jobs of a case; what they do not hold LAMMPS is run again for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from lammps_cases.engine.session import Answer, Array, Job
+from lammps_cases.engine.workers import Failure, KeptAnswer, solve
+from lammps_cases.run.prepared_case import Outcomes, PreparedCase
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+
+Kept = Sequence[Answer | KeptAnswer | Failure]  # answers, or the files that workers left them in
+
+
+@dataclass(frozen=True)
+class Answers:
+    """The outcomes of a case, by a LAMMPS at ``site``."""
+
+    site: str | None
+    ready: PreparedCase
+    outcomes: Outcomes
+
+    @classmethod
+    def read(cls, site: str | None, ready: PreparedCase, kept: Kept) -> Answers:
+        """Read answers from files; LAMMPS is run again where a temporary file was deleted meanwhile."""
+
+        def outcome(each: Answer | KeptAnswer | Failure, job: Job) -> Answer | Failure:
+            if not isinstance(each, KeptAnswer):
+                return each
+            try:
+                return each.read()
+            except OSError:
+                return solve(site, job)
+
+        return cls(site, ready, [outcome(*of) for of in zip(kept, ready.jobs, strict=True)])
+
+    def with_lists(self) -> Outcomes:
+        """Return the outcomes with the neighbour lists of the same runs; nothing if these are other runs."""
+        return with_lists(self.site, self.ready, self.outcomes, self.ready.reading_lists)
+
+    def at_every_step(self, lists: bool) -> Answer:
+        """Return the answer to the case read at every step, with its neighbour lists or without."""
+        scene = self.ready.case.scene
+        return solve(self.site, job(scene, self.ready.atoms, plan(scene), every_step=True, lists=lists))
+
+
+def with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, reading: Sequence[Job]) -> Outcomes:
+    """Return outcomes with the lists that ``reading`` jobs read at every step; nothing if these are other runs."""
+    reread: Outcomes = []
+    for (scene, _), outcome, every_step in zip(ready.sides, outcomes, reading, strict=True):
+        if isinstance(outcome, Failure):
+            return []
+        again = solve(site, every_step)
+        compared = zip(scene.snapshots, outcome.snapshots, strict=True)
+        if not all(_same(arrays, again.snapshots[step]) for step, arrays in compared):
+            return []
+        reread.append(replace(outcome, lists=again.lists))
+    return reread
+
+
+def _same(arrays: dict[str, Array], others: dict[str, Array]) -> bool:
+    """Return whether two runs have their particles, of which lists follow, in the same places."""
+    return all(arrays[name].tobytes() == others[name].tobytes() for name in ("id", "x"))
+
+
+def discard(kept: Kept) -> None:
+    """Delete the files of the answers of a case that is judged."""
+    for each in kept:
+        if isinstance(each, KeptAnswer):
+            each.forget()

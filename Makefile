@@ -19,7 +19,7 @@ ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
   --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
 
-.PHONY: help setup validate quick fast test browser kills large soak environment slurm unittest check bench claims docs versions engines power binary judge fuzz fuzz-nightly pictures clean
+.PHONY: help setup validate campaign quick fast test browser kills large soak environment slurm unittest check bench claims docs versions engines power binary judge fuzz fuzz-nightly pictures clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
@@ -36,6 +36,9 @@ setup: $(READY) ## create the environment in .venv and install everything into i
 validate: $(READY) ## set up, run every case against real LAMMPS, say where the report lies
 	$(BIN)/eos-ref run
 	@echo 'all reports: reports/index.html; the commands are in $(BIN): source $(BIN)/activate'
+
+campaign: $(READY) ## the report of `make validate`: every case as expected, scenes that tell formulas apart
+	$(BIN)/python -m pytest -m campaign tests/lammps_cases/run
 
 quick: $(READY) ## the cases that take a few seconds, against the accepted baseline
 	$(BIN)/eos-ref run --tag quick --baseline reports/accepted

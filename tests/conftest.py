@@ -61,8 +61,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         reporter.write_line(f"left behind by the tests: {', '.join(map(str, left))}", red=True)
 
 
-APART = {"browser", "kills", "root", "slurm", "soak", "unittest"}
-LONGEST = ("test_campaign.py", "test_alarms.py", "test_faults.py", "test_chart.py")
+APART = {"browser", "campaign", "kills", "root", "slurm", "soak", "unittest"}
+LONGEST = ("test_alarms.py", "test_faults.py", "test_chart.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -82,15 +82,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=place)
 
 
-@pytest.fixture(scope="session")
-def users_store() -> Path:
-    """The folder of predictions that a user's run would take; a key holds all that a prediction depends on."""
-    return store.store_folder()
-
-
 @pytest.fixture(autouse=True, scope="session")
-def own_store(tmp_path_factory: pytest.TempPathFactory, users_store: Path) -> None:
-    """No test finds what an earlier run of the tests predicted, unless it asks for the user's store."""
+def own_store(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """No test finds what an earlier run of the tests predicted, or a user."""
     os.environ[store.VARIABLE] = str(tmp_path_factory.mktemp("predictions"))
 
 

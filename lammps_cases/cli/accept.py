@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import ACCEPTED, Baselines, Json, Run
+from lammps_cases.records.options import Option
 
 
-@click.command("accept")
-@click.argument("run", type=shared.PATH)
-@click.option("--reason", required=True, help="Why; kept with the baseline.")
-@shared.folder_option("--baselines", "reports/accepted", "Folder of the baselines, one per engine.")
-@click.option("--with-failures", is_flag=True, help="Accept even a run with unexpected failures.")
-@click.option("--prune", is_flag=True, help="Drop cases that are not in the run.")
-@shared.json_option
-def accept_command(run: Path, reason: str, baselines: Path, with_failures: bool, prune: bool, as_json: bool) -> int:
+@command()
+def accept_command(
+    run: Run,
+    *,
+    reason: Annotated[str, Option("Why; kept with the baseline.")],
+    baselines: Baselines = ACCEPTED,
+    with_failures: Annotated[bool, Option("Accept even a run with unexpected failures.")] = False,
+    prune: Annotated[bool, Option("Drop cases that are not in the run.")] = False,
+    as_json: Json = False,
+) -> int:
     """Accept a run as the baseline of its engine, and say what that changes.
 
     A run of some cases replaces only these. eos-ref run --baseline compares later runs with it.

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import click
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import ACCEPTED, LAUNCHER, Baselines, Json
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import Jobs, processes
 
 
-@click.command("adopt")
-@click.argument("engine", shell_complete=completion.engines)
-@shared.launcher_option
-@shared.jobs_option
-@click.option("--out", type=shared.PATH, help="Folder of the page.  [default: reports/adopt-VERSION]")
-@shared.folder_option("--baselines", "reports/accepted", "Folder of the baselines, one per engine.")
-@click.option("--resume", is_flag=True, help="Continue interrupted or killed cases of an earlier call.")
-@click.option("--dry-run", is_flag=True, help="Write the page, but change nothing in the checkout.")
-@shared.json_option
+@command(LAUNCHER)
 def adopt_command(
-    engine: str, jobs: int, out: Path | None, baselines: Path, resume: bool, dry_run: bool, as_json: bool
+    engine: Annotated[str, Argument("", complete="engines")],
+    jobs: Jobs = None,
+    out: Annotated[Path | None, Option("Folder of the page.  [default: reports/adopt-VERSION]")] = None,
+    baselines: Baselines = ACCEPTED,
+    resume: Annotated[bool, Option("Continue interrupted or killed cases of an earlier call.")] = False,
+    dry_run: Annotated[bool, Option("Write the page, but change nothing in the checkout.")] = False,
+    as_json: Json = False,
 ) -> int:
     """Register a LAMMPS version: run all cases, claims and bad inputs; record which findings persist, go or appear.
 
@@ -43,7 +46,7 @@ def adopt_command(
     folder = out or Path("reports") / f"adopt-{folder_name(engine)}"
     shared.page_folder(folder)
     with Bar(quiet=as_json, complaints=True) as bar:
-        asked = adopt.everything(installations.resolve(engine), jobs, folder, bar, resume)
+        asked = adopt.everything(installations.resolve(engine), processes(jobs), folder, bar, resume)
         adoption = adopt.collect(asked, baselines)
     known = not adoption.faults
     if html := part("page", adoption.faults, lambda: page.render(adoption), ""):

@@ -4,51 +4,54 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import click
+from annotated_types import Ge
 
-from lammps_cases.cli.shared import json_option
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Json
 from lammps_cases.records.files import write_atomically
+from lammps_cases.records.options import Argument, Option
 
 if TYPE_CHECKING:
     from lammps_cases.studies.benchmarks.bench import Ratio
     from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
 
-PARTS = ("laws", "model", "peers", "runs")
+Part = Literal["laws", "model", "peers", "runs"]
+PARTS = get_args(Part)
 
 
-@click.command("bench")
-@click.argument("parts", nargs=-1, type=click.Choice(PARTS))
-@click.option("--states", type=click.IntRange(1000), default=10_000_000, show_default=True, help="States per law.")
-@click.option("--repeats", type=click.IntRange(1), default=9, show_default=True, help="Measurements of each side.")
-@click.option("--pysph", metavar="PYTHON", help="A Python with PySPH: one more peer.")
-@click.option(
-    "--history",
-    type=click.Path(path_type=Path),
-    default="reports/bench.jsonl",
-    show_default=True,
-    help="File in which every measurement is stored.",
-)
-@click.option("--label", default="", help="A name by which --compare finds this measurement.")
-@click.option(
-    "--benchmark-json",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Write the measurement in the format of pytest-benchmark, too.",
-)
-@click.option("--compare", nargs=2, metavar="A B", help="Measure nothing: compare two stored measurements.")
-@json_option
+@dataclass(frozen=True)
+class MeasureOptions:
+    """How speed is measured."""
+
+    states: Annotated[Annotated[int, Ge(1000)], Option("States per law.")] = 10_000_000
+    repeats: Annotated[Annotated[int, Ge(1)], Option("Measurements of each side.")] = 9
+    pysph: Annotated[str | None, Option("A Python with PySPH: one more peer.", metavar="PYTHON")] = None
+
+
+@command()
 def bench_command(
-    parts: tuple[str, ...],
-    states: int,
-    repeats: int,
-    pysph: str | None,
-    history: Path,
-    label: str,
-    benchmark_json: Path | None,
-    compare: tuple[str, str] | None,
-    as_json: bool,
+    parts: Annotated[tuple[Part, ...], Argument()] = (),
+    *,
+    how: MeasureOptions,
+    history: Annotated[Path, Option("File in which every measurement is stored.")] = Path("reports/bench.jsonl"),
+    label: Annotated[str, Option("A name by which --compare finds this measurement.")] = "",
+    benchmark_json: Annotated[
+        Path | None,
+        Option(
+            "Write the measurement in the format of pytest-benchmark, too.",
+            type=click.Path(path_type=Path, dir_okay=False),
+        ),
+    ] = None,
+    compare: Annotated[
+        tuple[str, str] | None,
+        Option("Measure nothing: compare two stored measurements.", metavar="A B", nargs=2, multiple=False),
+    ] = None,
+    as_json: Json = False,
 ) -> int:
     """Measure speed relative to peers in one run, as ratios ours/peer, alternating with each of them.
 
@@ -65,7 +68,7 @@ def bench_command(
     ratios: list[Ratio] = []
     memory: dict[str, float] = {}
     for part in parts or PARTS:
-        for ratio in _measured(part, states, repeats, pysph):
+        for ratio in _measured(part, how):
             ratios.append(ratio)
             if not as_json:
                 _show(ratio)
@@ -109,9 +112,10 @@ def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
     return 0
 
 
-def _measured(part: str, states: int, repeats: int, pysph: str | None) -> Iterator[Ratio]:
+def _measured(part: str, how: MeasureOptions) -> Iterator[Ratio]:
     from lammps_cases.studies.benchmarks import bench, bench_model, bench_peers
 
+    states, repeats = how.states, how.repeats
     if part == "laws":
         yield from bench.laws_against_copy(states, repeats)
         yield bench.power_without_memory(states, repeats)
@@ -122,7 +126,7 @@ def _measured(part: str, states: int, repeats: int, pysph: str | None) -> Iterat
         yield bench_model.full_model_for_pressure()
         yield bench_model.vectors_against_components(repeats)
     elif part == "peers":
-        yield from bench_peers.taylor_green(repeats, pysph)
+        yield from bench_peers.taylor_green(repeats, how.pysph)
     else:
         for jobs in (1, 2):
             yield bench.run_against_lammps(repeats, jobs)

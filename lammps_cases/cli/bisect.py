@@ -4,39 +4,29 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Annotated
 
 import click
 
-from lammps_cases.cli import completion, deck_baselines, shared
+from lammps_cases.cli import deck_baselines
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Deck, Json
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import CaseOptions
 
 
-@click.command("bisect")
-@click.argument("names", nargs=-1, required=True, metavar="ENGINE ENGINE...", shell_complete=completion.engines)
-@click.option(
-    "--case", "cases", multiple=True, metavar="CASE", help="Only this case, or those below it or of a pattern."
-)
-@shared.tag_option
-@click.option("--field", "fields", multiple=True, help="Only this field.")
-@shared.paths_option
-@deck_baselines.deck_option
-@click.option("--beyond-bounds", is_flag=True, help="Look for changes beyond the bounds, not for any changed bit.")
-@shared.jobs_option
-@shared.folder_option("--out", "reports/bisect", "Folder of the runs.")
-@shared.fresh_option
-@shared.json_option
+@command()
 def bisect_command(
-    names: tuple[str, ...],
-    cases: tuple[str, ...],
-    tag: str | None,
-    fields: tuple[str, ...],
-    paths: tuple[Path, ...],
-    deck: Path | None,
-    beyond_bounds: bool,
-    jobs: int,
-    out: Path,
-    fresh: bool,
-    as_json: bool,
+    names: Annotated[tuple[str, ...], Argument(metavar="ENGINE ENGINE...", complete="engines")],
+    case: Annotated[tuple[str, ...], Option("Only this case, or those below it or of a pattern.", metavar="CASE")] = (),
+    *,
+    options: CaseOptions,
+    field: Annotated[tuple[str, ...], Option("Only this field.")] = (),
+    deck: Deck = None,
+    beyond_bounds: Annotated[bool, Option("Look for changes beyond the bounds, not for any changed bit.")] = False,
+    out: Annotated[Path, Option("Folder of the runs.")] = Path("reports/bisect"),
+    as_json: Json = False,
 ) -> int:
     """Find the first of several engines, given in order, that changed; report folders work as well.
 
@@ -57,9 +47,9 @@ def bisect_command(
     if not 2 <= len(names) <= len(sources.LABELS):
         raise InputError("engines", f"must be 2 to {len(sources.LABELS)}, in order", len(names))
     with Bar(quiet=as_json) as bar:
-        options = deck_baselines.on(deck, sources.run_options(names, jobs, fresh, bar), cases, tag, paths)
-        sides = sources.select(names, cases, tag, paths, out, options)
-        outcome = bisection.bisect(names, sides.side, Policy(bits=not beyond_bounds), fields)
+        how = deck_baselines.on(deck, sources.run_options(names, options.processes, options.fresh, bar), case, options)
+        sides = sources.select(names, case, options.tag, options.paths, out, how)
+        outcome = bisection.bisect(names, sides.side, Policy(bits=not beyond_bounds), field)
     document = json.dumps(bisection.document(outcome, names, command_line()), indent=1)
     write_atomically(out / "bisect.json", document + "\n")
     changed = outcome.first is not None

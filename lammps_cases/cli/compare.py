@@ -5,46 +5,30 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
-from lammps_cases.cli import completion, deck_baselines, shared
-from lammps_cases.records.levels import FAIL_ON, FailOn
+from lammps_cases.cli import deck_baselines, shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Deck, Json
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import CompareOptions
 
 if TYPE_CHECKING:
     from lammps_cases.regression.pairs import SideComparison
 
 
-@click.command("compare")
-@click.argument("names", nargs=-1, required=True, metavar="A B [SIDE]... [CASE]...", shell_complete=completion.engines)
-@shared.tag_option
-@shared.paths_option
-@deck_baselines.deck_option
-@shared.jobs_option
-@shared.folder_option("--out", "reports/compare", "Folder of the report.")
-@shared.fresh_option
-@click.option("--strict", is_flag=True, help="Exit 1 also for different bits within the bounds.")
-@click.option("--no-timing", is_flag=True, help="Do not measure which engine is slower.")
-@click.option(
-    "--fail-on",
-    type=click.Choice(FAIL_ON),
-    help="Exit 1 only for findings of at least this severity; new: without a finding.  [default: any change]",
-)
-@shared.json_option
+@command()
 def compare_command(
-    names: tuple[str, ...],
-    tag: str | None,
-    paths: tuple[Path, ...],
-    deck: Path | None,
-    jobs: int,
-    out: Path,
-    fresh: bool,
-    strict: bool,
-    no_timing: bool,
-    fail_on: FailOn | None,
-    as_json: bool,
+    names: Annotated[tuple[str, ...], Argument(metavar="A B [SIDE]... [CASE]...", complete="engines")],
+    *,
+    options: CompareOptions,
+    deck: Deck = None,
+    no_timing: Annotated[bool, Option("Do not measure which engine is slower.")] = False,
+    out: Annotated[Path, Option("Folder of the report.")] = Path("reports/compare"),
+    as_json: Json = False,
 ) -> int:
     """Compare two sides: engines (env, pypi:VERSION, path:DIR), report folders of runs, accepted baselines.
 
@@ -67,9 +51,9 @@ def compare_command(
 
     side_names, cases = _split(names)
     with Bar(quiet=as_json) as bar:
-        options = deck_baselines.on(deck, sources.run_options(names, jobs, fresh, bar), cases, tag, paths)
-        timing = not no_timing and deck is None
-        comparison = compare_into(out, side_names, cases, tag, paths, options, strict, timing, fail_on)
+        how = sources.run_options(names, options.processes, options.fresh, bar)
+        how = deck_baselines.on(deck, how, cases, options)
+        comparison = compare_into(out, side_names, cases, options, how, timing=not no_timing and deck is None)
     if as_json:
         click.echo(json.dumps(pairs.document(comparison), indent=1))
     else:

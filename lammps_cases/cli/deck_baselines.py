@@ -9,18 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
-from lammps_cases.cli import shared
-
 if TYPE_CHECKING:
     from lammps_cases.engine.installations import Engine
     from lammps_cases.records.run_record import RunRecord
     from lammps_cases.regression.sources import RunOptions
-
-deck_option = click.option(
-    "--deck", type=shared.PATH, help="Engines audit this deck, or all decks of this folder, instead of running cases."
-)
+    from lammps_cases.run.options import CaseOptions
 
 
 def readable(place: Path) -> None:
@@ -69,9 +62,7 @@ def against(place: Path, run: RunRecord, directory: Path, deck: Path, as_json: b
     return pairs.checked(changes, shlex.join(["eos-ref", "audit", str(deck), "--accept"]))
 
 
-def on(
-    deck: Path | None, options: RunOptions, cases: Sequence[str], tag: str | None, paths: Sequence[Path]
-) -> RunOptions:
+def on(deck: Path | None, how: RunOptions, cases: Sequence[str], options: CaseOptions) -> RunOptions:
     """Return how engines are compared: on cases, or by audits of a deck or of the decks of a folder.
 
     Raises
@@ -80,15 +71,15 @@ def on(
         Cases and a deck.
     """
     from eos_ref import InputError
-    from lammps_cases.audit import AuditOptions
     from lammps_cases.audit.command import audit_into
+    from lammps_cases.audit.options import AuditOptions
 
     if deck is None:
-        return options
-    if cases or tag or paths:
+        return how
+    if cases or options.tag or options.cases:
         raise InputError("--deck", "must not be given with cases")
 
     def judge(engine: Engine, folder: Path) -> RunRecord:
-        return audit_into(folder, deck, AuditOptions(engine=engine.site), engine, options.command, "new")
+        return audit_into(folder, deck, AuditOptions(engine=engine.site), engine, how.command, "new")
 
-    return replace(options, judge=judge)
+    return replace(how, judge=judge)

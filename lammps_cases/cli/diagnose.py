@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import click
 
 from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Json, Run
+from lammps_cases.run.options import Files, paths
 
 
-@click.command("diagnose")
-@click.argument("run", type=shared.PATH)
-@shared.paths_option
-@shared.json_option
-def diagnose_command(run: Path, paths: tuple[Path, ...], as_json: bool) -> int:
+@command()
+def diagnose_command(run: Run, cases: Files = (), as_json: Json = False) -> int:
     """Group the red cases of a finished run, say what their scenes share, and try changes of the formulas.
 
     Needs the cases as they were and the arrays of the report, not LAMMPS. Rewrites the report.
@@ -28,8 +26,8 @@ def diagnose_command(run: Path, paths: tuple[Path, ...], as_json: bool) -> int:
 
     record = read_run(run)
     before = record.triage
-    cases = campaign.cases_of(record, paths)
-    record.triage = part("triage", record.faults, lambda: campaign.triaged(record, cases, run, open_store()), before)
+    every = campaign.cases_of(record, paths(cases))
+    record.triage = part("triage", record.faults, lambda: campaign.triaged(record, every, run, open_store()), before)
     if record.triage or before or record.faults:
         report_files.write_run(record, run, past=report_files.past_of(record))
     if record.triage is None and not record.faults and not as_json:

@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Annotated
 
 import click
 
 from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import LAUNCHER, Json, Resume
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import EngineName
 
 
-@click.command("examples")
-@click.argument("names", nargs=-1, metavar="[DECK]...")
-@click.option("--from", "folder", type=shared.PATH, metavar="DIR", help="Folder with the decks, in.*.")
-@click.option("--full", is_flag=True, help="Run every deck to its end: about an hour.")
-@click.option("--trust", is_flag=True, envvar="EOS_REF_TRUST", help="Run decks of DIR with your own file permissions.")
-@click.option("--out", type=shared.PATH, default="reports/examples", show_default=True, help="Report folder.")
-@shared.resume_option
-@shared.engine_option
-@shared.json_option
+@command(LAUNCHER)
 def examples_command(
-    names: tuple[str, ...],
-    folder: Path | None,
-    full: bool,
-    trust: bool,
-    out: Path,
-    resume: bool,
-    engine: str,
-    as_json: bool,
+    names: Annotated[tuple[str, ...], Argument(metavar="[DECK]...")] = (),
+    folder: Annotated[Path | None, Option("Folder with the decks, in.*.", "--from", metavar="DIR")] = None,
+    full: Annotated[bool, Option("Run every deck to its end: about an hour.")] = False,
+    trust: Annotated[bool, Option("Run decks of DIR with your own file permissions.", envvar="EOS_REF_TRUST")] = False,
+    out: Annotated[Path, Option("Report folder.")] = Path("reports/examples"),
+    resume: Resume = True,
+    engine: EngineName = "env",
+    as_json: Json = False,
 ) -> int:
     """Judge LAMMPS' own RHEO examples, and break them down: what they conserve, what their errors consist of.
 

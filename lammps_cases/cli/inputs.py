@@ -4,27 +4,30 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import LAUNCHER, Json, Processes
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import EngineName, processes
 
 if TYPE_CHECKING:
     from lammps_cases.studies.inputs.record import InputTable
 
 
-@click.command("inputs")
-@click.argument("names", nargs=-1, metavar="[INPUT]...")
-@click.option("--deck", is_flag=True, help="Print the deck of one input, and run nothing.")
-@click.option("--against", type=shared.PATH, help="Folder of an earlier table: list outcomes that differ.")
-@shared.processes_option
-@shared.folder_option("--out", "reports/inputs", "Folder of the table.")
-@shared.engine_option
-@shared.json_option
+@command(LAUNCHER)
 def inputs_command(
-    names: tuple[str, ...], deck: bool, against: Path | None, jobs: int, out: Path, engine: str, as_json: bool
+    names: Annotated[tuple[str, ...], Argument(metavar="[INPUT]...")] = (),
+    deck: Annotated[bool, Option("Print the deck of one input, and run nothing.")] = False,
+    against: Annotated[Path | None, Option("Folder of an earlier table: list outcomes that differ.")] = None,
+    jobs: Processes = None,
+    out: Annotated[Path, Option("Folder of the table.")] = Path("reports/inputs"),
+    engine: EngineName = "env",
+    as_json: Json = False,
 ) -> int:
     """Give bad input to LAMMPS and the reference, and tabulate the outcomes.
 
@@ -53,7 +56,7 @@ def inputs_command(
     before = record.read(against) if against else None
     shared.page_folder(out)
     with Bar(quiet=as_json) as bar:
-        measured = run.measure(chosen, installations.resolve(engine).site, jobs, command_line(), bar)
+        measured = run.measure(chosen, installations.resolve(engine).site, processes(jobs), command_line(), bar)
     record.write(measured, out)
     page.write(measured, out)
     if as_json:

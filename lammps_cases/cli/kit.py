@@ -7,12 +7,16 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
+from annotated_types import Interval
 from click.core import ParameterSource
 
-from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Json
+from lammps_cases.records.options import Argument, Option
+from lammps_cases.run.options import paths
 
 if TYPE_CHECKING:
     from lammps_cases.ci.kits.files import KitFile
@@ -29,28 +33,20 @@ OF_SHARDS = (
 )  # options of a run that a kit gives, or cannot give
 
 
-@click.command("kit")
-@click.argument("name", required=False)
-@click.option("--out", type=shared.PATH, help="Folder or repository to write into.  [default: print]")
-@click.option(
-    "--repository",
-    default="OWNER/eos-ref",
-    show_default=True,
-    metavar="OWNER/NAME",
-    help="For CI kits: GitHub repository from which the files install eos-ref.",
-)
-@click.option(
-    "--shards",
-    type=click.IntRange(1, 999_999),
-    default=4,
-    show_default=True,
-    help="For cluster kits: shards.",
-)
-@click.option(
-    "--run", "options", default="", metavar="OPTIONS", help="For cluster kits: cases and options of eos-ref run."
-)
-@shared.json_option
-def kit_command(name: str | None, out: Path | None, repository: str, shards: int, options: str, as_json: bool) -> int:
+@command()
+def kit_command(
+    name: Annotated[str | None, Argument()] = None,
+    out: Annotated[Path | None, Option("Folder or repository to write into.  [default: print]")] = None,
+    repository: Annotated[
+        str,
+        Option("For CI kits: GitHub repository from which the files install eos-ref.", metavar="OWNER/NAME"),
+    ] = "OWNER/eos-ref",
+    shards: Annotated[Annotated[int, Interval(ge=1, le=999_999)], Option("For cluster kits: shards.")] = 4,
+    options: Annotated[
+        str, Option("For cluster kits: cases and options of eos-ref run.", "--run", metavar="OPTIONS")
+    ] = "",
+    as_json: Json = False,
+) -> int:
     """Write or print the files of a kit. Without NAME: list them.
 
     For CI: github, gitlab, lammps, decks, pre-commit. For a cluster: slurm, parallel, reframe; their shards take about
@@ -155,7 +151,7 @@ def _costs(words: list[str], shards: int) -> tuple[Costs, str]:
         if given and option.name in OF_SHARDS:
             raise InputError("--run", "must leave to the kit what each shard has of its own", option.opts[0])
     options = context.params
-    cases = casefile.select(casefile.load(options["paths"]), options["names"], options["tag"])
+    cases = casefile.select(casefile.load(paths(options["cases"])), options["names"], options["tag"])
     if shards > len(cases):
         raise InputError("--shards", f"must be at most one for each of {counted(len(cases), 'case')}", shards)
     installations.resolve(options["engine"])  # nodes have no internet

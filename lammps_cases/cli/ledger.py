@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Json
 from lammps_cases.records.levels import SEVERITIES
+from lammps_cases.records.options import Argument
 from lammps_cases.records.wording import by_file, counted
 
 if TYPE_CHECKING:
     from lammps_cases.findings import Finding
 
 
-@click.command("ledger")
-@click.argument("names", nargs=-1, metavar="[FINDING]...", shell_complete=completion.findings)
-@shared.json_option
-def ledger_command(names: tuple[str, ...], as_json: bool) -> int:
+@command()
+def ledger_command(
+    names: Annotated[tuple[str, ...], Argument(metavar="[FINDING]...", complete="findings")] = (), as_json: Json = False
+) -> int:
     """List the findings, the most severe first: where LAMMPS differs from its manual.
 
     With names, show the details of these: the argument, and workarounds.

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Json
+from lammps_cases.records.options import Argument
+from lammps_cases.run.options import Files, Tag, paths
 
 if TYPE_CHECKING:
     from lammps_cases.scene.casefile import Case
 
 
-@click.command("list")
-@click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
-@shared.tag_option
-@shared.paths_option
-@shared.json_option
-def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...], as_json: bool) -> int:
+@command()
+def list_command(
+    names: Annotated[tuple[str, ...], Argument(metavar="[CASE]...", complete="cases")] = (),
+    tag: Tag = None,
+    files: Files = (),
+    as_json: Json = False,
+) -> int:
     """List the cases with their tags; --json also says what each is about, and how large it is.
 
     \b
@@ -28,7 +32,7 @@ def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...
     from lammps_cases.records.wording import counted
     from lammps_cases.scene import casefile
 
-    cases = casefile.load(paths)
+    cases = casefile.load(paths(files))
     if names or tag:
         cases = casefile.select(cases, names, tag)
     if as_json:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-
-import click
+from typing import Annotated
 
 from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Json, Report
+from lammps_cases.records.options import Argument
 
 
-@click.command("merge")
-@click.argument("runs", nargs=-1, required=True, type=shared.PATH)
-@shared.report_option
-@shared.json_option
-def merge_command(runs: tuple[Path, ...], out: Path | None, as_json: bool) -> int:
+@command()
+def merge_command(runs: Annotated[tuple[Path, ...], Argument()], out: Report = None, as_json: Json = False) -> int:
     """Join the report folders of a run's shards into one.
 
     \b

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Annotated
 
 import click
 
 from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Json, Run
+from lammps_cases.records.options import Option
 
 
-@click.command("report")
-@click.argument("run", type=shared.PATH)
-@click.option("--news", is_flag=True, help="Print what is new as Markdown, for a comment, without rendering.")
-@click.option("--dashboard", type=shared.PATH, help="Write run.json as LAMMPS' dashboard reads it; render nothing.")
-@shared.json_option
-def report_command(run: Path, news: bool, dashboard: Path | None, as_json: bool) -> int:
+@command()
+def report_command(
+    run: Run,
+    news: Annotated[bool, Option("Print what is new as Markdown, for a comment, without rendering.")] = False,
+    dashboard: Annotated[Path | None, Option("Write run.json as LAMMPS' dashboard reads it; render nothing.")] = None,
+    as_json: Json = False,
+) -> int:
     """Render report.html, summary.md and junit.xml of a finished run again, from its run.json.
 
     Of a run that was interrupted, killed or broken the cases that were judged are rendered.

@@ -6,67 +6,40 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import CLUSTER, LAUNCHER, MEMORY, Json, Report
+from lammps_cases.records.options import Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import RunOptions
 
 if TYPE_CHECKING:
-    from lammps_cases.records.levels import FailOn
     from lammps_cases.records.run_record import RunRecord
     from lammps_cases.scene.casefile import Case
 
 WITHOUT_PAIRS = ("eos",)  # tags of cases of which few find neighbours: known before they are read
 
 
-@click.command("run")
-@click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
-@shared.tag_option
-@shared.paths_option
-@shared.jobs_option
-@shared.cluster_option
-@shared.memory_option
-@shared.engine_option
-@shared.fresh_option
-@click.option(
-    "--shard", help="i/n: only every n-th case, from the i-th; with --costs the i-th of n equally long parts."
-)
-@click.option("--costs", type=shared.PATH, help="Durations of the cases in seconds, as written by eos-ref kit.")
-@click.option(
-    "--baseline",
-    type=shared.PATH,
-    help="Folder of accepted baselines (reports/accepted), or one of them: exit 1 if anything differs from it.",
-)
-@click.option("--resume", is_flag=True, help="Continue an interrupted or killed run: judge the remaining cases.")
-@click.option("--profile", is_flag=True, help="Show where the processor time went, by stage.")
-@shared.report_option
-@shared.fail_on_option
-@click.option(
-    "--allow",
-    multiple=True,
-    metavar="FINDING",
-    shell_complete=completion.findings,
-    help="A finding that fails nothing, also where it is new on this version (repeatable).",
-)
-@shared.json_option
+@command(LAUNCHER, CLUSTER, MEMORY)
 def run_command(
-    names: tuple[str, ...],
-    tag: str | None,
-    paths: tuple[Path, ...],
-    jobs: int,
-    engine: str,
-    fresh: bool,
-    shard: str | None,
-    costs: Path | None,
-    baseline: Path | None,
-    resume: bool,
-    profile: bool,
-    out: Path | None,
-    fail_on: FailOn | None,
-    allow: tuple[str, ...],
-    as_json: bool,
+    options: RunOptions,
+    shard: Annotated[
+        str | None,
+        Option("i/n: only every n-th case, from the i-th; with --costs the i-th of n equally long parts."),
+    ] = None,
+    costs: Annotated[Path | None, Option("Durations of the cases in seconds, as written by eos-ref kit.")] = None,
+    baseline: Annotated[
+        Path | None,
+        Option("Folder of accepted baselines (reports/accepted), or one of them: exit 1 if anything differs from it."),
+    ] = None,
+    resume: Annotated[bool, Option("Continue an interrupted or killed run: judge the remaining cases.")] = False,
+    profile: Annotated[bool, Option("Show where the processor time went, by stage.")] = False,
+    out: Report = None,
+    as_json: Json = False,
 ) -> int:
     """Run cases against LAMMPS, compare atom by atom, and write a report.
 
@@ -81,11 +54,12 @@ def run_command(
         from eos_ref import InputError
 
         raise InputError("--costs", "needs --shard, which it divides")
-    if allow:
+    if options.allow:
         from lammps_cases.findings import check_names
 
-        check_names(allow)
-    shared.start_fork_server(pairs=fresh or tag not in WITHOUT_PAIRS)
+        check_names(options.allow)
+    names, tag = options.names, options.tag
+    shared.start_fork_server(pairs=options.fresh or tag not in WITHOUT_PAIRS)
     with shared.uncollected():
         from lammps_cases.comparison import prediction_keys
         from lammps_cases.engine import installations
@@ -94,7 +68,7 @@ def run_command(
         from lammps_cases.run import campaign, provenance, shards
         from lammps_cases.scene import casefile
 
-        every = casefile.load(paths, None if names or baseline else tag)
+        every = casefile.load(options.paths, None if names or baseline else tag)
     chosen = casefile.select(every, names, tag)
     part = (shard or "", shards.divided(case.name for case in chosen) if shard else "")
     if shard:
@@ -103,27 +77,17 @@ def run_command(
         from lammps_cases.regression import baseline as accepted
 
         accepted.readable(baseline)  # a typing mistake is said before the run, not after it
-    resolved = installations.resolve(engine)
+    resolved = installations.resolve(options.engine)
     # No tag is that of all cases, so that a run of one is a part: the others need not be read to know.
     names_run = () if tag else [case.name for case in chosen]
-    with shared.run_folder(out, names_run, engine, resume) as folder:
+    with shared.run_folder(out, names_run, options.engine, resume) as folder:
         if resume and not as_json and folders.resumable(folder) is None:
             all_of_them = f"{counted(len(chosen), 'case')} from the beginning"
             shared.show(f"note: nothing to resume; running {all_of_them}", "  ", fg="yellow")
         with Bar(quiet=as_json, complaints=True) as bar:
-            run = campaign.run_cases(
-                chosen,
-                resolved,
-                jobs,
-                folder,
-                provenance.command_line(),
-                fail_on or "new",
-                part,
-                bar,
-                prediction_keys.open_store(fresh),
-                resume,
-                allow,
-            )
+            store = prediction_keys.open_store(options.fresh)
+            asked = campaign.Request(provenance.command_line(), options.level, part, options.allow)
+            run = campaign.run_cases(chosen, resolved, options.processes, folder, asked, bar, store, resume)
         changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
     if not as_json:
         _show(_notes([case for case in chosen if not case.shipped], run), shared.stages(run) if profile else ())

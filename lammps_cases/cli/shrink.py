@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Annotated
 
 import click
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import LAUNCHER, Json
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import EngineName, Files, paths
 
 
-@click.command("shrink")
-@click.argument("name", metavar="CASE", shell_complete=completion.cases)
-@shared.paths_option
-@shared.engine_option
-@click.option("--finding", default="", help="Preserve a finding that explains the case, not a difference.")
-@click.option("--out", type=shared.PATH, help="Case file to write.  [default: reports/shrunk/CASE.yaml]")
-@shared.json_option
+@command(LAUNCHER)
 def shrink_command(
-    name: str, paths: tuple[Path, ...], engine: str, finding: str, out: Path | None, as_json: bool
+    name: Annotated[str, Argument(metavar="CASE", complete="cases")],
+    files: Files = (),
+    engine: EngineName = "env",
+    finding: Annotated[str, Option("Preserve a finding that explains the case, not a difference.")] = "",
+    out: Annotated[Path | None, Option("Case file to write.  [default: reports/shrunk/CASE.yaml]")] = None,
+    as_json: Json = False,
 ) -> int:
     """Make the smallest scene that still fails the same way: particles, types, keywords, steps, digits.
 
@@ -39,7 +43,7 @@ def shrink_command(
     from lammps_cases.shrink import shrink
 
     check_names([finding] if finding else [])
-    case = casefile.only(casefile.load(paths), name)
+    case = casefile.only(casefile.load(paths(files)), name)
     file = out or Path("reports") / "shrunk" / f"{case.name}.yaml"
     if file.is_dir():
         raise InputError("--out", "must be a file to write, found a folder", str(file))

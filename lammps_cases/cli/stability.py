@@ -3,45 +3,49 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.shared import engine_option, json_option
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import CLUSTER, LAUNCHER, Json, Processes, Resume
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import EngineName, processes
 
 
-@click.command("stability")
-@click.argument("names", nargs=-1, metavar="[MAP]...")
-@click.option("--quick", is_flag=True, help="Only the maps tagged quick, with few lines: about a minute.")
-@click.option("--tag", help="Only maps with this tag.")
-@click.option("--cell", metavar="MAP:LAYER:X:Y", help="Run one cell on both engines, and write its deck.")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default="reports/stability",
-    show_default=True,
-    help="Folder of the atlas.",
-)
-@shared.processes_option
-@shared.cluster_option
-@shared.resume_option
-@click.option("--save-limits", is_flag=True, help="Base later advice on the measured limits.")
-@engine_option
-@json_option
+@dataclass(frozen=True)
+class MapOptions:
+    """Which maps."""
+
+    quick: Annotated[bool, Option("Only the maps tagged quick, with few lines: about a minute.")] = False
+    tag: Annotated[str | None, Option("Only maps with this tag.")] = None
+
+
+@dataclass(frozen=True)
+class AtlasOptions:
+    """How they are measured."""
+
+    jobs: Processes = None
+    resume: Resume = True
+
+
+@command(LAUNCHER, CLUSTER)
 def stability_command(
-    names: tuple[str, ...],
-    quick: bool,
-    tag: str | None,
-    cell: str | None,
-    out: Path,
-    jobs: int,
-    resume: bool,
-    save_limits: bool,
-    engine: str,
-    as_json: bool,
+    names: Annotated[tuple[str, ...], Argument(metavar="[MAP]...")] = (),
+    *,
+    chosen: MapOptions,
+    cell: Annotated[
+        str | None, Option("Run one cell on both engines, and write its deck.", metavar="MAP:LAYER:X:Y")
+    ] = None,
+    out: Annotated[Path, Option("Folder of the atlas.")] = Path("reports/stability"),
+    how: AtlasOptions,
+    save_limits: Annotated[bool, Option("Base later advice on the measured limits.")] = False,
+    engine: EngineName = "env",
+    as_json: Json = False,
 ) -> int:
     """Find where methods fail, how, and whether LAMMPS and the reference fail at the same place.
 
@@ -62,10 +66,13 @@ def stability_command(
     from lammps_cases.studies.stability import atlas, expected, limits, maps, page, record
 
     by_id = maps.maps()
-    chosen = maps.select(by_id, names, tag or ("quick" if quick and not names else None))
+    quick = chosen.quick
+    selected = maps.select(by_id, names, chosen.tag or ("quick" if quick and not names else None))
     site = installations.resolve(engine).site
-    with record.cells(out).resumed(resume), Bar(quiet=as_json) as bar:
-        measured = atlas.measure(chosen, out, command_line(), quick=quick, site=site, jobs=jobs, progress=bar)
+    with record.cells(out).resumed(how.resume), Bar(quiet=as_json) as bar:
+        measured = atlas.measure(
+            selected, out, command_line(), quick=quick, site=site, jobs=processes(how.jobs), progress=bar
+        )
         page.write(measured, out, by_id)
     if save_limits:
         edges = [b for of in measured.maps for b in of.boundaries]

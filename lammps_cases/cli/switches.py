@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import click
 
@@ -75,10 +74,3 @@ def _values(waiting: list[str]) -> Sequence[str]:
     while waiting and waiting[0][:1] != "-":
         values.append(waiting.pop(0))
     return values
-
-
-def described(command: Any) -> Any:
-    """Add the switches to the help of a command; they are parsed before click's options."""
-    pk = click.option("-pk", "-package", metavar="STYLE ...", expose_value=False, help="As LAMMPS' own switch.")
-    help_ = "Define an index variable before DECK, as LAMMPS' own switch; all words before the next - are its values."
-    return click.option("-v", "-var", metavar="NAME VALUE...", expose_value=False, help=help_)(pk(command))

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
-from lammps_cases.cli.shared import engine_option, folder_option, json_option, page_folder, resume_option
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import LAUNCHER, Json, Resume
+from lammps_cases.cli.shared import page_folder
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import EngineName
 
 
-@click.command("validate")
-@click.argument("names", nargs=-1, metavar="[FLOW]...")
-@click.option("--quick", is_flag=True, help="Coarse and short, for flows that allow it: about a minute.")
-@folder_option("--out", "reports/validate", "Folder of the validation.")
-@resume_option
-@engine_option
-@json_option
-def validate_command(names: tuple[str, ...], quick: bool, out: Path, resume: bool, engine: str, as_json: bool) -> int:
+@command(LAUNCHER)
+def validate_command(
+    names: Annotated[tuple[str, ...], Argument(metavar="[FLOW]...")] = (),
+    quick: Annotated[bool, Option("Coarse and short, for flows that allow it: about a minute.")] = False,
+    out: Annotated[Path, Option("Folder of the validation.")] = Path("reports/validate"),
+    resume: Resume = True,
+    engine: EngineName = "env",
+    as_json: Json = False,
+) -> int:
     """Run flows with experimental, numerical or analytic data, in the reference and in LAMMPS. Never a verdict.
 
     FLOW: names as in the table; all by default. Writes report.html, validate.json, curves.csv and figures/ as SVG and

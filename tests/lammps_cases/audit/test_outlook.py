@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from eos_ref.numbers.rounded import value
-from lammps_cases.audit import AuditOptions, audit_deck
 from lammps_cases.audit import effects as audit_effects
 from lammps_cases.audit.effects import compare, worst
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.sample import judged, known
+from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.cli.audit import field_table
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.neighbour_lists import NeighbourList

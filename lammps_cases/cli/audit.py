@@ -1,23 +1,97 @@
-"""eos-ref audit."""
+"""A user's own decks: audit, with the switches of LAMMPS and the accepted baselines of decks."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+import shlex
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from eos_ref.errors import InputError
 from lammps_cases.audit.options import AuditOptions, DeckLevelOptions, FinishedOptions
-from lammps_cases.cli import deck_baselines, shared, switches
+from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import LAUNCHER, Json
 from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord, CheckRecord
 from lammps_cases.records.wording import listed, size
+
+if TYPE_CHECKING:
+    from lammps_cases.records.run_record import RunRecord
+
+
+IGNORED = {  # they change nothing of what a deck means; with the number of words that follow
+    **dict.fromkeys(("log", "l", "screen", "sc", "echo", "e", "cite", "c"), 1),
+    **dict.fromkeys(("plog", "pl", "pscreen", "ps"), 1),
+    **dict.fromkeys(("nocite", "nc", "nonbuf", "nb"), 0),
+}
+REFUSED = {
+    **dict.fromkeys(("kokkos", "k"), "RHEO has no styles of KOKKOS"),
+    **dict.fromkeys(("partition", "p"), "an audit follows one partition"),
+    **dict.fromkeys(("reorder", "ro", "r", "mpicolor", "m"), "an audit starts the processes"),
+    **dict.fromkeys(("mdi",), "another program would drive LAMMPS"),
+    **dict.fromkeys(("plugin",), "no audit loads libraries"),
+    **dict.fromkeys(("skiprun", "sr"), "without steps there is nothing to check"),
+    **dict.fromkeys(("restart2data", "r2data", "restart2dump", "r2dump", "restart2info", "r2info"),
+                    "it converts a file and runs no deck (eos-ref audit --restart FILE --deck DECK checks one)"),
+}  # fmt: skip
+VARIABLE, PACKAGE = ("-var", "-v"), ("-package", "-pk")
+
+
+class AsLammps(click.Command):
+    """A command that takes the switches of ``lmp`` among its own options: parameters ``var`` and ``package``."""
+
+    def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
+        """Take the switches of LAMMPS out, and have click parse the rest."""
+        var, package, rest = _taken(args)
+        left = super().parse_args(context, rest)
+        context.params |= {"var": var, "package": package}
+        return left
+
+
+def _taken(args: Sequence[str]) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...], list[str]]:
+    """Return variables, arguments of package commands, and the words that are no switches of LAMMPS."""
+    var: dict[str, tuple[str, ...]] = {}
+    package: list[str] = []
+    rest: list[str] = []
+    waiting = list(args)
+    while waiting:
+        word = waiting.pop(0)
+        name = word[1:] if word[:1] == "-" else ""
+        if word in VARIABLE:
+            variable, first = _next(waiting, word, 2, "-var NAME VALUE...")
+            var[variable] = (first, *_values(waiting))
+        elif word in PACKAGE:
+            package.append(" ".join([*_next(waiting, word, 1, "-pk STYLE ARGUMENT..."), *_values(waiting)]))
+        elif name in ("kokkos", "k") and waiting[:1] in (["off"], ["no"], ["false"]):
+            waiting.pop(0)
+        elif name in REFUSED:
+            raise InputError(f"switch {word}", f"cannot be used in an audit: {REFUSED[name]}")
+        elif name in IGNORED:
+            _next(waiting, word, IGNORED[name], f"{word} WORD")
+        else:
+            rest.append(word)
+    return var, tuple(package), rest
+
+
+def _next(waiting: list[str], switch: str, count: int, usage: str) -> list[str]:
+    if len(waiting) < count or any(word.startswith("--") for word in waiting[:count]):
+        raise InputError(f"switch {switch}", f"must be given as {usage}")
+    return [waiting.pop(0) for _ in range(count)]
+
+
+def _values(waiting: list[str]) -> Sequence[str]:
+    """Take the words before the next switch."""
+    values = []
+    while waiting and waiting[0][:1] != "-":
+        values.append(waiting.pop(0))
+    return values
+
 
 BESIDE = "eos-ref-baseline"
 
@@ -52,7 +126,7 @@ class BaselineOptions:
         return Path(self.baseline or "") if named else (deck if deck.is_dir() else deck.parent) / BESIDE
 
 
-@command(LAUNCHER, cls=switches.AsLammps)
+@command(LAUNCHER, cls=AsLammps)
 def audit_command(
     given: DeckOptions,
     finished: FinishedOptions,
@@ -113,7 +187,7 @@ def audit_command(
     directory = out or Path("reports") / f"audit-{(finished.dump or finished.restart or deck).resolve().name}"
     place = kept.place(deck)
     if kept.baseline and not accept:
-        deck_baselines.readable(place)
+        readable(place)
     with Bar(quiet=as_json) as bar:
         how = replace(options, engine=chosen.site, progress=bar)
         target = rescale if rescale and rescale.name else Path(f"{deck.name}.rescaled")
@@ -121,9 +195,9 @@ def audit_command(
         run = audit_into(directory, deck, how, chosen, provenance.command_line(), level.level, finished)
     changes: Iterable[str] = ()
     if accept:
-        changes = deck_baselines.accepted(directory, reason, place, prune=deck.is_dir())
+        changes = accepted(directory, reason, place, prune=deck.is_dir())
     elif kept.baseline:
-        changes = deck_baselines.against(place, run, directory, deck, as_json)
+        changes = against(place, run, directory, deck, as_json)
     if not as_json:
         for case in run.cases:
             for line in () if deck.is_dir() else field_table(case):
@@ -174,3 +248,49 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     # What matters most stands last, where it is read first.
     said = sorted(statements(case, NEVER), key=lambda line: -SUBJECTS.index(line.subject))
     return [*outside, *(str(line) for line in said if line.subject != "stopped"), *budget, end]
+
+
+def readable(place: Path) -> None:
+    """Make sure that there is a baseline, before anything runs.
+
+    Raises
+    ------
+    InputError
+    """
+    from eos_ref import InputError
+    from lammps_cases.records import folders
+    from lammps_cases.regression.baseline import IDENTITY
+
+    if not (folders.present(place) / IDENTITY).exists():
+        raise InputError("baseline", "none is accepted here (eos-ref audit DECK --accept)", where=str(place))
+
+
+def accepted(directory: Path, reason: str, place: Path, prune: bool) -> list[str]:
+    """Accept the report of an audit as the baseline of its decks; return lines that say what changed."""
+    from lammps_cases.records.wording import counted
+    from lammps_cases.regression import pairs
+    from lammps_cases.regression.acceptance import accept_decks
+    from lammps_cases.run.provenance import command_line
+
+    of = accept_decks(directory, reason, place, command_line(), prune)
+    changes = [f"first baseline: {counted(of.cases, 'deck')}"]
+    if of.changes is not None:
+        changes = [*pairs.lines(of.changes, "the old", "the new"), *pairs.faults(of.changes)]
+    dropped = [f"dropped: {', '.join(of.dropped)}"] if of.dropped else []
+    return [*changes, *dropped, f"baseline: {of.folder}{'' if of.written else ' (unchanged)'}"]
+
+
+def against(place: Path, run: RunRecord, directory: Path, deck: Path, as_json: bool) -> Iterable[str]:
+    """Compare the audits of decks with a baseline; return lines, and keep in the run how many changes count."""
+    from lammps_cases.regression import pairs
+    from lammps_cases.regression.baseline import check_decks
+    from lammps_cases.report.annotations import announce_changes
+    from lammps_cases.run import report_files
+
+    changes = check_decks(run, directory, place, whole=deck.is_dir())
+    run.changed = len(changes.faults)
+    if run.changed:
+        report_files.write_run(run, directory)
+    if not as_json:
+        announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
+    return pairs.checked(changes, shlex.join(["eos-ref", "audit", str(deck), "--accept"]))

@@ -87,9 +87,9 @@ def explain_command(
 
 def _finding(name: str, as_json: bool) -> None:
     """Say what a finding is, as the ledger does."""
-    from lammps_cases.cli import ledger
+    from lammps_cases.cli import findings
 
-    ledger.say((name,), as_json)
+    findings.say((name,), as_json)
 
 
 def _field(name: str, as_json: bool) -> None:

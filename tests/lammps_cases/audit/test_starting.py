@@ -18,7 +18,7 @@ from lammps_cases.audit.fields import PRESSURE
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.place import DeckPlace
 from lammps_cases.audit.supervise import audit_deck
-from lammps_cases.cli.switches import _taken
+from lammps_cases.cli.audit import _taken
 from lammps_cases.records.run_record import read_run
 from tests.support.audited_decks import DECKS, case_of, write_deck
 from tests.support.outcome import Outcome

@@ -38,7 +38,7 @@ def completed(line: str) -> list[str]:
         ("eos-ref rep", ["report-bug", "report"]),
         ("eos-ref run near-rho0.linear", ["near-rho0.linear.2d", "near-rho0.linear.3d"]),
         ("eos-ref run --tag quic", ["quick"]),
-        ("eos-ref ledger force-per", ["force-per-volume"]),
+        ("eos-ref findings force-per", ["force-per-volume"]),
         ("eos-ref explain force-per", ["force-per-volume"]),
         ("eos-ref run --engine e", ["env"]),
         ("eos-ref audit in.deck --engine pypi:2025.7.22.4", ["pypi:2025.7.22.4.0"]),

@@ -1,26 +1,164 @@
-"""eos-ref kit."""
+"""Tools around the harness: bench, kit."""
 
 from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import click
-from annotated_types import Interval
+from annotated_types import Ge, Interval
 from click.core import ParameterSource
 
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import Json
+from lammps_cases.records.files import write_atomically
 from lammps_cases.records.options import Argument, Option
 from lammps_cases.run.options import paths
 
 if TYPE_CHECKING:
     from lammps_cases.ci.kits.files import KitFile
     from lammps_cases.run.shards import Costs
+    from lammps_cases.studies.benchmarks.bench import Ratio
+    from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
+
+
+Part = Literal["laws", "model", "peers", "runs"]
+PARTS = get_args(Part)
+
+
+@dataclass(frozen=True)
+class MeasureOptions:
+    """How speed is measured."""
+
+    states: Annotated[Annotated[int, Ge(1000)], Option("States per law.")] = 10_000_000
+    repeats: Annotated[Annotated[int, Ge(1)], Option("Measurements of each side.")] = 9
+    pysph: Annotated[str | None, Option("A Python with PySPH: one more peer.", metavar="PYTHON")] = None
+
+
+@command()
+def bench_command(
+    parts: Annotated[tuple[Part, ...], Argument()] = (),
+    *,
+    how: MeasureOptions,
+    history: Annotated[Path, Option("File in which every measurement is stored.")] = Path("reports/bench.jsonl"),
+    label: Annotated[str, Option("A name by which --compare finds this measurement.")] = "",
+    benchmark_json: Annotated[
+        Path | None,
+        Option(
+            "Write the measurement in the format of pytest-benchmark, too.",
+            type=click.Path(path_type=Path, dir_okay=False),
+        ),
+    ] = None,
+    compare: Annotated[
+        tuple[str, str] | None,
+        Option("Measure nothing: compare two stored measurements.", metavar="A B", nargs=2, multiple=False),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Measure speed relative to peers in one run, as ratios ours/peer, alternating with each of them.
+
+    PARTS: laws (equations of state against memory copies), model (time steps against LAMMPS' own, one core each), peers
+    (Taylor-Green vortices against LAMMPS on 1 and 2 ranks, and PySPH), runs (whole programs). All by default; the model
+    takes some minutes. Fewer than 6 repeats give no 95 % interval.
+
+    \b
+    Example:  eos-ref bench laws --states 1000000 --label before
+              eos-ref bench --compare before -1
+    """
+    if compare:
+        return _compare(history, compare, as_json)
+    ratios: list[Ratio] = []
+    memory: dict[str, float] = {}
+    for part in parts or PARTS:
+        for ratio in _measured(part, how):
+            ratios.append(ratio)
+            if not as_json:
+                _show(ratio)
+        memory |= _memory(part)
+    from lammps_cases.studies.benchmarks import pytest_benchmark, speed_history
+
+    entry = speed_history.append(history, label, ratios)
+    if benchmark_json:
+        write_atomically(benchmark_json, json.dumps(pytest_benchmark.document(entry), indent=1) + "\n")
+    if as_json:
+        click.echo(json.dumps({"ratios": [_row(r) for r in ratios], "bytes_per_particle": memory}, indent=1))
+        return 0
+    for what, size in memory.items():
+        click.echo(f"peak memory, a million particles, {what}: {size:.0f} bytes per particle")
+    click.echo(f"kept: {history}")
+    return 0
+
+
+def _row(r: Ratio) -> dict[str, object]:
+    times = {"scene": r.scene, "peer": r.peer, "ours_ns": r.ours_ns.median, "peer_ns": r.peer_ns.median}
+    return times | {"ratio": r.ratio.median, "ratio_low": r.ratio.low, "ratio_high": r.ratio.high}
+
+
+def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
+    from dataclasses import asdict
+
+    from lammps_cases.studies.benchmarks import speed_history
+
+    entries = speed_history.read(history)
+    before, after = (speed_history.pick(entries, name, history) for name in names)
+    changes = speed_history.changes(before, after)
+    if as_json:
+        click.echo(json.dumps({"changes": [asdict(change) for change in changes]}, indent=1))
+        return 0
+    colours = {"faster": "green", "slower": "red", "cannot tell": None}
+    for change in changes:
+        factor = f"x {change.factor.median:.2f} ({change.factor.low:.2f} to {change.factor.high:.2f})"
+        line = f"{change.scene:44s} {change.peer:22s} {factor:26s} {change.answer}"
+        click.secho(line, fg=colours[change.answer])
+    click.echo(f"{len(changes)} ratios in both measurements; a factor below 1 is faster")
+    return 0
+
+
+def _measured(part: str, how: MeasureOptions) -> Iterator[Ratio]:
+    from lammps_cases.studies.benchmarks import bench, bench_model, bench_peers
+
+    states, repeats = how.states, how.repeats
+    if part == "laws":
+        yield from bench.laws_against_copy(states, repeats)
+        yield bench.power_without_memory(states, repeats)
+        yield bench.table_against_copy(states, repeats)
+    elif part == "model":
+        yield from bench_model.against_lammps((2, 3), repeats)
+        yield from bench_model.growth()
+        yield bench_model.full_model_for_pressure()
+        yield bench_model.vectors_against_components(repeats)
+    elif part == "peers":
+        yield from bench_peers.taylor_green(repeats, how.pysph)
+    else:
+        for jobs in (1, 2):
+            yield bench.run_against_lammps(repeats, jobs)
+        yield bench.worker_against_python(repeats)
+        yield bench.help_against_python(repeats)
+        yield from bench.completion_against_python(repeats)
+
+
+def _memory(part: str) -> dict[str, float]:
+    from lammps_cases.studies.benchmarks import bench, bench_model
+
+    if part == "laws":
+        return {"pressures of four laws": bench.bytes_per_particle()}
+    if part == "model":
+        return {f"2D {option}": bench_model.bytes_per_particle(option) for option in ("quintic", "RK1")}
+    return {}
+
+
+def _show(ratio: Ratio) -> None:
+    unit, scale = ("ns", 1.0) if ratio.ours_ns.median < 1e5 else ("ms", 1e-6)
+
+    def text(value: ConfidenceInterval) -> str:
+        return f"{value.median * scale:.2f} {unit}"
+
+    spread = f"{ratio.ratio.median:.2f} ({ratio.ratio.low:.2f} to {ratio.ratio.high:.2f})"
+    click.echo(f"{ratio.scene:42s} {ratio.peer:18s} {text(ratio.ours_ns):>12s} {text(ratio.peer_ns):>12s}  {spread}")
 
 
 OF_SHARDS = (

@@ -121,18 +121,8 @@ def listed(out: str) -> list[str]:
 
 def test_the_help_begins_with_ten_commands_and_dev_lists_the_others(eos_ref_command: Run) -> None:
     first, second = eos_ref_command("--help").out, eos_ref_command("dev").out
-    assert listed(first) == [
-        "run",
-        "audit",
-        "explain",
-        "findings",
-        "report-bug",
-        "report",
-        "compare",
-        "accept",
-        "chart",
-        "doctor",
-    ]
+    ten = "run audit explain findings report-bug report compare accept chart doctor"
+    assert " ".join(listed(first)) == ten
     assert sorted([*listed(first), *listed(second)]) == sorted(COMMANDS)
     places = [second.index(f"{title}:\n") for title in DEV]
     assert places == sorted(places) and "eos-ref dev " in first

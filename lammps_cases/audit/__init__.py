@@ -1,6 +1,6 @@
 """A user's own input deck, unchanged, checked live while LAMMPS runs it.
 
-`audit_deck` copies the deck's folder, lets LAMMPS run the deck there in a process of its own, and compares
+`supervise.audit_deck` copies the deck's folder, lets LAMMPS run the deck there in a process of its own, and compares
 whatever follows from LAMMPS' own positions, velocities, densities and energies with the reference.
 
 Modules: `text` (syntax of input scripts), `guard` (commands that are refused), `follow` (the flow of a deck), `deck`
@@ -18,10 +18,6 @@ Called, the package is `lammps_cases.audit.command.audit`.
 
 import sys
 
-from lammps_cases.audit.options import AuditOptions, AuditResult
-from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.records.callable_module import CallableModule
-
-__all__ = ["AuditOptions", "AuditResult", "audit_deck"]
 
 sys.modules[__name__].__class__ = CallableModule

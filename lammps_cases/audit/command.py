@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import shlex
 import time
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from eos_ref.errors import InputError
 from lammps_cases.audit import settings
 from lammps_cases.audit.finished import audit_dump
 from lammps_cases.audit.folder import audit_folder
 from lammps_cases.audit.keep import arrays_of
-from lammps_cases.audit.options import AuditOptions
+from lammps_cases.audit.options import AuditOptions, DeckLevelOptions, FinishedOptions
 from lammps_cases.audit.restart import audit_restart
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records.checked import checked
 from lammps_cases.records.files import write_arrays
+from lammps_cases.records.options import flat
 from lammps_cases.records.run_record import Level, RunRecord
 from lammps_cases.report.findings import outcome
 from lammps_cases.run import provenance, report_files
@@ -28,15 +29,14 @@ from lammps_cases.run.results import Result, report_folder
 
 
 @checked
+@flat
 def audit(
     deck: str | Path,
     *,
-    dump: str | Path | None = None,
-    restart: str | Path | None = None,
-    engine: str = "env",
-    fail_on: Level = "new",
+    finished: FinishedOptions,
+    options: AuditOptions,
+    level: DeckLevelOptions,
     out: str | Path | None = None,
-    **options: Any,
 ) -> Result:
     """Check every atom while LAMMPS runs an input deck, unchanged, in a copy, as ``eos-ref audit`` does.
 
@@ -44,16 +44,9 @@ def audit(
     ----------
     deck : path
         The input script.
-    dump, restart : path, optional
-        What the deck has written: checked without running the deck; see `lammps_cases.audit.finished` and
-        `lammps_cases.audit.restart`.
-    fail_on : {"high", "medium", "low", "new"} or an effect
-        Known findings that fail: by their severity on the deck, or by their effect there, above "1%".
-    engine, out :
+    out : path, optional
         See `lammps_cases.run.command.run`.
-    options :
-        every, steps, fields, timeout, trust, suffix, package, var, root, ranks, budgets: see
-        `lammps_cases.audit.options.AuditOptions`.
+    (options)
 
     Raises
     ------
@@ -62,13 +55,12 @@ def audit(
     EngineMissing
         There is no LAMMPS with RHEO.
     """
-    chosen, deck = installations.resolve(engine), Path(deck)
-    how = AuditOptions.of(engine=chosen.site, **options)
-    files = {name: Path(file) for name, file in (("dump", dump), ("restart", restart)) if file is not None}
-    words = [word for name, file in files.items() for word in (f"--{name}", str(file))]
-    command = shlex.join(["eos-ref", "audit", str(deck), *words, *how.words()])
+    chosen, deck = installations.resolve(level.engine), Path(deck)
+    options = replace(options, engine=chosen.site)
+    words = [word for name, file in vars(finished).items() if file for word in (f"--{name}", str(file))]
+    command = shlex.join(["eos-ref", "audit", str(deck), *words, *options.words()])
     with report_folder(out) as (folder, temporary):
-        run = audit_into(folder, deck, how, chosen, command, fail_on, **files)
+        run = audit_into(folder, deck, options, chosen, command, level.level, finished)
         return Result(run, folder, temporary)
 
 
@@ -79,13 +71,13 @@ def audit_into(
     engine: Engine,
     command: str,
     fail_on: Level,
-    dump: Path | None = None,
-    restart: Path | None = None,
+    finished: FinishedOptions | None = None,
 ) -> RunRecord:
     """Audit a deck, all decks of a folder, or what a deck has written, and write the report into a folder.
 
     Options that are not given, and allowances of findings, are those of `settings.FILE` beside the decks.
     """
+    dump, restart = (finished.dump, finished.restart) if finished else (None, None)
     if dump is not None and restart is not None:
         raise InputError("dump", "and restart must not be given together")
     begin, of_decks = time.perf_counter(), settings.read(deck if deck.is_dir() else deck.parent)

@@ -34,7 +34,7 @@ from lammps_cases.audit.options import (
     SampleRow,
     SampleRows,
 )
-from lammps_cases.audit.sample import judged, known
+from lammps_cases.audit.sample import Printed, judged, known
 from lammps_cases.audit.supervise import case_name, described
 from lammps_cases.audit.verdict import Findings, by_field
 from lammps_cases.comparison.compare import Comparison
@@ -233,10 +233,8 @@ class _Audit:
             return
         sample = _sample(frame, held, id_n)
         shown = {name: held[name].value for name in names}
-        found = judged(
-            sample, names, id_n, shown, self.listed, self.explained, FrameEvaluation,
-            {name: held[name].error for name in names}, finite_only=True,
-        )  # fmt: skip
+        printed = Printed(FrameEvaluation, {name: held[name].error for name in names})
+        found = judged(sample, names, id_n, shown, self.listed, self.explained, printed=printed)
         compared, self.explained = found.comparisons, found.explained
         open_ = {name: tuple(entry.id for entry in entries) for name, entries in found.unpredictable.items()}
         rows = {(name, 0): SampleRow.of(len(c.bound_n), c.record) for name, c in compared.items()}

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from dataclasses import fields as fields_of
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy.typing as npt
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import BeforeValidator, ConfigDict, TypeAdapter, ValidationError
 
 from eos_ref.errors import InputError
 from lammps_cases.audit import text
@@ -28,8 +28,11 @@ from lammps_cases.records.audit_record import (
     OutlookRecord,
     SeriesRecord,
 )
+from lammps_cases.records.levels import EFFECT
+from lammps_cases.records.options import Option
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import FieldRecord, LawRecord, RunRecord, Seconds, Verdict
+from lammps_cases.records.run_record import FieldRecord, LawRecord, Level, RunRecord, Seconds, Verdict
+from lammps_cases.run.options import EngineName, LevelOptions
 
 TIMEOUT = 3600.0  # seconds
 MOST_RANKS = 64
@@ -41,42 +44,47 @@ def trusted() -> bool:
     return os.environ.get(TRUST) == "1"
 
 
+def _names(fields: Any) -> Any:
+    """Split fields that are one word with commas."""
+    return [name for part in fields.split(",") if (name := part.strip())] if isinstance(fields, str) else fields
+
+
+@dataclass(frozen=True)
+class FinishedOptions:
+    """What a deck has written, to be checked instead of a run of the deck."""
+
+    dump: Annotated[Path | None, Option("Check a dump written by DECK, without running it.", metavar="FILE")] = None
+    restart: Annotated[Path | None, Option("Check a restart file written by DECK.", metavar="FILE")] = None
+
+
+@dataclass(frozen=True)
+class DeckLevelOptions(LevelOptions):
+    """Which LAMMPS runs a deck, and which known findings make the exit code 1."""
+
+    _: KW_ONLY
+    fail_on: Annotated[
+        Level | None,
+        Option(
+            "Exit 1 also for known findings of at least this severity on the deck, or for an effect on the deck above "
+            "this (1%); new: for none.  [default: new]",
+            like=EFFECT,
+        ),
+    ] = None  # type: ignore[assignment]  # wider than that of runs
+    engine: EngineName = "env"
+
+
 @dataclass(frozen=True)
 class AuditOptions:
     """How a deck is audited.
 
     Attributes
     ----------
-    every : int
-        Sample all atoms on every time step divisible by this, and on the first step of every run.
-    steps : int, optional
-        Stop after so many time steps, all runs together; the whole deck by default.
-    timeout : float
-        Wall seconds after which LAMMPS is stopped, an hour by default; infinity for none.
-    trust : bool
-        Let the deck run uncontained: it may start programs, and read and write whatever the user may. By default only
-        where the environment says EOS_REF_TRUST=1.
     engine : str, optional
         Folder (for ``sys.path``) of another lammps package.
     progress : Progress, optional
         Receives the number of steps done, and of how many.
     keep : Path, optional
         Run in this folder and leave it, with what the deck wrote; by default a temporary one.
-    fields : sequence of str
-        Fields to check, by LAMMPS' names, or ``all`` that can be.
-    suffix : str, optional
-        Style suffix that LAMMPS is started with, as by its own switch -sf.
-    package : sequence of str
-        Arguments of ``package`` commands executed before the deck, as by LAMMPS' own switch -pk.
-    var : mapping
-        Index variables defined before the deck, by name: a value, or several; as by LAMMPS' own switch -var.
-    root : Path, optional
-        Folder that is copied, and may be read; by default that in which the deck runs.
-    ranks : int
-        MPI processes that LAMMPS runs on, 1 to 64.
-    budgets : bool
-        Also record conserved quantities, and run the reference from the last run's first sample, with one thing changed
-        at a time.
 
     Raises
     ------
@@ -86,20 +94,48 @@ class AuditOptions:
 
     __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True, extra="forbid")
 
-    every: int = 10
-    steps: int | None = None
-    timeout: float = TIMEOUT
-    trust: bool = field(default_factory=trusted)
+    every: Annotated[int, Option("Check all atoms every M time steps.", metavar="M")] = 10
+    steps: Annotated[int | None, Option("Stop after N time steps in all.  [default: the whole deck]", metavar="N")] = (
+        None
+    )
+    timeout: Annotated[float, Option("Stop after S seconds.  [default: an hour]", metavar="S")] = TIMEOUT
+    trust: Annotated[
+        bool,
+        Option("Let the deck run programs, and read and write files with your own file permissions.", envvar=TRUST),
+    ] = field(default_factory=trusted)
     engine: str | None = None
     progress: Progress = field(default=SILENT, compare=False)
     keep: Path | None = field(default=None, compare=False)
-    fields: tuple[str, ...] = DEFAULT
-    suffix: str | None = None
-    package: tuple[str, ...] = ()
-    var: Mapping[str, Any] = field(default_factory=dict)
-    root: Path | None = None
-    ranks: int = 1
-    budgets: bool = False
+    fields: Annotated[
+        tuple[str, ...],
+        BeforeValidator(_names),
+        Option(
+            "What to check, by LAMMPS' names (pressure, coordination, grad/v, f, ...); all: whatever can be checked.",
+            metavar="NAME,...",
+            type=str,
+            multiple=False,
+            default=",".join(DEFAULT),
+        ),
+    ] = DEFAULT
+    suffix: Annotated[
+        str | None, Option("Style suffix, as LAMMPS' own switch.", "-sf", "--suffix", "-suffix", metavar="STYLE")
+    ] = None
+    package: Annotated[
+        tuple[str, ...], Option("As LAMMPS' own switch.", "-pk", "-package", metavar="STYLE ...", multiple=False)
+    ] = ()
+    var: Annotated[
+        Mapping[str, Any],
+        Option(
+            "Define an index variable before DECK, as LAMMPS' own switch; all words before the next - are its values.",
+            "-v",
+            "-var",
+            metavar="NAME VALUE...",
+            type=str,
+        ),
+    ] = field(default_factory=dict)
+    root: Annotated[Path | None, Option("Copy DIR, for decks that read files in folders beside.", metavar="DIR")] = None
+    ranks: Annotated[int, Option("Run LAMMPS on N MPI ranks, as mpirun -np N lmp.", metavar="N")] = 1
+    budgets: Annotated[bool, Option("Also follow momentum and energy, and where they are lost.")] = False
 
     def __post_init__(self) -> None:
         if not 1 <= self.every < 2**31:
@@ -122,8 +158,6 @@ class AuditOptions:
         InputError
             An unknown option, a wrong type, or a wrong value.
         """
-        if isinstance(names := given.get("fields"), str):
-            given["fields"] = [name.strip() for name in names.split(",") if name.strip()]
         try:
             return TypeAdapter(cls).validate_python(given)
         except ValidationError as error:

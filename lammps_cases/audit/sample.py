@@ -35,7 +35,14 @@ from lammps_cases.verdict.model_fields import derived
 Array = npt.NDArray[Any]
 COMPUTE = "eosref_fields"
 SOLID = 1
-NOT_PRINTED: Mapping[str, Array] = {}
+
+
+@dataclass(frozen=True)
+class Printed:
+    """How a sample that was printed is evaluated, and by how much its fields may be off."""
+
+    evaluation: type[SampleEvaluation]
+    errors: Mapping[str, Array]
 
 
 @dataclass(frozen=True)
@@ -159,10 +166,8 @@ def judged(
     shown: Mapping[str, Array],
     listed: Sequence[Finding],
     earlier: Explained,
-    evaluation: type[SampleEvaluation] = SampleEvaluation,
-    printed: Mapping[str, Array] = NOT_PRINTED,
     lists: Callable[[Array], tuple[NeighbourList, ...]] = lambda tag_n: (),
-    finite_only: bool = False,
+    printed: Printed | None = None,
 ) -> JudgedSample:
     """Compare fields of a sample with the reference, and explain those that lie outside their bounds.
 
@@ -173,23 +178,23 @@ def judged(
     shown : LAMMPS' fields
     listed : findings of the engine
     earlier : what explained earlier samples
-    evaluation : how the reference evaluates the sample
-    printed : by how much LAMMPS' fields may be off, as they were printed
     lists : reads LAMMPS' neighbour list, given the ids; only where a field differs and a finding follows it
-    finite_only : whether particles for which LAMMPS has no number are left out, too
+    printed : of a sample of a dump, in which particles for which LAMMPS has no number are left out, too
     """
+    evaluation = printed.evaluation if printed else SampleEvaluation
+    errors = printed.errors if printed else {}
     reference = evaluation(sample, fields)
     rows_of = {}
     for field in fields:
         rows_n = reference.comparable(field)
         rows_n = rows_n & ~_neither(shown[field], value(reference.output(field)))
-        rows_n = rows_n & _finite(shown[field]) if finite_only else rows_n
+        rows_n = rows_n & _finite(shown[field]) if printed else rows_n
         if rows_n.any():
             rows_of[field] = rows_n
 
     def sides(field: str, by: SampleEvaluation) -> tuple[Array, Array, Array]:
         a, b, bound = _sides(shown[field], by.output(field), rows_of[field])
-        return a, b, bound + printed[field][rows_of[field]] if field in printed else bound
+        return a, b, bound + errors[field][rows_of[field]] if field in errors else bound
 
     comparisons = {
         field: compare_field(field, FIELDS[field].stage, tag_n[rows_n], *sides(field, reference), derivation=derived(0))

@@ -1,86 +1,150 @@
-"""eos-ref audit."""
+"""A user's own decks: audit, with the switches of LAMMPS and the accepted baselines of decks."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+import shlex
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from eos_ref.errors import InputError
-from lammps_cases.cli import deck_baselines, shared, switches
-from lammps_cases.records.levels import FailOn
+from lammps_cases.audit.options import AuditOptions, DeckLevelOptions, FinishedOptions
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import LAUNCHER, Json
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord, CheckRecord
 from lammps_cases.records.wording import listed, size
 
+if TYPE_CHECKING:
+    from lammps_cases.records.run_record import RunRecord
+
+
+IGNORED = {  # they change nothing of what a deck means; with the number of words that follow
+    **dict.fromkeys(("log", "l", "screen", "sc", "echo", "e", "cite", "c"), 1),
+    **dict.fromkeys(("plog", "pl", "pscreen", "ps"), 1),
+    **dict.fromkeys(("nocite", "nc", "nonbuf", "nb"), 0),
+}
+REFUSED = {
+    **dict.fromkeys(("kokkos", "k"), "RHEO has no styles of KOKKOS"),
+    **dict.fromkeys(("partition", "p"), "an audit follows one partition"),
+    **dict.fromkeys(("reorder", "ro", "r", "mpicolor", "m"), "an audit starts the processes"),
+    **dict.fromkeys(("mdi",), "another program would drive LAMMPS"),
+    **dict.fromkeys(("plugin",), "no audit loads libraries"),
+    **dict.fromkeys(("skiprun", "sr"), "without steps there is nothing to check"),
+    **dict.fromkeys(("restart2data", "r2data", "restart2dump", "r2dump", "restart2info", "r2info"),
+                    "it converts a file and runs no deck (eos-ref audit --restart FILE --deck DECK checks one)"),
+}  # fmt: skip
+VARIABLE, PACKAGE = ("-var", "-v"), ("-package", "-pk")
+
+
+class AsLammps(click.Command):
+    """A command that takes the switches of ``lmp`` among its own options: parameters ``var`` and ``package``."""
+
+    def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
+        """Take the switches of LAMMPS out, and have click parse the rest."""
+        var, package, rest = _taken(args)
+        left = super().parse_args(context, rest)
+        context.params |= {"var": var, "package": package}
+        return left
+
+
+def _taken(args: Sequence[str]) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...], list[str]]:
+    """Return variables, arguments of package commands, and the words that are no switches of LAMMPS."""
+    var: dict[str, tuple[str, ...]] = {}
+    package: list[str] = []
+    rest: list[str] = []
+    waiting = list(args)
+    while waiting:
+        word = waiting.pop(0)
+        name = word[1:] if word[:1] == "-" else ""
+        if word in VARIABLE:
+            variable, first = _next(waiting, word, 2, "-var NAME VALUE...")
+            var[variable] = (first, *_values(waiting))
+        elif word in PACKAGE:
+            package.append(" ".join([*_next(waiting, word, 1, "-pk STYLE ARGUMENT..."), *_values(waiting)]))
+        elif name in ("kokkos", "k") and waiting[:1] in (["off"], ["no"], ["false"]):
+            waiting.pop(0)
+        elif name in REFUSED:
+            raise InputError(f"switch {word}", f"cannot be used in an audit: {REFUSED[name]}")
+        elif name in IGNORED:
+            _next(waiting, word, IGNORED[name], f"{word} WORD")
+        else:
+            rest.append(word)
+    return var, tuple(package), rest
+
+
+def _next(waiting: list[str], switch: str, count: int, usage: str) -> list[str]:
+    if len(waiting) < count or any(word.startswith("--") for word in waiting[:count]):
+        raise InputError(f"switch {switch}", f"must be given as {usage}")
+    return [waiting.pop(0) for _ in range(count)]
+
+
+def _values(waiting: list[str]) -> Sequence[str]:
+    """Take the words before the next switch."""
+    values = []
+    while waiting and waiting[0][:1] != "-":
+        values.append(waiting.pop(0))
+    return values
+
+
 BESIDE = "eos-ref-baseline"
 
 
-@click.command("audit", cls=switches.AsLammps)
-@click.argument("deck", type=shared.PATH, required=False)
-@click.option("--deck", "-in", "-i", "of_deck", type=shared.PATH, metavar="DECK", help="The same as DECK.")
-@click.option("--dump", type=shared.PATH, metavar="FILE", help="Check a dump written by DECK, without running it.")
-@click.option("--restart", type=shared.PATH, metavar="FILE", help="Check a restart file written by DECK.")
-@click.option("--every", default=10, show_default=True, metavar="M", help="Check all atoms every M time steps.")
-@click.option("--steps", type=int, metavar="N", help="Stop after N time steps in all.  [default: the whole deck]")
-@click.option(
-    "--fields",
-    default="all",
-    show_default=True,
-    metavar="NAME,...",
-    help="What to check, by LAMMPS' names (pressure, coordination, grad/v, f, ...); all: whatever can be checked.",
-)
-@click.option("--timeout", type=float, default=3600.0, metavar="S", help="Stop after S seconds.  [default: an hour]")
-@switches.described
-@click.option("-sf", "--suffix", "-suffix", metavar="STYLE", help="Style suffix, as LAMMPS' own switch.")
-@click.option("--root", type=shared.PATH, metavar="DIR", help="Copy DIR, for decks that read files in folders beside.")
-@click.option(
-    "--ranks", default=1, show_default=True, metavar="N", help="Run LAMMPS on N MPI ranks, as mpirun -np N lmp."
-)
-@click.option("--budgets", is_flag=True, help="Also follow momentum and energy, and where they are lost.")
-@click.option(
-    "--trust",
-    is_flag=True,
-    envvar="EOS_REF_TRUST",
-    help="Let the deck run programs, and read and write files with your own file permissions.",
-)
-@click.option(
-    "--rescale",
-    type=shared.PATH,
-    is_flag=False,
-    flag_value="",
-    metavar="[FILE]",
-    help="Write DECK in the unit of length in which m/rho0 is 1.  [default: DECK.rescaled]",
-)
-@click.option("--accept", is_flag=True, help="Keep what the deck did as its baseline, as text for a repository.")
-@click.option("--reason", default="", metavar="TEXT", help="Why it is accepted; kept with the baseline.")
-@click.option(
-    "--baseline",
-    is_flag=False,
-    flag_value=BESIDE,
-    metavar="[FOLDER]",
-    help=f"Compare with the accepted baseline: exit 1 if anything changed.  [default: {BESIDE} beside the deck]",
-)
-@click.option("--out", type=shared.PATH, help="Report folder.  [default: reports/audit-DECK]")
-@shared.engine_option
-@shared.fail_on_option
-@shared.json_option
+@dataclass(frozen=True)
+class DeckOptions:
+    """The deck, as an argument or, as LAMMPS has it, as an option."""
+
+    deck: Annotated[Path | None, Argument()] = None
+    of_deck: Annotated[Path | None, Option("The same as DECK.", "--deck", "-in", "-i", metavar="DECK")] = None
+
+
+@dataclass(frozen=True)
+class BaselineOptions:
+    """What is accepted, or compared with what was."""
+
+    accept: Annotated[bool, Option("Keep what the deck did as its baseline, as text for a repository.")] = False
+    reason: Annotated[str, Option("Why it is accepted; kept with the baseline.", metavar="TEXT")] = ""
+    baseline: Annotated[
+        str | None,
+        Option(
+            f"Compare with the accepted baseline: exit 1 if anything changed.  [default: {BESIDE} beside the deck]",
+            metavar="[FOLDER]",
+            is_flag=False,
+            flag_value=BESIDE,
+        ),
+    ] = None
+
+    def place(self, deck: Path) -> Path:
+        """Return the folder of the baseline."""
+        named = self.baseline not in (None, BESIDE)
+        return Path(self.baseline or "") if named else (deck if deck.is_dir() else deck.parent) / BESIDE
+
+
+@command(LAUNCHER, cls=AsLammps)
 def audit_command(
-    deck: Path | None,
-    of_deck: Path | None,
-    dump: Path | None,
-    restart: Path | None,
-    rescale: Path | None,
-    accept: bool,
-    reason: str,
-    baseline: str | None,
-    out: Path | None,
-    engine: str,
-    fail_on: FailOn | None,
-    as_json: bool,
-    **options: Any,
+    given: DeckOptions,
+    finished: FinishedOptions,
+    options: AuditOptions,
+    rescale: Annotated[
+        Path | None,
+        Option(
+            "Write DECK in the unit of length in which m/rho0 is 1.  [default: DECK.rescaled]",
+            metavar="[FILE]",
+            is_flag=False,
+            flag_value="",
+        ),
+    ] = None,
+    *,
+    kept: BaselineOptions,
+    out: Annotated[Path | None, Option("Report folder.  [default: reports/audit-DECK]")] = None,
+    level: DeckLevelOptions,
+    as_json: Json = False,
 ) -> int:
     """Check every atom while LAMMPS runs DECK, unchanged, in a copy of its folder, and say which known bugs affect it.
 
@@ -105,35 +169,35 @@ def audit_command(
               eos-ref audit decks --accept --reason "first baseline"
               eos-ref audit decks --baseline
     """
-    from lammps_cases.audit import AuditOptions
     from lammps_cases.audit.command import audit_into
     from lammps_cases.audit.rescale import rescale as rescale_deck
     from lammps_cases.engine import installations
     from lammps_cases.run import provenance
 
-    if (reason and not accept) or ((accept or baseline) and (dump or restart)):
+    reason, accept = kept.reason, kept.accept
+    if (reason and not accept) or ((accept or kept.baseline) and (finished.dump or finished.restart)):
         rule = "needs --accept" if reason and not accept else "is of a deck that runs, not of --dump or --restart"
         raise InputError("--reason" if reason and not accept else "--accept or --baseline", rule)
-    if (deck is None) == (of_deck is None):
-        before = " before -var" if options["var"] else ""
+    if (given.deck is None) == (given.of_deck is None):
+        before = " before -var" if options.var else ""
         raise InputError("deck", f"must be given once{before}: eos-ref audit DECK, or --deck DECK")
-    deck = deck or of_deck
+    deck = given.deck or given.of_deck
     assert deck is not None
-    chosen = installations.resolve(engine)
-    directory = out or Path("reports") / f"audit-{(dump or restart or deck).resolve().name}"
-    place = (deck if deck.is_dir() else deck.parent) / BESIDE if baseline in (None, BESIDE) else Path(baseline or "")
-    if baseline and not accept:
-        deck_baselines.readable(place)
+    chosen = installations.resolve(level.engine)
+    directory = out or Path("reports") / f"audit-{(finished.dump or finished.restart or deck).resolve().name}"
+    place = kept.place(deck)
+    if kept.baseline and not accept:
+        readable(place)
     with Bar(quiet=as_json) as bar:
-        how = AuditOptions.of(engine=chosen.site, progress=bar, **options)
+        how = replace(options, engine=chosen.site, progress=bar)
         target = rescale if rescale and rescale.name else Path(f"{deck.name}.rescaled")
         written = [] if rescale is None else rescale_deck(deck, how, target)
-        run = audit_into(directory, deck, how, chosen, provenance.command_line(), fail_on or "new", dump, restart)
+        run = audit_into(directory, deck, how, chosen, provenance.command_line(), level.level, finished)
     changes: Iterable[str] = ()
     if accept:
-        changes = deck_baselines.accepted(directory, reason, place, prune=deck.is_dir())
-    elif baseline:
-        changes = deck_baselines.against(place, run, directory, deck, as_json)
+        changes = accepted(directory, reason, place, prune=deck.is_dir())
+    elif kept.baseline:
+        changes = against(place, run, directory, deck, as_json)
     if not as_json:
         for case in run.cases:
             for line in () if deck.is_dir() else field_table(case):
@@ -184,3 +248,49 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     # What matters most stands last, where it is read first.
     said = sorted(statements(case, NEVER), key=lambda line: -SUBJECTS.index(line.subject))
     return [*outside, *(str(line) for line in said if line.subject != "stopped"), *budget, end]
+
+
+def readable(place: Path) -> None:
+    """Make sure that there is a baseline, before anything runs.
+
+    Raises
+    ------
+    InputError
+    """
+    from eos_ref import InputError
+    from lammps_cases.records import folders
+    from lammps_cases.regression.baseline import IDENTITY
+
+    if not (folders.present(place) / IDENTITY).exists():
+        raise InputError("baseline", "none is accepted here (eos-ref audit DECK --accept)", where=str(place))
+
+
+def accepted(directory: Path, reason: str, place: Path, prune: bool) -> list[str]:
+    """Accept the report of an audit as the baseline of its decks; return lines that say what changed."""
+    from lammps_cases.records.wording import counted
+    from lammps_cases.regression import pairs
+    from lammps_cases.regression.acceptance import accept_decks
+    from lammps_cases.run.provenance import command_line
+
+    of = accept_decks(directory, reason, place, command_line(), prune)
+    changes = [f"first baseline: {counted(of.cases, 'deck')}"]
+    if of.changes is not None:
+        changes = [*pairs.lines(of.changes, "the old", "the new"), *pairs.faults(of.changes)]
+    dropped = [f"dropped: {', '.join(of.dropped)}"] if of.dropped else []
+    return [*changes, *dropped, f"baseline: {of.folder}{'' if of.written else ' (unchanged)'}"]
+
+
+def against(place: Path, run: RunRecord, directory: Path, deck: Path, as_json: bool) -> Iterable[str]:
+    """Compare the audits of decks with a baseline; return lines, and keep in the run how many changes count."""
+    from lammps_cases.regression import pairs
+    from lammps_cases.regression.baseline import check_decks
+    from lammps_cases.report.annotations import announce_changes
+    from lammps_cases.run import report_files
+
+    changes = check_decks(run, directory, place, whole=deck.is_dir())
+    run.changed = len(changes.faults)
+    if run.changed:
+        report_files.write_run(run, directory)
+    if not as_json:
+        announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
+    return pairs.checked(changes, shlex.join(["eos-ref", "audit", str(deck), "--accept"]))

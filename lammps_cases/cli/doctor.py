@@ -8,13 +8,13 @@ from importlib.metadata import PackageNotFoundError, requires, version
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import LAUNCHER, Json
+from lammps_cases.run.options import EngineName
 
 
-@click.command("doctor")
-@shared.engine_option
-@shared.json_option
-def doctor_command(engine: str, as_json: bool) -> int:
+@command(LAUNCHER)
+def doctor_command(engine: EngineName = "env", as_json: Json = False) -> int:
     """Say what is installed, whether LAMMPS starts and has RHEO, and how to fix what does not work.
 
     \b

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Json
+from lammps_cases.records.options import Argument, Option
+from lammps_cases.run.options import Files, paths
 
 if TYPE_CHECKING:
     from lammps_cases.engine.session import Job
@@ -17,19 +20,20 @@ if TYPE_CHECKING:
     from lammps_cases.scene.casefile import Case
 
 
-@click.command("explain")
-@click.argument("name", metavar="CASE|FINDING|FIELD|VERDICT", shell_complete=completion.findings_and_cases)
-@click.option(
-    "--atom", type=int, metavar="ID", help="Show the neighbours of a particle, and what each pair adds to it."
-)
-@click.option("--step", type=int, metavar="N", help="For --atom: after N steps.  [default: the last that is compared]")
-@click.option(
-    "--full", is_flag=True, help="Also show all rules it exercises, what is modelled and why, and LAMMPS' commands."
-)
-@shared.paths_option
-@shared.json_option
+@command()
 def explain_command(
-    name: str, atom: int | None, step: int | None, full: bool, paths: tuple[Path, ...], as_json: bool
+    name: Annotated[str, Argument(metavar="CASE|FINDING|FIELD|VERDICT", complete="findings_and_cases")],
+    atom: Annotated[
+        int | None, Option("Show the neighbours of a particle, and what each pair adds to it.", metavar="ID")
+    ] = None,
+    step: Annotated[
+        int | None, Option("For --atom: after N steps.  [default: the last that is compared]", metavar="N")
+    ] = None,
+    full: Annotated[
+        bool, Option("Also show all rules it exercises, what is modelled and why, and LAMMPS' commands.")
+    ] = False,
+    files: Files = (),
+    as_json: Json = False,
 ) -> int:
     """Show a case: its scene, laws, bounds and the rules it exercises; with --full what is modelled and LAMMPS' input.
 
@@ -50,13 +54,13 @@ def explain_command(
 
     if step is not None and atom is None:
         raise InputError("option --step", "is that of a particle: --atom ID --step N")
-    cases = casefile.load(paths)
+    cases = casefile.load(paths(files))
     others = {**{entry.id: _finding for entry in LEDGER}, **dict.fromkeys(FIELDS, _field)}
     others |= dict.fromkeys(MEANINGS, _verdict)
     if not casefile.names_like(name, cases):
         if name not in others:
-            files = dict.fromkeys(case.name.split(".")[0] for case in cases)
-            raise unknown("case, finding, field or verdict", name, [*others, *files, *(case.name for case in cases)])
+            known = dict.fromkeys(case.name.split(".")[0] for case in cases)
+            raise unknown("case, finding, field or verdict", name, [*others, *known, *(case.name for case in cases)])
         if atom is not None:
             raise InputError("option --atom", "is that of a particle of a case", name)
         others[name](name, as_json)
@@ -83,9 +87,9 @@ def explain_command(
 
 def _finding(name: str, as_json: bool) -> None:
     """Say what a finding is, as the ledger does."""
-    from lammps_cases.cli import ledger
+    from lammps_cases.cli import findings
 
-    ledger.say((name,), as_json)
+    findings.say((name,), as_json)
 
 
 def _field(name: str, as_json: bool) -> None:

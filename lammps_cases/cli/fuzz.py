@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
+from annotated_types import Ge
 
 from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import CLUSTER, LAUNCHER, Json
+from lammps_cases.records.options import Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import EngineName, Jobs, processes
 
 if TYPE_CHECKING:
     from lammps_cases.fuzz.record import FuzzRecord
@@ -16,18 +21,16 @@ if TYPE_CHECKING:
 RAREST = 8  # choices named
 
 
-@click.command("fuzz")
-@click.option("--seconds", type=click.FloatRange(0, min_open=True), default=60.0, show_default=True, help="Time.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the scenes.")
-@click.option("--draw", type=click.IntRange(0), help="Only this scene, by its number.")
-@click.option("--shrink/--no-shrink", "shrinks", default=True, help="Shrink red scenes, or keep them as drawn.")
-@shared.engine_option
-@shared.jobs_option
-@shared.cluster_option
-@shared.folder_option("--out", "reports/fuzz", "Folder of fuzz.html, fuzz.json and the red scenes.")
-@shared.json_option
+@command(LAUNCHER, CLUSTER)
 def fuzz_command(
-    seconds: float, seed: int, draw: int | None, shrinks: bool, engine: str, jobs: int, out: Path, as_json: bool
+    seconds: Annotated[float, Option("Time.", type=click.FloatRange(0, min_open=True))] = 60.0,
+    seed: Annotated[Annotated[int, Ge(0)], Option("Seed of the scenes.")] = 0,
+    draw: Annotated[Annotated[int, Ge(0)] | None, Option("Only this scene, by its number.")] = None,
+    shrinks: Annotated[bool, Option("Shrink red scenes, or keep them as drawn.", "--shrink/--no-shrink")] = True,
+    engine: EngineName = "env",
+    jobs: Jobs = None,
+    out: Annotated[Path, Option("Folder of fuzz.html, fuzz.json and the red scenes.")] = Path("reports/fuzz"),
+    as_json: Json = False,
 ) -> int:
     """Draw random scenes over the whole schema of case files, and judge each as eos-ref run does.
 
@@ -51,7 +54,7 @@ def fuzz_command(
             installations.resolve(engine),
             seed,
             seconds,
-            jobs,
+            processes(jobs),
             out,
             first=draw or 0,
             scenes=None if draw is None else 1,

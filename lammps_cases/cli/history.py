@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import click
+from annotated_types import Ge
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Json
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import brief, counted, plain
 
@@ -21,38 +26,38 @@ if TYPE_CHECKING:
 
 SHOWN = 20  # runs listed by default
 Only = Literal["verdicts", "times", "errors"]
+PARTS = {"verdicts": "the verdicts", "times": "LAMMPS' seconds", "errors": "the errors"}
+ONLY = [
+    click.Option([f"--{name}", "only"], flag_value=name, help=f"For cases, show only {what}.")
+    for name, what in PARTS.items()
+]
 # What the JSON document holds of an engine, of an outcome, and of each of its fields.
 ENGINE = ("name", "distribution", "version_string", "git", "library_sha256")
 OUTCOME = ("id", "case", "verdict", "expected", "natoms", "steps", "message", "explained_by", "worst", "worst_field")
 FIELD = ("field", "atom_type", "verdict", "max_over_bound", "max_abs", "digest", "explained_by")
 
 
-@click.command("history")
-@click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
-@click.option("--field", default="", help="Only errors of this field (a name or pattern).")
-@click.option("--engine", default="", help="Only engines whose name or version fits this pattern, or holds it.")
-@click.option("--since", metavar="DATE", default="", help="Only runs from this day on (2026-01-31).")
-@click.option("--last", type=click.IntRange(1), help=f"Only the last N runs (list of runs: {SHOWN}).")
-@click.option("--add", "added", multiple=True, type=shared.PATH, help="Report folder to keep; repeatable.")
-@click.option("--verdicts", "only", flag_value="verdicts", help="For cases, show only the verdicts.")
-@click.option("--times", "only", flag_value="times", help="For cases, show only LAMMPS' seconds.")
-@click.option("--errors", "only", flag_value="errors", help="For cases, show only the errors.")
-@shared.folder_option("--out", "reports/history", "Folder of the page.")
-@click.option("--db", type=shared.PATH, help="Another history file instead of EOS_REF_HISTORY or the user's own.")
-@click.option("--forget", metavar="DATE", default="", help="Delete the runs before this day, and do nothing else.")
-@shared.json_option
+@dataclass(frozen=True)
+class ShownOptions:
+    """Which runs and errors are shown."""
+
+    field: Annotated[str, Option("Only errors of this field (a name or pattern).")] = ""
+    engine: Annotated[str, Option("Only engines whose name or version fits this pattern, or holds it.")] = ""
+    since: Annotated[str, Option("Only runs from this day on (2026-01-31).", metavar="DATE")] = ""
+    last: Annotated[Annotated[int, Ge(1)] | None, Option(f"Only the last N runs (list of runs: {SHOWN}).")] = None
+
+
+@command(*ONLY)
 def history_command(
-    names: tuple[str, ...],
-    field: str,
-    engine: str,
-    since: str,
-    last: int | None,
-    added: tuple[Path, ...],
-    only: Only | None,
-    out: Path,
-    db: Path | None,
-    forget: str,
-    as_json: bool,
+    names: Annotated[tuple[str, ...], Argument(metavar="[CASE]...", complete="cases")] = (),
+    *,
+    shown: ShownOptions,
+    add: Annotated[tuple[Path, ...], Option("Report folder to keep; repeatable.")] = (),
+    only: Only | None = None,
+    out: Annotated[Path, Option("Folder of the page.")] = Path("reports/history"),
+    db: Annotated[Path | None, Option("Another history file instead of EOS_REF_HISTORY or the user's own.")] = None,
+    forget: Annotated[str, Option("Delete the runs before this day, and do nothing else.", metavar="DATE")] = "",
+    as_json: Json = False,
 ) -> int:
     """Show the stored runs and what changed from one to the next; with names, the results of these cases.
 
@@ -70,20 +75,21 @@ def history_command(
     from lammps_cases.history.store import History
     from lammps_cases.history.versions import engines
 
-    with Bar(quiet=as_json) as bar, History(_file(db, bool(added))) as history:
+    with Bar(quiet=as_json) as bar, History(_file(db, bool(add))) as history:
         if forget:
             _forget(history, _day(forget, "--forget"), as_json)
             return 0
-        _add(history, added, bar)
+        _add(history, add, bar)
         bar.advance(0, None, "reading the history")
         every = history.runs()
-        runs = views.chosen_runs(every, engine, _day(since, "--since"), last or (None if names else SHOWN))
+        since, last = _day(shown.since, "--since"), shown.last or (None if names else SHOWN)
+        runs = views.chosen_runs(every, shown.engine, since, last)
         lines = views.run_lines(history, runs, every)
         stored = history.cases()
         cases = views.chosen_cases(stored, names) if names else stored
-        case_views = views.case_views(history, runs, cases, field)
-        shown = {run.engine.key for run in runs}
-        labels = [line.label for line in engines(every) if line.key in shown]
+        case_views = views.case_views(history, runs, cases, shown.field)
+        keys = {run.engine.key for run in runs}
+        labels = [line.label for line in engines(every) if line.key in keys]
         page_file = None
         if runs:
             shared.page_folder(out)
@@ -94,7 +100,7 @@ def history_command(
     if not every:
         click.echo(f"no run is kept yet in {history.path}; eos-ref run keeps every run, --add RUN adds earlier ones")
     elif not names:
-        _show_runs(lines, len(every), "" if engine or since else f" (--last {len(every)} lists all)")
+        _show_runs(lines, len(every), "" if shown.engine or since else f" (--last {len(every)} lists all)")
     elif len(case_views) == 1:
         _show_case(case_views[0], only)
     else:

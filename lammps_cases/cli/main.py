@@ -15,91 +15,110 @@ from typing import Any
 
 import click
 
-# command: one line of help; the module of the same name, - as _, holds a click command, NAME_command
-GROUPS = {
-    "Everyday": {
-        "run": "Run cases against LAMMPS and write a report: the main job.",
-        "audit": "Check your input deck, run unmodified, while LAMMPS runs it.",
-        "list": "List the cases.",
-        "explain": "Show the purpose of a case, its laws and bounds, and what it models.",
-        "ledger": "List the findings: where LAMMPS differs from its manual.",
-        "report-bug": "Write a bug report for LAMMPS: a self-contained deck that prints PASS or FAIL, and the text.",
-        "report": "Render the report of a finished run again.",
-        "doctor": "Say what is installed, what works, and how to fix what does not.",
+# command: its module, which holds NAME_command with _ for -, and one line of help
+FIRST = {
+    "Commands": {
+        "run": ("run", "Run cases against LAMMPS and write a report: the main job."),
+        "audit": ("audit", "Check your input deck, run unmodified, while LAMMPS runs it."),
+        "explain": ("explain", "Show the purpose of a case, its laws and bounds, and what it models."),
+        "findings": ("findings", "List the findings: where LAMMPS differs from its manual."),
+        "report-bug": (
+            "findings",
+            "Write a bug report for LAMMPS: a self-contained deck that prints PASS or FAIL, and the text.",
+        ),
+        "report": ("run", "Render the report of a finished run again."),
+        "compare": ("versions", "Compare two engines, two runs, or a run and a baseline, field by field."),
+        "accept": ("versions", "Accept a run as the baseline of its engine, with a reason."),
+        "chart": ("chart", "Chart speed against accuracy: LAMMPS, the reference, other methods."),
+        "doctor": ("doctor", "Say what is installed, what works, and how to fix what does not."),
+    }
+}
+DEV = {
+    "Cases and runs": {
+        "list": ("run", "List the cases."),
+        "diagnose": ("run", "Group the red cases of a finished run, and say what could cause them."),
+        "shrink": ("findings", "Make the smallest scene that still fails the same way."),
+        "merge": ("run", "Join the shards of a run."),
     },
     "Versions": {
-        "compare": "Compare two engines, two runs, or a run and a baseline, field by field.",
-        "bisect": "Name the first of several engines that changed.",
-        "accept": "Accept a run as the baseline of its engine, with a reason.",
-        "adopt": "Register a new LAMMPS version: which findings persist, disappear or appear.",
-        "history": "Show how errors, times and verdicts changed from version to version.",
-        "claims": "Check the manual's claims: which hold, on which engine, according to which cases.",
+        "bisect": ("versions", "Name the first of several engines that changed."),
+        "adopt": ("versions", "Register a new LAMMPS version: which findings persist, disappear or appear."),
+        "history": ("history", "Show how errors, times and verdicts changed from version to version."),
+        "claims": ("claims", "Check the manual's claims: which hold, on which engine, according to which cases."),
     },
     "Research": {
-        "chart": "Chart speed against accuracy: LAMMPS, the reference, other methods.",
-        "validate": "Run flows with experimental, numerical or analytic reference data.",
-        "stability": "Map where methods fail, in LAMMPS and in the reference.",
-        "examples": "Judge LAMMPS' own RHEO examples, and break down their errors.",
-        "diagnose": "Group the red cases of a finished run, and say what could cause them.",
-        "shrink": "Make the smallest scene that still fails the same way.",
+        "validate": ("studies", "Run flows with experimental, numerical or analytic reference data."),
+        "stability": ("studies", "Map where methods fail, in LAMMPS and in the reference."),
+        "examples": ("studies", "Judge LAMMPS' own RHEO examples, and break down their errors."),
     },
     "Maintenance": {
-        "power": "Plant faults, and list which cases catch each and which faults escape.",
-        "witnesses": "List the rules of the reference with the cases that depend on each.",
-        "fuzz": "Draw random scenes over the whole schema, and judge them as cases.",
-        "inputs": "Give bad input to LAMMPS and the reference: which refuses it, and how clearly.",
-        "bench": "Measure speed relative to peers, as ratios.",
-        "merge": "Join the shards of a run.",
-        "kit": "Write the files that run this in a CI service, or in shards on a cluster.",
-        "completion": "Print the script that lets the shell complete cases, tags, findings and engines.",
+        "power": ("power", "Plant faults, and list which cases catch each and which faults escape."),
+        "witnesses": ("witnesses", "List the rules of the reference with the cases that depend on each."),
+        "fuzz": ("fuzz", "Draw random scenes over the whole schema, and judge them as cases."),
+        "inputs": ("studies", "Give bad input to LAMMPS and the reference: which refuses it, and how clearly."),
+        "bench": ("tools", "Measure speed relative to peers, as ratios."),
+        "kit": ("tools", "Write the files that run this in a CI service, or in shards on a cluster."),
+        "completion": (
+            "completion",
+            "Print the script that lets the shell complete cases, tags, findings and engines.",
+        ),
     },
 }
+COMMANDS = {name: at for page in (FIRST, DEV) for commands in page.values() for name, at in commands.items()}
+EARLIER = {"ledger": "findings"}  # earlier names, which go on working
 PIPE_CLOSED = 141  # exit code, as shells have it of SIGPIPE
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # of a file, or of what the output is led into
-COMMANDS = {name: text for commands in GROUPS.values() for name, text in commands.items()}
 
 
 class LazyGroup(click.Group):
-    """A group whose commands are imported on use."""
+    """A group that shows a page of commands and has them all; they are imported on use."""
+
+    def __init__(self, *args: Any, page: dict[str, dict[str, tuple[str, str]]], **settings: Any) -> None:
+        super().__init__(*args, invoke_without_command=True, **settings)
+        self.page = page
 
     def list_commands(self, context: click.Context) -> list[str]:
-        """List the names in order of importance."""
-        return list(COMMANDS)
+        """List the names in the order in which a user meets them."""
+        return [name for commands in self.page.values() for name in commands]
 
     def get_command(self, context: click.Context, name: str) -> click.Command | None:
         """Import the module of a command."""
+        if name == "dev":
+            return dev
+        name = EARLIER.get(name, name)
         if name not in COMMANDS:
             return None
+        module, text = COMMANDS[name]
         word = name.replace("-", "_")
-        module = importlib.import_module(f"lammps_cases.cli.{word}")
-        command: click.Command = getattr(module, f"{word}_command")
-        command.short_help = COMMANDS[name]
+        command: click.Command = getattr(importlib.import_module(f"lammps_cases.cli.{module}"), f"{word}_command")
+        command.short_help = text
         return command
 
     def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands without importing them."""
-        for title, commands in GROUPS.items():
+        """List the commands of the page without importing them."""
+        for title, commands in self.page.items():
             with formatter.section(title):
-                formatter.write_dl(list(commands.items()))
+                formatter.write_dl([(name, text) for name, (_, text) in commands.items()])
 
     def shell_complete(self, context: click.Context, incomplete: str) -> list[Any]:
-        """Complete a command without importing any."""
+        """Complete a command without importing any; on the first page those of the second, too."""
         from click.shell_completion import CompletionItem
 
         if incomplete.startswith("-"):
             return super().shell_complete(context, incomplete)
-        return [CompletionItem(name, help=text) for name, text in COMMANDS.items() if name.startswith(incomplete)]
+        names = list(COMMANDS) if self.page is FIRST else self.list_commands(context)
+        return [CompletionItem(name, help=COMMANDS[name][1]) for name in names if name.startswith(incomplete)]
 
     def resolve_command(self, context: click.Context, args: list[str]) -> Any:
         """Suggest the nearest command for an unknown one."""
-        if args and args[0] not in COMMANDS:
+        if args and args[0] not in (*COMMANDS, *EARLIER, "dev"):
             from eos_ref.errors import nearest  # here: importing the reference loads numpy
 
             raise click.UsageError(f"no such command: {args[0]!r}{nearest(args[0], COMMANDS)}")
         return super().resolve_command(context, args)
 
 
-@click.group(cls=LazyGroup, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(cls=LazyGroup, page=FIRST, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="eos-ref")
 @click.pass_context
 def group(context: click.Context) -> None:
@@ -108,11 +127,24 @@ def group(context: click.Context) -> None:
     \b
     Example:  eos-ref run                     all cases against LAMMPS
               eos-ref audit in.deck           your own deck, checked live
+              eos-ref dev                     the other commands
 
     Exit codes: 0 as expected, 1 something differs, 2 wrong usage or bad input, 3 LAMMPS failed or is missing, or a
     part of the report is, 130 interrupted (Ctrl-C, SIGTERM).
     """
     context.obj = time.time_ns()
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+@click.command(cls=LazyGroup, page=DEV)
+@click.pass_context
+def dev(context: click.Context) -> None:
+    """List the commands for cases, versions, research and maintenance; each works without dev, too.
+
+    \b
+    Example:  eos-ref dev history --last 5
+    """
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
 

@@ -4,45 +4,40 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import click
+from annotated_types import Ge
 
 from lammps_cases.cli import shared
-from lammps_cases.records.levels import FailOn
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import CLUSTER, LAUNCHER, Json, Processes, Resume
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import EngineName, LevelOptions, processes
 
 if TYPE_CHECKING:
     from lammps_cases.studies.mutation.record import Power
 
-FAMILIES = ("told", "read", "formula", "source")
+Family = Literal["told", "read", "formula", "source"]
 
 
-@click.command("power")
-@click.argument("names", nargs=-1, metavar="[SECTION|FAULT]...")
-@click.option("--family", type=click.Choice(FAMILIES), help="Only faults of this family.")
-@click.option("--quick-only", is_flag=True, help="Only the quick cases.")
-@click.option("--sample", type=click.IntRange(1), help="Only N of the faults, the same ones each time.")
-@click.option("--all", "every", is_flag=True, help="Find every case that catches a fault, not only those of two files.")
-@shared.processes_option
-@shared.cluster_option
-@shared.resume_option
-@shared.folder_option("--out", "reports/power", "Folder of the report.")
-@shared.engine_option
-@shared.fail_on_option
-@shared.json_option
+@command(LAUNCHER, CLUSTER)
 def power_command(
-    names: tuple[str, ...],
-    family: str | None,
-    quick_only: bool,
-    sample: int | None,
-    every: bool,
-    jobs: int,
-    resume: bool,
-    out: Path,
-    engine: str,
-    fail_on: FailOn | None,
-    as_json: bool,
+    names: Annotated[tuple[str, ...], Argument(metavar="[SECTION|FAULT]...")] = (),
+    family: Annotated[Family | None, Option("Only faults of this family.")] = None,
+    quick_only: Annotated[bool, Option("Only the quick cases.")] = False,
+    sample: Annotated[Annotated[int, Ge(1)] | None, Option("Only N of the faults, the same ones each time.")] = None,
+    every: Annotated[
+        bool, Option("Find every case that catches a fault, not only those of two files.", "--all")
+    ] = False,
+    jobs: Processes = None,
+    resume: Resume = True,
+    out: Annotated[Path, Option("Folder of the report.")] = Path("reports/power"),
+    engine: EngineName = "env",
+    *,
+    level: LevelOptions,
+    as_json: Json = False,
 ) -> int:
     """Plant faults in LAMMPS' input, in its output and in the formulas, and report which case catches each.
 
@@ -69,15 +64,15 @@ def power_command(
     shared.page_folder(out)
     with record.planted(out).resumed(resume), Bar(quiet=as_json) as bar:
         power = collect.collect(
-            sections, patterns, family, sample, quick_only, every, engine, jobs, out, command_line(), bar
+            sections, patterns, family, sample, quick_only, every, engine, processes(jobs), out, command_line(), bar
         )
         record.write(power, out)
-        page.write(power, out, fail_on or "new")
+        page.write(power, out, level.level)
     if as_json:
         click.echo(json.dumps(record.document(power), indent=1))
     else:
         _show(power, out)
-    headline = power.headline(fail_on or "new")
+    headline = power.headline(level.level)
     if not as_json:
         shared.say(headline)
     return int(headline.state == "FAIL")

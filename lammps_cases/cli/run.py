@@ -1,72 +1,47 @@
-"""eos-ref run."""
+"""What runs, and what is made of a finished run: run, list, report, diagnose, merge."""
 
 from __future__ import annotations
 
+import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import CLUSTER, LAUNCHER, MEMORY, Json, Report, Run
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import Files, RunOptions, Tag, paths
 
 if TYPE_CHECKING:
-    from lammps_cases.records.levels import FailOn
     from lammps_cases.records.run_record import RunRecord
     from lammps_cases.scene.casefile import Case
+
 
 WITHOUT_PAIRS = ("eos",)  # tags of cases of which few find neighbours: known before they are read
 
 
-@click.command("run")
-@click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
-@shared.tag_option
-@shared.paths_option
-@shared.jobs_option
-@shared.cluster_option
-@shared.memory_option
-@shared.engine_option
-@shared.fresh_option
-@click.option(
-    "--shard", help="i/n: only every n-th case, from the i-th; with --costs the i-th of n equally long parts."
-)
-@click.option("--costs", type=shared.PATH, help="Durations of the cases in seconds, as written by eos-ref kit.")
-@click.option(
-    "--baseline",
-    type=shared.PATH,
-    help="Folder of accepted baselines (reports/accepted), or one of them: exit 1 if anything differs from it.",
-)
-@click.option("--resume", is_flag=True, help="Continue an interrupted or killed run: judge the remaining cases.")
-@click.option("--profile", is_flag=True, help="Show where the processor time went, by stage.")
-@shared.report_option
-@shared.fail_on_option
-@click.option(
-    "--allow",
-    multiple=True,
-    metavar="FINDING",
-    shell_complete=completion.findings,
-    help="A finding that fails nothing, also where it is new on this version (repeatable).",
-)
-@shared.json_option
+@command(LAUNCHER, CLUSTER, MEMORY)
 def run_command(
-    names: tuple[str, ...],
-    tag: str | None,
-    paths: tuple[Path, ...],
-    jobs: int,
-    engine: str,
-    fresh: bool,
-    shard: str | None,
-    costs: Path | None,
-    baseline: Path | None,
-    resume: bool,
-    profile: bool,
-    out: Path | None,
-    fail_on: FailOn | None,
-    allow: tuple[str, ...],
-    as_json: bool,
+    options: RunOptions,
+    shard: Annotated[
+        str | None,
+        Option("i/n: only every n-th case, from the i-th; with --costs the i-th of n equally long parts."),
+    ] = None,
+    costs: Annotated[Path | None, Option("Durations of the cases in seconds, as written by eos-ref kit.")] = None,
+    baseline: Annotated[
+        Path | None,
+        Option("Folder of accepted baselines (reports/accepted), or one of them: exit 1 if anything differs from it."),
+    ] = None,
+    resume: Annotated[bool, Option("Continue an interrupted or killed run: judge the remaining cases.")] = False,
+    profile: Annotated[bool, Option("Show where the processor time went, by stage.")] = False,
+    out: Report = None,
+    as_json: Json = False,
 ) -> int:
     """Run cases against LAMMPS, compare atom by atom, and write a report.
 
@@ -81,11 +56,12 @@ def run_command(
         from eos_ref import InputError
 
         raise InputError("--costs", "needs --shard, which it divides")
-    if allow:
+    if options.allow:
         from lammps_cases.findings import check_names
 
-        check_names(allow)
-    shared.start_fork_server(pairs=fresh or tag not in WITHOUT_PAIRS)
+        check_names(options.allow)
+    names, tag = options.names, options.tag
+    shared.start_fork_server(pairs=options.fresh or tag not in WITHOUT_PAIRS)
     with shared.uncollected():
         from lammps_cases.comparison import prediction_keys
         from lammps_cases.engine import installations
@@ -94,7 +70,7 @@ def run_command(
         from lammps_cases.run import campaign, provenance, shards
         from lammps_cases.scene import casefile
 
-        every = casefile.load(paths, None if names or baseline else tag)
+        every = casefile.load(options.paths, None if names or baseline else tag)
     chosen = casefile.select(every, names, tag)
     part = (shard or "", shards.divided(case.name for case in chosen) if shard else "")
     if shard:
@@ -103,27 +79,17 @@ def run_command(
         from lammps_cases.regression import baseline as accepted
 
         accepted.readable(baseline)  # a typing mistake is said before the run, not after it
-    resolved = installations.resolve(engine)
+    resolved = installations.resolve(options.engine)
     # No tag is that of all cases, so that a run of one is a part: the others need not be read to know.
     names_run = () if tag else [case.name for case in chosen]
-    with shared.run_folder(out, names_run, engine, resume) as folder:
+    with shared.run_folder(out, names_run, options.engine, resume) as folder:
         if resume and not as_json and folders.resumable(folder) is None:
             all_of_them = f"{counted(len(chosen), 'case')} from the beginning"
             shared.show(f"note: nothing to resume; running {all_of_them}", "  ", fg="yellow")
         with Bar(quiet=as_json, complaints=True) as bar:
-            run = campaign.run_cases(
-                chosen,
-                resolved,
-                jobs,
-                folder,
-                provenance.command_line(),
-                fail_on or "new",
-                part,
-                bar,
-                prediction_keys.open_store(fresh),
-                resume,
-                allow,
-            )
+            store = prediction_keys.open_store(options.fresh)
+            asked = campaign.Request(provenance.command_line(), options.level, part, options.allow)
+            run = campaign.run_cases(chosen, resolved, options.processes, folder, asked, bar, store, resume)
         changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
     if not as_json:
         _show(_notes([case for case in chosen if not case.shipped], run), shared.stages(run) if profile else ())
@@ -168,3 +134,156 @@ def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json
     if not as_json:
         announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
     return pairs.checked(changes, f"eos-ref accept {out}")
+
+
+@command()
+def list_command(
+    names: Annotated[tuple[str, ...], Argument(metavar="[CASE]...", complete="cases")] = (),
+    tag: Tag = None,
+    files: Files = (),
+    as_json: Json = False,
+) -> int:
+    """List the cases with their tags; --json also says what each is about, and how large it is.
+
+    \b
+    Example:  eos-ref list --tag quick
+    """
+    from lammps_cases.records.wording import counted
+    from lammps_cases.scene import casefile
+
+    cases = casefile.load(paths(files))
+    if names or tag:
+        cases = casefile.select(cases, names, tag)
+    if as_json:
+        click.echo(json.dumps({"cases": [_document(case) for case in cases]}, indent=1))
+        return 0
+    rows = [(c.name, ", ".join(c.tags), ", ".join(_laws(c)), c.scene.units) for c in cases]
+    shared.table(("case", "tags", "laws", "units"), rows, counted(len(cases), "case"), drop=("units", "laws", "tags"))
+    return 0
+
+
+def _laws(case: Case) -> list[str]:
+    """Return the laws of a case, each once."""
+    return list(dict.fromkeys(law.style for law in case.scene.pressure))
+
+
+def _document(case: Case) -> dict[str, Any]:
+    """Return what a script chooses cases by."""
+    from lammps_cases.scene import atoms
+
+    scene = case.scene
+    return {
+        "case": case.name,
+        "about": case.about,
+        "file": str(case.source),
+        "tags": list(case.tags),
+        "laws": _laws(case),
+        "units": scene.units,
+        "dimension": scene.dimension,
+        "atoms": len(atoms.build(case, None)),
+        "steps": scene.evolve.steps if scene.evolve else 0,
+        "fields": [] if scene.expect else list(scene.compare),
+    }
+
+
+@command()
+def report_command(
+    run: Run,
+    news: Annotated[bool, Option("Print what is new as Markdown, for a comment, without rendering.")] = False,
+    dashboard: Annotated[Path | None, Option("Write run.json as LAMMPS' dashboard reads it; render nothing.")] = None,
+    as_json: Json = False,
+) -> int:
+    """Render report.html, summary.md and junit.xml of a finished run again, from its run.json.
+
+    Of a run that was interrupted, killed or broken the cases that were judged are rendered.
+
+    \b
+    Example:  eos-ref report reports/latest
+              eos-ref report reports/latest --dashboard data/eos-ref/run.json
+    """
+    from eos_ref import InputError
+    from lammps_cases.records.run_record import read_run
+    from lammps_cases.run import campaign, report_files
+
+    if news and dashboard:
+        raise InputError("--dashboard", "cannot be combined with --news")
+    if not (news or dashboard) and (left := campaign.left(run)):
+        return shared.finish(*left, as_json)
+    record = read_run(run)
+    if news:
+        from lammps_cases.report import markdown
+        from lammps_cases.report.findings import outcome
+
+        text = markdown.news(outcome(record))
+        click.echo(json.dumps({"news": text}) + "\n" if as_json else text, nl=False)
+        return 0
+    if dashboard:
+        from lammps_cases.records.files import write_atomically
+        from lammps_cases.report.dashboard import document
+        from lammps_cases.report.findings import outcome
+
+        if _is_run(dashboard):
+            raise InputError("--dashboard", "must not be the record of a run", where=str(dashboard))
+        try:
+            write_atomically(dashboard, document(outcome(record)))
+        except OSError as error:
+            raise InputError("--dashboard", f"cannot be written: {error.strerror}", where=str(dashboard)) from None
+        click.echo(json.dumps({"dashboard": str(dashboard)}) if as_json else dashboard)
+        return 0
+    report_files.write_run(record, run, past=report_files.past_of(record))
+    return shared.finish(record, run, as_json)
+
+
+def _is_run(file: Path) -> bool:
+    from eos_ref import InputError
+    from lammps_cases.records.run_record import read_run
+
+    try:
+        read_run(file.parent)
+    except InputError:
+        return False
+    return file.name == "run.json"
+
+
+@command()
+def diagnose_command(run: Run, cases: Files = (), as_json: Json = False) -> int:
+    """Group the red cases of a finished run, say what their scenes share, and try changes of the formulas.
+
+    Needs the cases as they were and the arrays of the report, not LAMMPS. Rewrites the report.
+
+    \b
+    Example:  eos-ref diagnose reports/latest
+    """
+    from lammps_cases.comparison.prediction_keys import open_store
+    from lammps_cases.records.faults import part
+    from lammps_cases.records.run_record import read_run
+    from lammps_cases.run import campaign, report_files
+
+    record = read_run(run)
+    before = record.triage
+    every = campaign.cases_of(record, paths(cases))
+    record.triage = part("triage", record.faults, lambda: campaign.triaged(record, every, run, open_store()), before)
+    if record.triage or before or record.faults:
+        report_files.write_run(record, run, past=report_files.past_of(record))
+    if record.triage is None and not record.faults and not as_json:
+        click.echo("every case is as expected: nothing to group")
+    return shared.finish(record, run, as_json)
+
+
+@command()
+def merge_command(runs: Annotated[tuple[Path, ...], Argument()], out: Report = None, as_json: Json = False) -> int:
+    """Join the report folders of a run's shards into one.
+
+    \b
+    Example:  eos-ref merge reports/shard-1 reports/shard-2
+    """
+    from eos_ref import InputError
+    from lammps_cases.records.run_record import read_run
+    from lammps_cases.run.merge import merge
+
+    parts = [read_run(run) for run in runs]
+    if len(parts) == 1 and not parts[0].shard:
+        raise InputError("runs", "must be several, or the one shard of a run: there is nothing to join", str(runs[0]))
+    with shared.run_folder(out, (case.case for part in parts for case in part.cases), parts[0].engine.name) as folder:
+        merged = merge(runs, folder)
+    return shared.finish(merged, folder, as_json)

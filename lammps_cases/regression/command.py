@@ -13,12 +13,12 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.records.checked import checked
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import Headline
-from lammps_cases.records.levels import FailOn
+from lammps_cases.records.options import flat
 from lammps_cases.records.progress import SILENT
 from lammps_cases.regression import page, pairs, sources
 from lammps_cases.regression.change import Policy
 from lammps_cases.regression.pairs import SideComparison
-from lammps_cases.run.command import Jobs, Names, cores, several
+from lammps_cases.run.options import CompareOptions, Names, several
 from lammps_cases.run.results import Result, remove_with, report_folder
 
 if TYPE_CHECKING:
@@ -84,18 +84,14 @@ class ComparisonResult:
 
 
 @checked
+@flat
 def compare(
     a: str | Path | Result,
     b: str | Path | Result,
     names: Names = (),
     *,
-    tag: str | None = None,
-    cases: str | Path | Sequence[str | Path] = (),
-    jobs: Jobs | None = None,
-    fresh: bool = False,
-    strict: bool = False,
+    options: CompareOptions,
     timing: bool = False,
-    fail_on: FailOn | None = None,
     out: str | Path | None = None,
 ) -> ComparisonResult:
     """Compare two sides, field by field, as ``eos-ref compare`` does.
@@ -105,14 +101,11 @@ def compare(
     a, b : str, path or Result
         An engine (env, pypi:VERSION, path:PLACE), which is run; the report folder of a run or its result; an accepted
         baseline.
-    names, tag, cases, jobs, fresh, out :
+    names, out :
         See `lammps_cases.run.command.run`.
-    strict : bool
-        Other bits within the bounds count as changes.
     timing : bool
         Ask as well which engine is slower; takes a minute.
-    fail_on : {"high", "medium", "low", "new"}, optional
-        The exit code is 1 only by findings of at least this severity; by default by any change.
+    (options)
 
     Raises
     ------
@@ -122,11 +115,11 @@ def compare(
         There is no LAMMPS with RHEO.
     """
     sides = [str(side.folder if isinstance(side, Result) else side) for side in (a, b)]
-    chosen, paths = several(names), [Path(path) for path in several(cases)]
+    chosen, tag = several(names), options.tag
     command = shlex.join(["eos-ref", "compare", *sides, *chosen, *(["--tag", tag] if tag else [])])
-    options = sources.run_options(sides, jobs or cores(), fresh, SILENT, command)
+    how = sources.run_options(sides, options.processes, options.fresh, SILENT, command)
     with report_folder(out) as (folder, temporary):
-        made = compare_into(folder, sides, chosen, tag, paths, options, strict, timing, fail_on)
+        made = compare_into(folder, sides, chosen, options, how, timing)
         return ComparisonResult(made, folder, temporary)
 
 
@@ -134,22 +127,19 @@ def compare_into(
     out: Path,
     names: Sequence[str],
     cases: Sequence[str],
-    tag: str | None,
-    paths: Sequence[Path],
-    options: sources.RunOptions,
-    strict: bool,
+    options: CompareOptions,
+    how: sources.RunOptions,
     timing: bool,
-    fail_on: FailOn | None,
 ) -> SideComparison:
     """Compare sides by their names on some cases, and write compare.json, compare.html and summary.md into a folder."""
-    selected = sources.select(names, cases, tag, paths, out, options)
+    selected = sources.select(names, cases, options.tag, options.paths, out, how)
     sides, turns = [selected.side(at) for at in range(len(names))], None
     engines = {sources.LABELS[at]: each for at, each in enumerate(selected.each) if isinstance(each, Engine)}
     if timing and len(engines) == len(sides) and all(side.answered for side in sides):
         from lammps_cases.regression import timing as timings
 
-        turns = timings.in_turns(engines, progress=options.progress)
-    comparison = pairs.compared(sides, Policy(bits=strict), turns, timing, options.command, fail_on)
+        turns = timings.in_turns(engines, progress=how.progress)
+    comparison = pairs.compared(sides, Policy(bits=options.strict), turns, timing, how.command, options.fail_on)
     write_atomically(out / "compare.json", json.dumps(pairs.document(comparison), indent=1) + "\n")
     write_atomically(out / "summary.md", pairs.summary(comparison))
     write_atomically(out / "compare.html", page.render(comparison))

@@ -110,7 +110,7 @@ class SideComparison:
                     if not leads_on
                     else shlex.join(["eos-ref", "compare", *(side.name for side in sides), unknown[0]])
                 )
-        return shlex.join(["eos-ref", "ledger", next(iter(self.moved))]) if self.moved else ""
+        return shlex.join(["eos-ref", "findings", next(iter(self.moved))]) if self.moved else ""
 
     @property
     def alone(self) -> Pair | None:

@@ -121,7 +121,7 @@ class Sources:
         if how.judge is not None:
             return outcomes.of_run(how.judge(engine, folder), folder, engine.name)
         run = campaign.run_cases(
-            self.cases, engine, how.jobs, folder, how.command, progress=how.progress, store=how.store
+            self.cases, engine, how.jobs, folder, campaign.Request(how.command), how.progress, how.store
         )
         return outcomes.of_run(run, folder, engine.name)
 

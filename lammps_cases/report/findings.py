@@ -200,7 +200,7 @@ class Outcome:
             outlook = wrong[0].outlook
             broken = outlook.findings if outlook is not None else []
             if broken:
-                return shlex.join(["eos-ref", "ledger", broken[0]])
+                return shlex.join(["eos-ref", "findings", broken[0]])
             return "" if "audit" in wrong[0].tags else wrong[0].reproduce
         return self.report_bug(self.shown[0].entry) if self.shown else self._command("claims")
 

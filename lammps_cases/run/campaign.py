@@ -39,6 +39,29 @@ KEPT = 1000  # cases of which this process keeps particles, record and picture; 
 MaybePrepared = PreparedCase | Case  # beyond `KEPT` cases the latter: checked, and prepared when it is its turn
 
 
+@dataclass(frozen=True)
+class Request:
+    """How a run was asked for, as its record keeps it.
+
+    Attributes
+    ----------
+    part : the name of a shard, and what it has in common with the others (`lammps_cases.run.shards.divided`)
+    allow : findings that fail nothing
+    """
+
+    command: str = ""
+    fail_on: FailOn = "new"
+    part: tuple[str, str] = ("", "")
+    allow: Sequence[str] = ()
+
+    @property
+    def recorded(self) -> dict[str, Any]:
+        """The fields of the record, besides the command."""
+        shard, divided = self.part
+        allowed = dict.fromkeys(self.allow, "--allow")
+        return {"fail_on": self.fail_on, "shard": shard, "divided": divided, "allowed": allowed}
+
+
 @dataclass(frozen=True, eq=False)
 class Running:
     """A case that LAMMPS runs."""
@@ -61,19 +84,15 @@ def run_cases(
     engine: Engine,
     jobs: int,
     directory: Path,
-    command: str = "",
-    fail_on: FailOn = "new",
-    part: tuple[str, str] = ("", ""),
+    request: Request | None = None,
     progress: Progress = SILENT,
     store: Store | None = None,
     resume: bool | None = None,
-    allow: Sequence[str] = (),
 ) -> RunRecord:
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
 
     With a store, predictions of the reference are taken from there and kept there. With ``resume`` a run that was
-    interrupted is gone on with; None: the command that runs has no such option. A ``part`` is the name of a shard, and
-    what it has in common with the others (`lammps_cases.run.shards.divided`). Findings to ``allow`` fail nothing.
+    interrupted is gone on with; None: the command that runs has no such option.
 
     Raises
     ------
@@ -84,13 +103,12 @@ def run_cases(
     KeyboardInterrupt
         With where the partial report is, if any case is judged.
     """
-    begin = time.perf_counter()
-    options = {"fail_on": fail_on, "shard": part[0], "divided": part[1], "allowed": dict.fromkeys(allow, "--allow")}
+    begin, request = time.perf_counter(), request or Request()
     with output_folder(directory, bool(resume)) as folder:
-        campaign = Campaign(cases, folder, options, progress, store)
+        campaign = Campaign(cases, folder, request, progress, store)
         try:
             with Workers(engine.site, max(1, min(jobs, len(cases)))) as workers:
-                campaign.run_all(workers, engine, command)
+                campaign.run_all(workers, engine)
                 run = _finished(campaign, workers, begin)
             if lost := campaign.lost():
                 cases_lost = wording.counted(len(lost), "judged case")
@@ -135,9 +153,9 @@ class Campaign:
     """
 
     def __init__(
-        self, cases: Sequence[Case], folder: Path, options: Mapping[str, Any], progress: Progress, store: Store | None
+        self, cases: Sequence[Case], folder: Path, request: Request, progress: Progress, store: Store | None
     ) -> None:
-        self.cases, self.folder, self.options = cases, folder, options
+        self.cases, self.folder, self.request = cases, folder, request
         self.progress, self.store = progress, store
         self.journal = CaseJournal(folder)
         self.begun = self.journal.begun()
@@ -150,7 +168,7 @@ class Campaign:
         if len(self.judged) > KEPT:
             self.records.clear()
 
-    def run_all(self, workers: Workers, engine: Engine, command: str) -> None:
+    def run_all(self, workers: Workers, engine: Engine) -> None:
         """Run and judge all cases that are not judged.
 
         Raises
@@ -166,7 +184,8 @@ class Campaign:
             left = ordered(case for case in self.cases if case.name not in self.judged)
             # None is bad: of those shipped tests say so, and they are prepared while LAMMPS runs others.
             rest = [case if case.shipped else _kept(prepare(case), k) for k, case in enumerate(left)]
-        now = start(run_record(EngineRecord(), command).model_copy(update=self.options), self.cases)
+        begun = run_record(EngineRecord(), self.request.command).model_copy(update=self.request.recorded)
+        now = start(begun, self.cases)
         who = workers.outcome(identity, patience)
         if isinstance(who, Failure):
             raise EngineMissing(f"LAMMPS cannot be opened, for any case: {wording.one_line(who.message)}")

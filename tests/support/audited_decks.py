@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from lammps_cases.audit import AuditResult
+from lammps_cases.audit.options import AuditResult
 from lammps_cases.records.run_record import CaseRecord
 
 DECKS = Path(__file__).parents[1] / "decks"

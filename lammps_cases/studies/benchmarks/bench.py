@@ -216,7 +216,7 @@ def completion_against_python(repeats: int) -> list[Ratio]:
     """Time what a shell asks for on Tab (commands, cases, findings, tags) against an empty Python program."""
     return [
         _processes(f"completion of {words}", "empty Python program", [*EOS_REF], "pass", repeats, _asked(words))
-        for words in ("eos-ref r", "eos-ref run forces.", "eos-ref ledger f", "eos-ref run --tag q")
+        for words in ("eos-ref r", "eos-ref run forces.", "eos-ref findings f", "eos-ref run --tag q")
     ]
 
 

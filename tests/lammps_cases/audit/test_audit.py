@@ -20,9 +20,10 @@ import pytest
 from click.testing import CliRunner
 
 from eos_ref import EOSTable, InputError
-from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, scratch, supervise
+from lammps_cases.audit import scratch, supervise
 from lammps_cases.audit.fields import PRESSURE
-from lammps_cases.audit.options import AuditTask, CommandPlace
+from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask, CommandPlace
+from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.progress import Progress
 from tests.support.audited_decks import DECKS, FIXES, MELT, case_of, run_plain, write_deck, written

@@ -19,9 +19,10 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import AuditOptions, audit_deck, guard, supervise
+from lammps_cases.audit import guard, supervise
 from lammps_cases.audit.fields import PRESSURE
-from lammps_cases.audit.options import TRUST, AuditTask, CommandPlace
+from lammps_cases.audit.options import TRUST, AuditOptions, AuditTask, CommandPlace
+from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import containment, mpi
 from lammps_cases.engine.session import package_directory
 from tests.support.audited_decks import DECKS, case_of

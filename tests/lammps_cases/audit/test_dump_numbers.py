@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import AuditOptions, finished, supervise
-from lammps_cases.audit.options import DeckSetups
+from lammps_cases.audit import finished, supervise
+from lammps_cases.audit.options import AuditOptions, DeckSetups
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.audited_decks import DECKS, run_plain

@@ -21,9 +21,10 @@ from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model, PairRheo, Thermal, Viscosity
 from eos_ref.model.state import State
 from eos_ref.numbers.rounded import error, value
-from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, share, supervise
+from lammps_cases.audit import deck, fields, share, supervise
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
-from lammps_cases.audit.options import AuditTask
+from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask
+from lammps_cases.audit.supervise import audit_deck
 from tests.support.audited_decks import DECKS, case_of, run_plain, written
 from tests.support.pages import unpacked
 

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import AuditOptions, fields, finished, restart, supervise
-from lammps_cases.audit.options import DeckSetups
+from lammps_cases.audit import fields, finished, restart, supervise
+from lammps_cases.audit.options import AuditOptions, DeckSetups
 from lammps_cases.audit.printed import number
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.run_record import CaseRecord, worst

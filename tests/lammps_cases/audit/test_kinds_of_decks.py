@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.audit import AuditOptions, audit_deck
+from lammps_cases.audit.options import AuditOptions
+from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.records.run_record import CaseRecord
 
 BLOCK = (Path(__file__).parents[2] / "decks" / "in.block").read_text()

@@ -12,11 +12,12 @@ from eos_ref import EOS, EOSTable, parse_fix_rheo
 from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model, PairRheo, Viscosity
 from eos_ref.model.state import State
-from lammps_cases.audit import AuditOptions, audit_deck
 from lammps_cases.audit import lints as audit_lints
 from lammps_cases.audit.deck import hyphens
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.lints import Stillness, lints, number_density
+from lammps_cases.audit.options import AuditOptions
+from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.pages import unpacked
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from eos_ref.numbers.rounded import value
-from lammps_cases.audit import AuditOptions, audit_deck
 from lammps_cases.audit import effects as audit_effects
 from lammps_cases.audit.effects import compare, worst
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.sample import judged, known
+from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.cli.audit import field_table
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.neighbour_lists import NeighbourList
@@ -126,7 +127,7 @@ def test_a_right_deck_that_a_finding_blows_up(tmp_path: Path) -> None:
     assert case.verdict == "refused" and case.outlook is not None
     assert (case.outlook.cause, case.outlook.findings) == ("findings", ["force-per-volume"])
     run = RunRecord(engine=EngineRecord(), reference={}, cases=[case])
-    assert findings.outcome(run).next_command == "eos-ref ledger force-per-volume"
+    assert findings.outcome(run).next_command == "eos-ref findings force-per-volume"
     without = case.model_copy(update={"outlook": None})
     unexplained = findings.outcome(run.model_copy(update={"cases": [without]}))
     assert unexplained.next_command == "" and not any(line.startswith("next") for line in unexplained.closing())

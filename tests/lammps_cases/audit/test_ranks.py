@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, supervise
-from lammps_cases.audit.options import AuditTask
+from lammps_cases.audit import supervise
+from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask
 from lammps_cases.audit.restart import audit_restart
+from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import containment, mpi, ranks
 from lammps_cases.engine.session import EngineLacks, package_directory
 from lammps_cases.records.run_record import CaseRecord

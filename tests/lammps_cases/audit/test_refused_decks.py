@@ -9,9 +9,11 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import AuditOptions, audit_deck, guard, supervise, text
+from lammps_cases.audit import guard, supervise, text
 from lammps_cases.audit.fields import PRESSURE
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.place import DeckPlace
+from lammps_cases.audit.supervise import audit_deck
 from tests.support.audited_decks import DECKS, FIXES, MELT, case_of, write_deck
 
 pytestmark = pytest.mark.lammps

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import AuditOptions, settings
+from lammps_cases.audit import settings
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.records.run_record import read_run
 from lammps_cases.regression import baseline, decks
 from lammps_cases.regression.outcomes import Sample, read

@@ -13,10 +13,12 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases import audit
-from lammps_cases.audit import AuditOptions, audit_deck, guard, place, restart, scratch
+from lammps_cases.audit import guard, place, restart, scratch
 from lammps_cases.audit.fields import PRESSURE
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.place import DeckPlace
-from lammps_cases.cli.switches import _taken
+from lammps_cases.audit.supervise import audit_deck
+from lammps_cases.cli.audit import _taken
 from lammps_cases.records.run_record import read_run
 from tests.support.audited_decks import DECKS, case_of, write_deck
 from tests.support.outcome import Outcome

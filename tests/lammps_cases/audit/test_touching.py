@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.audit import AuditOptions, audit_deck
+from lammps_cases.audit.options import AuditOptions
+from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.audit_record import EffectRecord
 from lammps_cases.records.run_record import CheckRecord, Verdict

@@ -1,4 +1,4 @@
-"""The help in groups, and what the shell completes: without the packages that make either slow."""
+"""The pages of the help, and what the shell completes: without the packages that make either slow."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from lammps_cases.cli import completion
-from lammps_cases.cli.main import COMMANDS, GROUPS
+from lammps_cases.cli.main import COMMANDS, DEV
 from lammps_cases.findings import KNOWN, LEDGER
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
@@ -36,9 +36,11 @@ def completed(line: str) -> list[str]:
     ("line", "names"),
     [
         ("eos-ref rep", ["report-bug", "report"]),
+        ("eos-ref sta", ["stability"]),
+        ("eos-ref dev sta", ["stability"]),
         ("eos-ref run near-rho0.linear", ["near-rho0.linear.2d", "near-rho0.linear.3d"]),
         ("eos-ref run --tag quic", ["quick"]),
-        ("eos-ref ledger force-per", ["force-per-volume"]),
+        ("eos-ref findings force-per", ["force-per-volume"]),
         ("eos-ref explain force-per", ["force-per-volume"]),
         ("eos-ref run --engine e", ["env"]),
         ("eos-ref audit in.deck --engine pypi:2025.7.22.4", ["pypi:2025.7.22.4.0"]),
@@ -111,11 +113,24 @@ def test_bash_reads_what_is_printed(eos_ref_command: Run, tmp_path: Path) -> Non
     assert "eos-ref" in done.stdout
 
 
-def test_the_help_is_in_groups(eos_ref_command: Run) -> None:
-    out = eos_ref_command("--help").out
-    places = [out.index(f"{title}:\n") for title in GROUPS]
-    assert [*GROUPS] == ["Everyday", "Versions", "Research", "Maintenance"]
-    assert places == sorted(places)
-    assert sum(map(len, GROUPS.values())) == len(COMMANDS)
-    listed = [line.split()[0] for line in out[places[0] :].splitlines() if line.startswith("  ") and line[2] != " "]
-    assert listed == [*COMMANDS]
+def listed(out: str) -> list[str]:
+    """The commands that a page of the help lists."""
+    _, _, after = out.partition("Options:\n")
+    return [line.split()[0] for line in after.splitlines() if line.startswith("  ") and line[2] not in " -"]
+
+
+def test_the_help_begins_with_ten_commands_and_dev_lists_the_others(eos_ref_command: Run) -> None:
+    first, second = eos_ref_command("--help").out, eos_ref_command("dev").out
+    ten = "run audit explain findings report-bug report compare accept chart doctor"
+    assert " ".join(listed(first)) == ten
+    assert sorted([*listed(first), *listed(second)]) == sorted(COMMANDS)
+    places = [second.index(f"{title}:\n") for title in DEV]
+    assert places == sorted(places) and "eos-ref dev " in first
+
+
+@pytest.mark.parametrize(
+    ("earlier", "words"), [("ledger", ["findings"]), ("kit", ["dev", "kit"]), ("findings", ["dev", "findings"])]
+)
+def test_every_spelling_of_a_command_works(earlier: str, words: list[str], eos_ref_command: Run) -> None:
+    assert eos_ref_command(*words, "--json") == eos_ref_command(earlier, "--json")
+    assert eos_ref_command("dev", "lst").err.startswith("eos-ref: no such command: 'lst' (did you mean 'list'?)")

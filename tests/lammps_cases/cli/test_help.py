@@ -13,4 +13,4 @@ def test_a_command_is_listed_by_the_line_of_the_table(name: str) -> None:
     context = click.Context(group)
     command = group.get_command(context, name)
     assert command is not None
-    assert (command.name, command.get_short_help_str(limit=120)) == (name, COMMANDS[name])
+    assert (command.name, command.get_short_help_str(limit=120)) == (name, COMMANDS[name][1])

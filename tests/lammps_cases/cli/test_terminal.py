@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.cli import ledger, shared
+from lammps_cases.cli import findings, shared
 from lammps_cases.findings import KNOWN, LEDGER
 from lammps_cases.history import store
 from lammps_cases.history.store import History
@@ -111,9 +111,9 @@ def test_the_ledger_is_sorted_by_severity(eos_ref_command: Run) -> None:
 
 def test_versions_in_a_row_are_named_by_their_ends() -> None:
     first, second, third, *_, last = KNOWN
-    assert ledger._versions(KNOWN) == f"{first} to {last}"
-    assert ledger._versions((first, second)) == f"{first}, {second}"
-    assert ledger._versions((first, third, last)) == f"{first}, {third}, {last}"
+    assert findings._versions(KNOWN) == f"{first} to {last}"
+    assert findings._versions((first, second)) == f"{first}, {second}"
+    assert findings._versions((first, third, last)) == f"{first}, {third}, {last}"
 
 
 @pytest.mark.slow

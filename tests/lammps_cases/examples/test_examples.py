@@ -11,7 +11,9 @@ from pathlib import Path
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import AuditOptions, audit_deck, balance
+from lammps_cases.audit import balance
+from lammps_cases.audit.options import AuditOptions
+from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import installations
 from lammps_cases.engine.first_pressure import first_pressure
 from lammps_cases.engine.installations import Engine

@@ -20,7 +20,7 @@ def small_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two quick cases without steps, one of the particle model that a finding explains, one that is refused."""
     folder = tmp_path_factory.mktemp("regression") / "run"
     cases = casefile.select(casefile.load(), NAMES)
-    campaign.run_cases(cases, Engine(), 2, folder, "eos-ref run")
+    campaign.run_cases(cases, Engine(), 2, folder, campaign.Request("eos-ref run"))
     return folder
 
 

@@ -84,7 +84,7 @@ UNKNOWN = "1 change without a finding"
     ("change", "codes", "state", "sentence", "then"),
     [
         (None, (0, 0, 0, 0), "PASS", "no difference beyond the bounds", ""),
-        (finding_gone, (1, 0, 1, 1), "KNOWN BUGS", KNOWN, "eos-ref ledger force-per-volume"),
+        (finding_gone, (1, 0, 1, 1), "KNOWN BUGS", KNOWN, "eos-ref findings force-per-volume"),
         (
             *(of_field("f", digest=OTHER, verdict="differs", explained_by=[]), (1, 1, 1, 1), "FAIL", UNKNOWN),
             "eos-ref compare {0} {1} images.quintic.two",

@@ -11,13 +11,13 @@ import lammps_cases.run
 from eos_ref import InputError
 from lammps_cases.engine import forkserver
 from lammps_cases.run import campaign, command
-from lammps_cases.run.command import cores, several
+from lammps_cases.run.options import CaseOptions, several
 
 
 def test_one_name_or_path_is_a_list_of_one() -> None:
     assert several("walls") == ["walls"] and several(Path("a.yaml")) == ["a.yaml"]
     assert several(["a", Path("b")]) == ["a", "b"] and several(()) == []
-    assert cores() >= 1
+    assert CaseOptions().processes >= 1
 
 
 @pytest.mark.parametrize(
@@ -43,8 +43,8 @@ def test_bad_arguments_are_one_line(arguments: dict[str, Any], complaint: str, m
 def test_the_command_that_does_the_same_is_in_the_record(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     given: list[Any] = []
 
-    def run_cases(cases: Any, engine: Any, jobs: int, folder: Path, line: str, fail_on: str, **options: Any) -> Any:
-        given.extend([[case.name for case in cases], jobs, folder, line, fail_on, options["allow"]])
+    def run_cases(cases: Any, engine: Any, jobs: int, folder: Path, asked: campaign.Request, **_: Any) -> Any:
+        given.extend([[case.name for case in cases], jobs, folder, asked.command, asked.fail_on, asked.allow])
         raise InputError("cases", "are not run here")
 
     monkeypatch.setattr(forkserver, "start_for_judging", lambda: None)

@@ -101,7 +101,8 @@ def run(earlier: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_
 
     def command(factor: float, *words: str, meanwhile: Callable[[str], object] = lambda case: None) -> Outcome:
         def judge(self: Campaign, *_: Any) -> dict[str, Any]:
-            start = case_journal.start(run_record(ENGINE, "eos-ref run").model_copy(update=self.options), self.cases)
+            begun = run_record(ENGINE, "eos-ref run").model_copy(update=self.request.recorded)
+            start = case_journal.start(begun, self.cases)
             self.begun = self.journal.begin(start, self.judged)
             for case in self.cases:
                 if case.name not in self.judged:

@@ -49,7 +49,8 @@ class Interrupts(Progress):
 def run(cases: list[Case], out: Path, resume: bool | None, after: int = 0, **options: Any) -> list[str]:
     """Run cases; return those that were judged."""
     progress = Interrupts(after)
-    campaign.run_cases(cases, Engine(), 2, out, "eos-ref run", progress=progress, resume=resume, **options)
+    asked = campaign.Request("eos-ref run", **options)
+    campaign.run_cases(cases, Engine(), 2, out, asked, progress=progress, resume=resume)
     return progress.told
 
 

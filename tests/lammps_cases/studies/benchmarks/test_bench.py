@@ -170,7 +170,7 @@ def test_completion_asks_what_a_shell_asks() -> None:
     done = subprocess.run(
         [*bench.EOS_REF],
         check=True,
-        env=os.environ | bench._asked("eos-ref ledger force-p"),
+        env=os.environ | bench._asked("eos-ref findings force-p"),
         capture_output=True,
         text=True,
     )

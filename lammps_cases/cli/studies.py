@@ -1,0 +1,298 @@
+"""Studies beyond the cases: validate, stability, examples, inputs."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import click
+
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import CLUSTER, LAUNCHER, Json, Processes, Resume
+from lammps_cases.cli.shared import page_folder
+from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.progress import Bar
+from lammps_cases.run.options import EngineName, processes
+
+if TYPE_CHECKING:
+    from lammps_cases.studies.inputs.record import InputTable
+
+
+@command(LAUNCHER)
+def validate_command(
+    names: Annotated[tuple[str, ...], Argument(metavar="[FLOW]...")] = (),
+    quick: Annotated[bool, Option("Coarse and short, for flows that allow it: about a minute.")] = False,
+    out: Annotated[Path, Option("Folder of the validation.")] = Path("reports/validate"),
+    resume: Resume = True,
+    engine: EngineName = "env",
+    as_json: Json = False,
+) -> int:
+    """Run flows with experimental, numerical or analytic data, in the reference and in LAMMPS. Never a verdict.
+
+    FLOW: names as in the table; all by default. Writes report.html, validate.json, curves.csv and figures/ as SVG and
+    PNG. Finished flows are kept: the same command resumes an interrupted run.
+
+    \b
+    Example:  eos-ref validate --quick
+              eos-ref validate cavity bingham --out reports/validate
+
+    Exit codes: 0, also where LAMMPS lost atoms, which page and table say; 2 for bad input, 3 without a LAMMPS.
+    """
+    import json
+
+    from eos_ref.errors import InputError, nearest
+    from lammps_cases.run.provenance import command_line
+    from lammps_cases.studies.validation import VALIDATIONS, record, run
+
+    for name in names:
+        if name not in VALIDATIONS:
+            raise InputError("flow", f"must be one of {', '.join(VALIDATIONS)}{nearest(name, VALIDATIONS)}", name)
+    short = [name for name, of in VALIDATIONS.items() if of.flow.quick or not quick]
+    chosen = [VALIDATIONS[name] for name in dict.fromkeys(names or short)]
+    page_folder(out)
+    with record.runs(out).resumed(resume), Bar(quiet=as_json) as bar:
+        validated = run.validate(chosen, out, command_line(), quick=quick, engine=engine, progress=bar)
+    if as_json:
+        click.echo(json.dumps(record.DOCUMENT.plain(validated), indent=1))
+    else:
+        _show(validated, out)
+    return 0
+
+
+def _show(validated: Any, out: Path) -> None:
+    from lammps_cases.studies.validation import VALIDATIONS
+    from lammps_cases.studies.validation.page import stopped
+    from lammps_cases.studies.validation.record import LAMMPS, REFERENCE
+
+    for name in validated.flows:
+        for panel in VALIDATIONS[name].panels:
+            parts = []
+            for side in (REFERENCE, LAMMPS):
+                last = validated.of(name, side)[-1]
+                order = validated.order(name, side, panel.name).order
+                rate = f", order {order:5.2f}" if math.isfinite(order) else ""
+                error = f"{last.errors[panel.name]:8.2g}{rate}" if last.errors else ""
+                error = error or stopped(validated, name, side)
+                parts.append(f"{side} {error}")
+            click.echo(f"{name:18s} {panel.name:14s} {'; '.join(parts)}")
+    click.echo(f"report: {out / 'report.html'}")
+
+
+@dataclass(frozen=True)
+class MapOptions:
+    """Which maps."""
+
+    quick: Annotated[bool, Option("Only the maps tagged quick, with few lines: about a minute.")] = False
+    tag: Annotated[str | None, Option("Only maps with this tag.")] = None
+
+
+@dataclass(frozen=True)
+class AtlasOptions:
+    """How they are measured."""
+
+    jobs: Processes = None
+    resume: Resume = True
+
+
+@command(LAUNCHER, CLUSTER)
+def stability_command(
+    names: Annotated[tuple[str, ...], Argument(metavar="[MAP]...")] = (),
+    *,
+    chosen: MapOptions,
+    cell: Annotated[
+        str | None, Option("Run one cell on both engines, and write its deck.", metavar="MAP:LAYER:X:Y")
+    ] = None,
+    out: Annotated[Path, Option("Folder of the atlas.")] = Path("reports/stability"),
+    how: AtlasOptions,
+    save_limits: Annotated[bool, Option("Base later advice on the measured limits.")] = False,
+    engine: EngineName = "env",
+    as_json: Json = False,
+) -> int:
+    """Find where methods fail, how, and whether LAMMPS and the reference fail at the same place.
+
+    Without names: every map that is not tagged long. Writes report.html, atlas.json, cells.csv, decks/ and figures/; an
+    interrupted run is resumed.
+
+    \b
+    Example:  eos-ref stability --quick
+              eos-ref stability timestep-viscosity --jobs 2
+              eos-ref stability --cell timestep-viscosity::5.0:1.0
+    """
+    from lammps_cases.engine import installations
+
+    shared.page_folder(out)
+    if cell is not None:
+        return _one_cell(cell, out, installations.resolve(engine).site, as_json)
+    from lammps_cases.run.provenance import command_line
+    from lammps_cases.studies.stability import atlas, expected, limits, maps, page, record
+
+    by_id = maps.maps()
+    quick = chosen.quick
+    selected = maps.select(by_id, names, chosen.tag or ("quick" if quick and not names else None))
+    site = installations.resolve(engine).site
+    with record.cells(out).resumed(how.resume), Bar(quiet=as_json) as bar:
+        measured = atlas.measure(
+            selected, out, command_line(), quick=quick, site=site, jobs=processes(how.jobs), progress=bar
+        )
+        page.write(measured, out, by_id)
+    if save_limits:
+        edges = [b for of in measured.maps for b in of.boundaries]
+        limits.save(limits.measured(edges, by_id, measured.engine.get("distribution", "")))
+    unexplained = expected.unexplained(measured.disagreements)
+    if as_json:
+        click.echo(json.dumps(record.document(measured), indent=1))
+    else:
+        _show_stability(measured, len(unexplained), out)
+    return int(bool(unexplained))
+
+
+def _show_stability(atlas: Any, unexplained: int, out: Path) -> None:
+    for of in atlas.maps:
+        differ = sum(line.verdict == "differs" for line in of.agreement)
+        fails = sum(run.outcome.kind != "stable" for run in of.cells)
+        lines = f"{differ} of {len(of.agreement)} lines differ"
+        click.echo(f"{of.id:24s} {len(of.cells):5d} runs, {fails:5d} fail, {lines} ({of.seconds:.1f} s)")
+    click.secho(f"{unexplained} lines differ for no known reason ({atlas.seconds:.1f} s)", bold=True)
+    click.echo(f"report: {out / 'report.html'}")
+
+
+def _one_cell(name: str, out: Path, site: str | None, as_json: bool) -> int:
+    """Run a cell on both engines."""
+    from lammps_cases.engine.workers import Workers
+    from lammps_cases.studies.stability import expected, maps, page, probe
+    from lammps_cases.studies.stability.model import MapCell
+
+    cell = MapCell.parse(name)
+    of = maps.of_cell(maps.maps(), cell)
+    with Workers(site, 1) as workers:
+        ends = {side: probe.examine(of, cell, side, workers).outcome for side in reversed(of.engines(cell.layer))}
+    out.mkdir(parents=True, exist_ok=True)
+    deck = page.write_deck(of, cell, out)
+    path = str(out / deck) if deck else ""
+    differ = len({outcome.kind for outcome in ends.values()}) > 1 and expected.expected_difference(cell) is None
+    if as_json:
+        from dataclasses import asdict
+
+        from lammps_cases.records.wording import plain
+
+        document: dict[str, Any] = {"cell": cell.name, "deck": path}
+        document |= {side: asdict(outcome) for side, outcome in ends.items()}
+        click.echo(json.dumps(plain(document), indent=1))
+        return int(differ)
+    click.secho(f"{of.title}: {of.x.name} = {cell.x:.6g}, {of.y.name} = {cell.y:.6g} {cell.layer}".rstrip(), bold=True)
+    for side, o in ends.items():
+        numbers = {"step": o.step, "atom": o.atom, "value": o.value}
+        parts = [o.kind, *(f"{label} {value:.6g}" for label, value in numbers.items() if value is not None)]
+        message = f": {o.message}" if o.message else ""
+        click.echo(f"{page.WHO[side]:10s} {', '.join(parts)}{message}")
+    click.echo(f"deck: {path}" if path else "deck: none, as it has numbers that LAMMPS cannot read from a deck")
+    return int(differ)
+
+
+@command(LAUNCHER)
+def examples_command(
+    names: Annotated[tuple[str, ...], Argument(metavar="[DECK]...")] = (),
+    folder: Annotated[Path | None, Option("Folder with the decks, in.*.", "--from", metavar="DIR")] = None,
+    full: Annotated[bool, Option("Run every deck to its end: about an hour.")] = False,
+    trust: Annotated[bool, Option("Run decks of DIR with your own file permissions.", envvar="EOS_REF_TRUST")] = False,
+    out: Annotated[Path, Option("Report folder.")] = Path("reports/examples"),
+    resume: Resume = True,
+    engine: EngineName = "env",
+    as_json: Json = False,
+) -> int:
+    """Judge LAMMPS' own RHEO examples, and break them down: what they conserve, what their errors consist of.
+
+    Every field is checked while LAMMPS runs the deck. Momentum and energy are followed part by part of the model. Where
+    the flow has a closed solution, the reference runs the deck with one thing changed at a time. Decks are those that
+    are installed with this LAMMPS, otherwise those of --from DIR. An interrupted run is resumed, deck by deck.
+
+    \b
+    Examples: eos-ref examples --engine path:~/lammps/build
+              eos-ref examples taylor-green --from ~/lammps/examples/rheo
+    """
+    from lammps_cases.engine import installations
+    from lammps_cases.examples import collect, decks, page
+    from lammps_cases.run import provenance
+
+    chosen = installations.resolve(engine)
+    shipped = decks.decks(chosen, folder, names)
+    shared.page_folder(out)
+    with collect.judged(out).resumed(resume), Bar(quiet=as_json) as bar:
+        made = collect.collect(
+            shipped, chosen, out, provenance.command_line(), full=full, trust=trust or folder is None, progress=bar
+        )
+        page.write(made, out)
+    if as_json:
+        click.echo(json.dumps(collect.DOCUMENT.plain(made), indent=1))
+        return page.of_outcome(made).exit_code
+    for line in page.lines(made):
+        click.echo(line)
+    click.echo(f"report: {out / 'report.html'}")
+    shared.say(page.of_outcome(made).headline)
+    return page.of_outcome(made).exit_code
+
+
+@command(LAUNCHER)
+def inputs_command(
+    names: Annotated[tuple[str, ...], Argument(metavar="[INPUT]...")] = (),
+    deck: Annotated[bool, Option("Print the deck of one input, and run nothing.")] = False,
+    against: Annotated[Path | None, Option("Folder of an earlier table: list outcomes that differ.")] = None,
+    jobs: Processes = None,
+    out: Annotated[Path, Option("Folder of the table.")] = Path("reports/inputs"),
+    engine: EngineName = "env",
+    as_json: Json = False,
+) -> int:
+    """Give bad input to LAMMPS and the reference, and tabulate the outcomes.
+
+    Every argument of the commands is replaced by words of its kind, left out, repeated and moved; INPUTs are ids or
+    patterns of them. Writes report.html, inputs.csv and inputs.json. Exit code 1 if LAMMPS accepts, or crashes on, what
+    its manual rules out, without a known finding.
+
+    \b
+    Example:  eos-ref inputs
+              eos-ref inputs 'fix-rheo-pressure.*.types.*'
+              eos-ref inputs --deck fix-rheo-pressure.linear.types.hyphen
+              eos-ref inputs --engine pypi:2025.7.22.1.0 --against reports/inputs --out reports/inputs-1.0
+    """
+    from eos_ref import InputError
+    from lammps_cases.engine import installations
+    from lammps_cases.probes.probe import commands
+    from lammps_cases.run.provenance import command_line
+    from lammps_cases.studies.inputs import page, record, run, table
+
+    chosen = table.select(names)
+    if deck:
+        if len(chosen) != 1:
+            raise InputError("deck", "is that of one input", len(chosen))
+        click.echo("\n".join(commands(chosen[0].input)))
+        return 0
+    before = record.read(against) if against else None
+    shared.page_folder(out)
+    with Bar(quiet=as_json) as bar:
+        measured = run.measure(chosen, installations.resolve(engine).site, processes(jobs), command_line(), bar)
+    record.write(measured, out)
+    page.write(measured, out)
+    if as_json:
+        click.echo(json.dumps(record.document(measured), indent=1))
+    else:
+        _show_inputs(measured, out)
+        for old, new in record.changes(before.rows, measured.rows) if before else ():
+            click.echo(f"{new.id}: {old.reaction}, now {new.reaction}: {new.text[:120]}")
+    return int(bool(measured.unexplained))
+
+
+def _show_inputs(table: InputTable, out: Path) -> None:
+    for name, number in table.agreements.items():
+        click.echo(f"{name:30s} {number:5d}")
+    click.echo("inputs that the reference refuses:")
+    for name, number in table.reactions.items():
+        click.echo(f"  {name:28s} {number:5d}")
+    for row in table.unexplained:
+        click.secho(f"  {row.id}: {row.reaction}: {row.words}", fg="red")
+    text = f"{len(table.rows)} inputs, {len(table.unexplained)} contrary to the manual without a known finding"
+    click.secho(f"{text} ({table.seconds:.0f} s)", bold=True)
+    click.echo(f"report: {out / 'report.html'}")

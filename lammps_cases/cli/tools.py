@@ -1,0 +1,304 @@
+"""Tools around the harness: bench, kit."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
+
+import click
+from annotated_types import Ge, Interval
+from click.core import ParameterSource
+
+from lammps_cases.cli.commands import command
+from lammps_cases.cli.options import Json
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.options import Argument, Option
+from lammps_cases.run.options import paths
+
+if TYPE_CHECKING:
+    from lammps_cases.ci.kits.files import KitFile
+    from lammps_cases.run.shards import Costs
+    from lammps_cases.studies.benchmarks.bench import Ratio
+    from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
+
+
+Part = Literal["laws", "model", "peers", "runs"]
+PARTS = get_args(Part)
+
+
+@dataclass(frozen=True)
+class MeasureOptions:
+    """How speed is measured."""
+
+    states: Annotated[Annotated[int, Ge(1000)], Option("States per law.")] = 10_000_000
+    repeats: Annotated[Annotated[int, Ge(1)], Option("Measurements of each side.")] = 9
+    pysph: Annotated[str | None, Option("A Python with PySPH: one more peer.", metavar="PYTHON")] = None
+
+
+@command()
+def bench_command(
+    parts: Annotated[tuple[Part, ...], Argument()] = (),
+    *,
+    how: MeasureOptions,
+    history: Annotated[Path, Option("File in which every measurement is stored.")] = Path("reports/bench.jsonl"),
+    label: Annotated[str, Option("A name by which --compare finds this measurement.")] = "",
+    benchmark_json: Annotated[
+        Path | None,
+        Option(
+            "Write the measurement in the format of pytest-benchmark, too.",
+            type=click.Path(path_type=Path, dir_okay=False),
+        ),
+    ] = None,
+    compare: Annotated[
+        tuple[str, str] | None,
+        Option("Measure nothing: compare two stored measurements.", metavar="A B", nargs=2, multiple=False),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Measure speed relative to peers in one run, as ratios ours/peer, alternating with each of them.
+
+    PARTS: laws (equations of state against memory copies), model (time steps against LAMMPS' own, one core each), peers
+    (Taylor-Green vortices against LAMMPS on 1 and 2 ranks, and PySPH), runs (whole programs). All by default; the model
+    takes some minutes. Fewer than 6 repeats give no 95 % interval.
+
+    \b
+    Example:  eos-ref bench laws --states 1000000 --label before
+              eos-ref bench --compare before -1
+    """
+    if compare:
+        return _compare(history, compare, as_json)
+    ratios: list[Ratio] = []
+    memory: dict[str, float] = {}
+    for part in parts or PARTS:
+        for ratio in _measured(part, how):
+            ratios.append(ratio)
+            if not as_json:
+                _show(ratio)
+        memory |= _memory(part)
+    from lammps_cases.studies.benchmarks import pytest_benchmark, speed_history
+
+    entry = speed_history.append(history, label, ratios)
+    if benchmark_json:
+        write_atomically(benchmark_json, json.dumps(pytest_benchmark.document(entry), indent=1) + "\n")
+    if as_json:
+        click.echo(json.dumps({"ratios": [_row(r) for r in ratios], "bytes_per_particle": memory}, indent=1))
+        return 0
+    for what, size in memory.items():
+        click.echo(f"peak memory, a million particles, {what}: {size:.0f} bytes per particle")
+    click.echo(f"kept: {history}")
+    return 0
+
+
+def _row(r: Ratio) -> dict[str, object]:
+    times = {"scene": r.scene, "peer": r.peer, "ours_ns": r.ours_ns.median, "peer_ns": r.peer_ns.median}
+    return times | {"ratio": r.ratio.median, "ratio_low": r.ratio.low, "ratio_high": r.ratio.high}
+
+
+def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
+    from dataclasses import asdict
+
+    from lammps_cases.studies.benchmarks import speed_history
+
+    entries = speed_history.read(history)
+    before, after = (speed_history.pick(entries, name, history) for name in names)
+    changes = speed_history.changes(before, after)
+    if as_json:
+        click.echo(json.dumps({"changes": [asdict(change) for change in changes]}, indent=1))
+        return 0
+    colours = {"faster": "green", "slower": "red", "cannot tell": None}
+    for change in changes:
+        factor = f"x {change.factor.median:.2f} ({change.factor.low:.2f} to {change.factor.high:.2f})"
+        line = f"{change.scene:44s} {change.peer:22s} {factor:26s} {change.answer}"
+        click.secho(line, fg=colours[change.answer])
+    click.echo(f"{len(changes)} ratios in both measurements; a factor below 1 is faster")
+    return 0
+
+
+def _measured(part: str, how: MeasureOptions) -> Iterator[Ratio]:
+    from lammps_cases.studies.benchmarks import bench, bench_model, bench_peers
+
+    states, repeats = how.states, how.repeats
+    if part == "laws":
+        yield from bench.laws_against_copy(states, repeats)
+        yield bench.power_without_memory(states, repeats)
+        yield bench.table_against_copy(states, repeats)
+    elif part == "model":
+        yield from bench_model.against_lammps((2, 3), repeats)
+        yield from bench_model.growth()
+        yield bench_model.full_model_for_pressure()
+        yield bench_model.vectors_against_components(repeats)
+    elif part == "peers":
+        yield from bench_peers.taylor_green(repeats, how.pysph)
+    else:
+        for jobs in (1, 2):
+            yield bench.run_against_lammps(repeats, jobs)
+        yield bench.worker_against_python(repeats)
+        yield bench.help_against_python(repeats)
+        yield from bench.completion_against_python(repeats)
+
+
+def _memory(part: str) -> dict[str, float]:
+    from lammps_cases.studies.benchmarks import bench, bench_model
+
+    if part == "laws":
+        return {"pressures of four laws": bench.bytes_per_particle()}
+    if part == "model":
+        return {f"2D {option}": bench_model.bytes_per_particle(option) for option in ("quintic", "RK1")}
+    return {}
+
+
+def _show(ratio: Ratio) -> None:
+    unit, scale = ("ns", 1.0) if ratio.ours_ns.median < 1e5 else ("ms", 1e-6)
+
+    def text(value: ConfidenceInterval) -> str:
+        return f"{value.median * scale:.2f} {unit}"
+
+    spread = f"{ratio.ratio.median:.2f} ({ratio.ratio.low:.2f} to {ratio.ratio.high:.2f})"
+    click.echo(f"{ratio.scene:42s} {ratio.peer:18s} {text(ratio.ours_ns):>12s} {text(ratio.peer_ns):>12s}  {spread}")
+
+
+OF_SHARDS = (
+    "out",
+    "shard",
+    "costs",
+    "jobs",
+    "baseline",
+    "as_json",
+)  # options of a run that a kit gives, or cannot give
+
+
+@command()
+def kit_command(
+    name: Annotated[str | None, Argument()] = None,
+    out: Annotated[Path | None, Option("Folder or repository to write into.  [default: print]")] = None,
+    repository: Annotated[
+        str,
+        Option("For CI kits: GitHub repository from which the files install eos-ref.", metavar="OWNER/NAME"),
+    ] = "OWNER/eos-ref",
+    shards: Annotated[Annotated[int, Interval(ge=1, le=999_999)], Option("For cluster kits: shards.")] = 4,
+    options: Annotated[
+        str, Option("For cluster kits: cases and options of eos-ref run.", "--run", metavar="OPTIONS")
+    ] = "",
+    as_json: Json = False,
+) -> int:
+    """Write or print the files of a kit. Without NAME: list them.
+
+    For CI: github, gitlab, lammps, decks, pre-commit. For a cluster: slurm, parallel, reframe; their shards take about
+    equally long according to the durations in the history. For LAMMPS' own tree: unittest.
+
+    \b
+    Example:  eos-ref kit github --repository me/eos-ref --out .
+              eos-ref kit slurm --shards 16 --run '--tag eos --engine path:build' --out campaign
+              eos-ref kit unittest --out lammps
+    """
+    from eos_ref import InputError
+    from lammps_cases.ci.kits.files import KITS, in_repository, in_shards, kit, write
+
+    if name is None:
+        kits = [{"kit": each.name, "about": each.about, "files": list(each.files)} for each in KITS]
+        click.echo(json.dumps({"kits": kits}, indent=1) if as_json else "\n".join(map(str, KITS)))
+        return 0
+    chosen, notes = kit(name), list[str]()
+    _check_options(name, ("--shards", "--run") if not chosen.cluster else ("--repository",))
+    if chosen.cluster:
+        try:
+            words = shlex.split(options)
+        except ValueError as error:
+            raise InputError("--run", f"must be words as a shell takes them: {error}", options) from None
+        costs, note = _costs(words, shards)
+        files = chosen.filled(in_shards(costs, shards, words))
+        notes.append(note)
+    else:
+        files = chosen.filled(in_repository(repository))
+        if chosen.tests:
+            if out is None and not as_json:
+                raise InputError("--out", "is needed: the kit has a hundred files", where="kit unittest")
+            files += _upstream_files(out, notes)
+        if "OWNER/" in repository:
+            notes.append(f"replace {repository} with your repository (--repository)")
+    written = write(files, out) if out else []
+    if as_json:
+        click.echo(json.dumps({"kit": name, "files": [asdict(file) for file in files]}, indent=1))
+    elif out:
+        for path in written:
+            click.echo(path)
+    else:
+        _print(files)
+    for note in notes:
+        click.echo(note, err=True)
+    return 0
+
+
+def _check_options(name: str, others: Sequence[str]) -> None:
+    """Refuse the options of other kits."""
+    from eos_ref import InputError
+
+    context = click.get_current_context()
+    for param in context.command.params:
+        given = context.get_parameter_source(str(param.name)) is ParameterSource.COMMANDLINE
+        if given and param.opts[0] in others:
+            raise InputError(f"option {param.opts[0]}", "is not one of this kit", name)
+
+
+def _upstream_files(out: Path | None, notes: list[str]) -> list[KitFile]:
+    """Return the tests and decks for LAMMPS' own tree; note it if no LAMMPS is there that writes the decks' logs."""
+    from lammps_cases.engine import installations
+    from lammps_cases.engine.session import EngineMissing
+    from lammps_cases.upstream.examples import example_files
+    from lammps_cases.upstream.files import kit_files
+
+    files = kit_files()
+    try:
+        return [*files, *example_files(installations.resolve("env"), out)]
+    except EngineMissing as error:
+        notes.append(f"the decks come without logs: {error}")
+        return [*files, *example_files(None)]
+
+
+def _print(files: Sequence[KitFile]) -> None:
+    """Print files one after the other, each under its path if there are more than one."""
+    for file in files:
+        if len(files) > 1:
+            click.echo(f"# ----- {file.path}")
+        click.echo(file.content, nl=False)
+
+
+def _costs(words: list[str], shards: int) -> tuple[Costs, str]:
+    """Return what the cases of a run cost, and a line about the shards; the engine is there afterwards.
+
+    Raises
+    ------
+    InputError, click.UsageError
+        Options that ``eos-ref run`` would refuse, or that each shard has of its own.
+    """
+    from eos_ref import InputError
+    from lammps_cases.cli.run import run_command
+    from lammps_cases.engine import installations
+    from lammps_cases.history.store import History, history_file
+    from lammps_cases.records.wording import counted
+    from lammps_cases.run.shards import Costs, balanced
+    from lammps_cases.scene import casefile
+
+    context = run_command.make_context("eos-ref run", list(words))
+    for option in run_command.params:
+        given = option.name and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
+        if given and option.name in OF_SHARDS:
+            raise InputError("--run", "must leave to the kit what each shard has of its own", option.opts[0])
+    options = context.params
+    cases = casefile.select(casefile.load(paths(options["cases"])), options["names"], options["tag"])
+    if shards > len(cases):
+        raise InputError("--shards", f"must be at most one for each of {counted(len(cases), 'case')}", shards)
+    installations.resolve(options["engine"])  # nodes have no internet
+    place, slowest = history_file(), dict[str, float]()
+    if place:
+        with History(place) as history:
+            slowest = history.slowest()
+    costs = Costs(seconds={case.name: slowest[case.name] for case in cases if case.name in slowest})
+    seconds = costs.of(case.name for case in cases)
+    busy = [sum(seconds[case] for case in shard) for shard in balanced(seconds, shards)]
+    share = f"{len(costs.seconds)} of {counted(len(cases), 'case')} measured"
+    return costs, f"{counted(shards, 'shard')} of {min(busy):.1f} to {max(busy):.1f} s, {share}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import copy
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -192,7 +193,8 @@ class FunctionEdits:
             for edit in edits:
                 edit.put()
             ast.fix_missing_locations(self.wrapper)
-            code = compile(self.wrapper, self.function.__code__.co_filename, "exec", dont_inherit=True)
+            with warnings.catch_warnings(action="ignore", category=SyntaxWarning):  # such as `None is None`
+                code = compile(self.wrapper, self.function.__code__.co_filename, "exec", dont_inherit=True)
         finally:
             for edit in reversed(edits):
                 edit.restore()

@@ -87,7 +87,8 @@ def _key(record: CaseRecord) -> Key:
     first = record.headline
     if first is None:
         return record.verdict, record.ended, wording.error_text(record.engine_error)
-    return record.verdict, first.stage, first.field, "later" if first.step else "", record.twin
+    when = "" if first.step is None else "later" if first.step else "first"  # a case of laws has no steps
+    return record.verdict, first.stage, first.field, when, record.twin
 
 
 @dataclass

@@ -22,7 +22,7 @@ from lammps_cases.diagnosis.changes import Change
 from lammps_cases.diagnosis.features import in_common
 from lammps_cases.diagnosis.reached import reached
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage, read_run
+from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, RunRecord, Triage, read_run
 from tests.support.outcome import Outcome
 from tests.support.planted import red_run
 
@@ -250,3 +250,18 @@ def test_ends_without_numbers_are_grouped_by_their_error() -> None:
     assert isinstance(made, Triage)
     assert [(len(group.cases), group.verdict) for group in made.groups] == [(3, "refused"), (1, "crashed")]
     assert wording.hypotheses(made.groups[0]) == ["no hypothesis: nothing to try formulas on"]
+
+
+def test_cases_of_laws_and_of_the_model_are_groups_of_their_own() -> None:
+    """Only the first have the energies that a law of theirs needs."""
+    from lammps_cases.diagnosis.triage import triage
+
+    blame = {"field": "pressure_used", "stage": "eos", "atom": 1, "lammps": 2.0, "reference": 1.0, "bound": 1e-9}
+    steps = {"law.one": None, "law.two": None, "model": 0, "model.later": 3}
+    records = [
+        CaseRecord(case=name, verdict="differs", blame=Blame(**blame, step=step, outside=1, of=1))
+        for name, step in steps.items()
+    ]
+    made = triage(RunRecord(engine=EngineRecord(), reference={}, cases=records), [], Path())
+    assert isinstance(made, Triage)
+    assert [group.cases for group in made.groups] == [["law.one", "law.two"], ["model"], ["model.later"]]

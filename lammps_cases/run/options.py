@@ -11,7 +11,7 @@ from typing import Annotated
 from annotated_types import Ge
 
 from lammps_cases.records.levels import FailOn
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 
 Names = str | Sequence[str]
 Paths = str | Path | Sequence[str | Path]
@@ -72,7 +72,7 @@ class LevelOptions:
 class RunOptions(LevelOptions, CaseOptions):
     """What runs on which engine, and what fails."""
 
-    names: Annotated[Names, Argument(NAMES, metavar="[CASE]...", complete="cases")] = ()
+    names: Annotated[Names, Positional(NAMES, metavar="[CASE]...", complete="cases")] = ()
     _: KW_ONLY
     engine: EngineName = "env"
     allow: Annotated[

@@ -84,7 +84,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
     Returns
     -------
     AuditResult
-        One case, as of `lammps_cases.audit.audit_deck`.
+        One case, as of `lammps_cases.audit.supervise.audit_deck`.
 
     Raises
     ------

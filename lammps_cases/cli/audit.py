@@ -16,7 +16,7 @@ from lammps_cases.audit.options import AuditOptions, DeckLevelOptions, FinishedO
 from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import LAUNCHER, Json
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord, CheckRecord
 from lammps_cases.records.wording import listed, size
@@ -100,7 +100,7 @@ BESIDE = "eos-ref-baseline"
 class DeckOptions:
     """The deck, as an argument or, as LAMMPS has it, as an option."""
 
-    deck: Annotated[Path | None, Argument()] = None
+    deck: Annotated[Path | None, Positional()] = None
     of_deck: Annotated[Path | None, Option("The same as DECK.", "--deck", "-in", "-i", metavar="DECK")] = None
 
 

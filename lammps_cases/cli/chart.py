@@ -11,7 +11,7 @@ import click
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import LAUNCHER, Engines, Json, Resume, cluster
 from lammps_cases.cli.shared import page_folder
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 
 SectionName = Literal["laws", "sums", "kernels", "searches", "timestep", "flows", "codes"]
@@ -19,7 +19,7 @@ SectionName = Literal["laws", "sums", "kernels", "searches", "timestep", "flows"
 
 @command(LAUNCHER, cluster("search the worst errors of the laws; everything timed runs on this machine"))
 def chart_command(
-    sections: Annotated[tuple[SectionName, ...], Argument()] = (),
+    sections: Annotated[tuple[SectionName, ...], Positional()] = (),
     quick: Annotated[bool, Option("Fewer methods, regimes and resolutions: a minute or two.")] = False,
     out: Annotated[Path, Option("Folder of the chart.")] = Path("reports/chart"),
     engines: Engines = (),

@@ -14,7 +14,7 @@ import click
 from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import Engines, Json
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import Jobs, LevelOptions, processes
 
@@ -40,7 +40,7 @@ class ListOptions:
 
 @command()
 def claims_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="[CLAIM]...")] = (),
+    names: Annotated[tuple[str, ...], Positional(metavar="[CLAIM]...")] = (),
     runs: Annotated[tuple[Path, ...], Option("Judge from a finished run; run nothing.", "--run")] = (),
     engines: Engines = (),
     out: Annotated[Path | None, Option("Folder of the page.  [default: by date, in reports/claims]")] = None,

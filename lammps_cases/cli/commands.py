@@ -1,6 +1,6 @@
 """Commands of click made from the signatures of functions: names, types, defaults and help are written once, there.
 
-A parameter whose annotation holds an `Option` or `Argument` becomes one of the command; a dataclass stands for its
+A parameter whose annotation holds an `Option` or `Positional` becomes one of the command; a dataclass stands for its
 options. A flag is bool, a choice a Literal, what may be repeated has the default () or is a tuple.
 """
 
@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import click
 
 from lammps_cases.cli import completion
-from lammps_cases.records.options import Argument, gathered, option_of, parameters
+from lammps_cases.records.options import Positional, gathered, option_of, parameters
 
 
 def command(
@@ -46,7 +46,7 @@ def parameter(of: inspect.Parameter) -> click.Parameter:
     kind = Path if settings.pop("path", False) else _value(of.annotation)
     many = default == () or get_origin(kind) is tuple
     settings = {"type": _type(kind, of.annotation, settings.pop("like", ""))} | settings
-    if isinstance(option, Argument):
+    if isinstance(option, Positional):
         return click.Argument([of.name], nargs=-1 if many else 1, required=needed, **settings)
     flags = option.flags or (f"--{of.name.replace('_', '-')}",)
     shown = default not in (None, "", ()) and kind is not bool and "[default" not in option.text

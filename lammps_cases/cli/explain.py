@@ -11,7 +11,7 @@ import click
 from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import Json
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.run.options import Files, paths
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @command()
 def explain_command(
-    name: Annotated[str, Argument(metavar="CASE|FINDING|FIELD|VERDICT", complete="findings_and_cases")],
+    name: Annotated[str, Positional(metavar="CASE|FINDING|FIELD|VERDICT", complete="findings_and_cases")],
     atom: Annotated[
         int | None, Option("Show the neighbours of a particle, and what each pair adds to it.", metavar="ID")
     ] = None,

@@ -13,7 +13,7 @@ from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import LAUNCHER, Json
 from lammps_cases.records.levels import SEVERITIES
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import by_file, counted
 from lammps_cases.run.options import EngineName, Files, paths
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 @command()
 def findings_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="[FINDING]...", complete="findings")] = (), as_json: Json = False
+    names: Annotated[tuple[str, ...], Positional(metavar="[FINDING]...", complete="findings")] = (),
+    as_json: Json = False,
 ) -> int:
     """List the findings, the most severe first: where LAMMPS differs from its manual.
 
@@ -100,7 +101,7 @@ def _cases(cases: Sequence[str], applies_to: Sequence[str]) -> str:
 
 @command(LAUNCHER)
 def report_bug_command(
-    name: Annotated[str, Argument(metavar="FINDING|CASE", complete="findings_and_cases")],
+    name: Annotated[str, Positional(metavar="FINDING|CASE", complete="findings_and_cases")],
     engine: EngineName = "env",
     files: Files = (),
     out: Annotated[Path | None, Option("Folder of the files.  [default: reports/bug-NAME]")] = None,
@@ -135,7 +136,7 @@ def report_bug_command(
 
 @command(LAUNCHER)
 def shrink_command(
-    name: Annotated[str, Argument(metavar="CASE", complete="cases")],
+    name: Annotated[str, Positional(metavar="CASE", complete="cases")],
     files: Files = (),
     engine: EngineName = "env",
     finding: Annotated[str, Option("Preserve a finding that explains the case, not a difference.")] = "",

@@ -14,7 +14,7 @@ from annotated_types import Ge
 from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import Json
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import brief, counted, plain
 
@@ -49,7 +49,7 @@ class ShownOptions:
 
 @command(*ONLY)
 def history_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="[CASE]...", complete="cases")] = (),
+    names: Annotated[tuple[str, ...], Positional(metavar="[CASE]...", complete="cases")] = (),
     *,
     shown: ShownOptions,
     add: Annotated[tuple[Path, ...], Option("Report folder to keep; repeatable.")] = (),

@@ -64,6 +64,7 @@ DEV = {
         ),
     },
 }
+HELP = {"help_option_names": ["-h", "--help"]}
 COMMANDS = {name: at for page in (FIRST, DEV) for commands in page.values() for name, at in commands.items()}
 EARLIER = {"ledger": "findings"}  # earlier names, which go on working
 PIPE_CLOSED = 141  # exit code, as shells have it of SIGPIPE
@@ -74,7 +75,7 @@ class LazyGroup(click.Group):
     """A group that shows a page of commands and has them all; they are imported on use."""
 
     def __init__(self, *args: Any, page: dict[str, dict[str, tuple[str, str]]], **settings: Any) -> None:
-        super().__init__(*args, invoke_without_command=True, **settings)
+        super().__init__(*args, **settings)
         self.page = page
 
     def list_commands(self, context: click.Context) -> list[str]:
@@ -118,7 +119,9 @@ class LazyGroup(click.Group):
         return super().resolve_command(context, args)
 
 
-@click.command(cls=LazyGroup, page=FIRST, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(
+    cls=LazyGroup, page=FIRST, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]}
+)
 @click.version_option(package_name="eos-ref")
 @click.pass_context
 def group(context: click.Context) -> None:
@@ -137,7 +140,7 @@ def group(context: click.Context) -> None:
         click.echo(context.get_help())
 
 
-@click.command(cls=LazyGroup, page=DEV)
+@click.command(cls=LazyGroup, page=DEV, invoke_without_command=True)
 @click.pass_context
 def dev(context: click.Context) -> None:
     """List the commands for cases, versions, research and maintenance; each works without dev, too.

@@ -9,9 +9,9 @@ from typing import Annotated
 import click
 from annotated_types import Ge
 
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 
-Run = Annotated[Path, Argument()]
+Run = Annotated[Path, Positional()]
 Json = Annotated[bool, Option("Print only one JSON document.", "--json")]
 Report = Annotated[Path | None, Option("Report folder.  [default: by date, in reports or reports/parts]")]
 Engines = Annotated[

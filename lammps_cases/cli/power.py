@@ -12,7 +12,7 @@ from annotated_types import Ge
 from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import CLUSTER, LAUNCHER, Json, Processes, Resume
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import EngineName, LevelOptions, processes
 
@@ -24,7 +24,7 @@ Family = Literal["told", "read", "formula", "source"]
 
 @command(LAUNCHER, CLUSTER)
 def power_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="[SECTION|FAULT]...")] = (),
+    names: Annotated[tuple[str, ...], Positional(metavar="[SECTION|FAULT]...")] = (),
     family: Annotated[Family | None, Option("Only faults of this family.")] = None,
     quick_only: Annotated[bool, Option("Only the quick cases.")] = False,
     sample: Annotated[Annotated[int, Ge(1)] | None, Option("Only N of the faults, the same ones each time.")] = None,

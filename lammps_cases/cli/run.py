@@ -14,7 +14,7 @@ import click
 from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import CLUSTER, LAUNCHER, MEMORY, Json, Report, Run
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import Files, RunOptions, Tag, paths
 
@@ -138,7 +138,7 @@ def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json
 
 @command()
 def list_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="[CASE]...", complete="cases")] = (),
+    names: Annotated[tuple[str, ...], Positional(metavar="[CASE]...", complete="cases")] = (),
     tag: Tag = None,
     files: Files = (),
     as_json: Json = False,
@@ -271,7 +271,7 @@ def diagnose_command(run: Run, cases: Files = (), as_json: Json = False) -> int:
 
 
 @command()
-def merge_command(runs: Annotated[tuple[Path, ...], Argument()], out: Report = None, as_json: Json = False) -> int:
+def merge_command(runs: Annotated[tuple[Path, ...], Positional()], out: Report = None, as_json: Json = False) -> int:
     """Join the report folders of a run's shards into one.
 
     \b

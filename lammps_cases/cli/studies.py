@@ -14,7 +14,7 @@ from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import CLUSTER, LAUNCHER, Json, Processes, Resume
 from lammps_cases.cli.shared import page_folder
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import EngineName, processes
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @command(LAUNCHER)
 def validate_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="[FLOW]...")] = (),
+    names: Annotated[tuple[str, ...], Positional(metavar="[FLOW]...")] = (),
     quick: Annotated[bool, Option("Coarse and short, for flows that allow it: about a minute.")] = False,
     out: Annotated[Path, Option("Folder of the validation.")] = Path("reports/validate"),
     resume: Resume = True,
@@ -100,7 +100,7 @@ class AtlasOptions:
 
 @command(LAUNCHER, CLUSTER)
 def stability_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="[MAP]...")] = (),
+    names: Annotated[tuple[str, ...], Positional(metavar="[MAP]...")] = (),
     *,
     chosen: MapOptions,
     cell: Annotated[
@@ -195,7 +195,7 @@ def _one_cell(name: str, out: Path, site: str | None, as_json: bool) -> int:
 
 @command(LAUNCHER)
 def examples_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="[DECK]...")] = (),
+    names: Annotated[tuple[str, ...], Positional(metavar="[DECK]...")] = (),
     folder: Annotated[Path | None, Option("Folder with the decks, in.*.", "--from", metavar="DIR")] = None,
     full: Annotated[bool, Option("Run every deck to its end: about an hour.")] = False,
     trust: Annotated[bool, Option("Run decks of DIR with your own file permissions.", envvar="EOS_REF_TRUST")] = False,
@@ -238,7 +238,7 @@ def examples_command(
 
 @command(LAUNCHER)
 def inputs_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="[INPUT]...")] = (),
+    names: Annotated[tuple[str, ...], Positional(metavar="[INPUT]...")] = (),
     deck: Annotated[bool, Option("Print the deck of one input, and run nothing.")] = False,
     against: Annotated[Path | None, Option("Folder of an earlier table: list outcomes that differ.")] = None,
     jobs: Processes = None,

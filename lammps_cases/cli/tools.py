@@ -16,7 +16,7 @@ from click.core import ParameterSource
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import Json
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.run.options import paths
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class MeasureOptions:
 
 @command()
 def bench_command(
-    parts: Annotated[tuple[Part, ...], Argument()] = (),
+    parts: Annotated[tuple[Part, ...], Positional()] = (),
     *,
     how: MeasureOptions,
     history: Annotated[Path, Option("File in which every measurement is stored.")] = Path("reports/bench.jsonl"),
@@ -173,7 +173,7 @@ OF_SHARDS = (
 
 @command()
 def kit_command(
-    name: Annotated[str | None, Argument()] = None,
+    name: Annotated[str | None, Positional()] = None,
     out: Annotated[Path | None, Option("Folder or repository to write into.  [default: print]")] = None,
     repository: Annotated[
         str,

@@ -13,7 +13,7 @@ import click
 from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import ACCEPTED, LAUNCHER, Baselines, Deck, Json, Run
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import CaseOptions, CompareOptions, Jobs, processes
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from lammps_cases.engine.installations import Engine
     from lammps_cases.records.run_record import RunRecord
     from lammps_cases.regression.pairs import SideComparison
-    from lammps_cases.regression.sources import RunOptions
+    from lammps_cases.regression.sources import RunTerms
 
 
 @command()
 def compare_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="A B [SIDE]... [CASE]...", complete="engines")],
+    names: Annotated[tuple[str, ...], Positional(metavar="A B [SIDE]... [CASE]...", complete="engines")],
     *,
     options: CompareOptions,
     deck: Deck = None,
@@ -69,7 +69,7 @@ def compare_command(
     return comparison.exit_code
 
 
-def _on_decks(deck: Path | None, how: RunOptions, cases: Sequence[str], options: CaseOptions) -> RunOptions:
+def _on_decks(deck: Path | None, how: RunTerms, cases: Sequence[str], options: CaseOptions) -> RunTerms:
     """Return how engines are compared: on cases, or by audits of a deck or of the decks of a folder.
 
     Raises
@@ -124,7 +124,7 @@ def _show(comparison: SideComparison) -> None:
 
 @command()
 def bisect_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="ENGINE ENGINE...", complete="engines")],
+    names: Annotated[tuple[str, ...], Positional(metavar="ENGINE ENGINE...", complete="engines")],
     case: Annotated[tuple[str, ...], Option("Only this case, or those below it or of a pattern.", metavar="CASE")] = (),
     *,
     options: CaseOptions,
@@ -220,7 +220,7 @@ def accept_command(
 
 @command(LAUNCHER)
 def adopt_command(
-    engine: Annotated[str, Argument("", complete="engines")],
+    engine: Annotated[str, Positional("", complete="engines")],
     jobs: Jobs = None,
     out: Annotated[Path | None, Option("Folder of the page.  [default: reports/adopt-VERSION]")] = None,
     baselines: Baselines = ACCEPTED,

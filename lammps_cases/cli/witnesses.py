@@ -13,7 +13,7 @@ import click
 from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import Json, Processes
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import counted
 from lammps_cases.run.options import Fresh, processes
@@ -26,7 +26,7 @@ MOST_NAMES = 3  # of the cases of a rule and dimension; the rest is counted
 
 @command()
 def witnesses_command(
-    names: Annotated[tuple[str, ...], Argument(metavar="[CASE]...", complete="cases")] = (),
+    names: Annotated[tuple[str, ...], Positional(metavar="[CASE]...", complete="cases")] = (),
     every: Annotated[
         bool, Option("All rules that a case exercises, not only those it names: minutes.", "--all")
     ] = False,

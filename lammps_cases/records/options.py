@@ -31,7 +31,7 @@ class Option:
         return repr(self.text)
 
 
-class Argument(Option):
+class Positional(Option):
     """A parameter that is given by its place."""
 
 

@@ -128,7 +128,7 @@ def compare_into(
     names: Sequence[str],
     cases: Sequence[str],
     options: CompareOptions,
-    how: sources.RunOptions,
+    how: sources.RunTerms,
     timing: bool,
 ) -> SideComparison:
     """Compare sides by their names on some cases, and write compare.json, compare.html and summary.md into a folder."""

@@ -78,7 +78,7 @@ def _named(case: str, wanted: str) -> bool:
 
 
 @dataclass(frozen=True)
-class RunOptions:
+class RunTerms:
     """How engines are run."""
 
     jobs: int
@@ -90,11 +90,11 @@ class RunOptions:
 
 def run_options(
     names: Sequence[str], jobs: int, fresh: bool, progress: Progress = SILENT, command: str = ""
-) -> RunOptions:
+) -> RunTerms:
     """Return how the engines among some sides are run; the process that forks their workers is started."""
     if any(map(installations.is_engine, names)):  # what is saved needs no workers
         forkserver.start_for_judging()
-    return RunOptions(jobs, prediction_keys.open_store(fresh), progress, command or provenance.command_line())
+    return RunTerms(jobs, prediction_keys.open_store(fresh), progress, command or provenance.command_line())
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Sources:
     each: tuple[Engine | Side, ...]
     cases: tuple[Case, ...]
     folder: Path
-    options: RunOptions
+    options: RunTerms
 
     def side(self, at: int) -> Side:
         """Return a side, by its place; that of an engine after a run."""
@@ -132,7 +132,7 @@ def select(
     tag: str | None,
     paths: Sequence[Path],
     folder: Path,
-    options: RunOptions,
+    options: RunTerms,
 ) -> Sources:
     """Return sides by name, on the cases chosen by name and tag; engines run those that the saved sides hold.
 

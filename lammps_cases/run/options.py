@@ -11,7 +11,7 @@ from typing import Annotated
 from annotated_types import Ge
 
 from lammps_cases.records.levels import FailOn
-from lammps_cases.records.options import Argument, Option
+from lammps_cases.records.options import Option, Positional
 
 Names = str | Sequence[str]
 Paths = str | Path | Sequence[str | Path]
@@ -19,6 +19,7 @@ Tag = Annotated[str | None, Option("Only cases with this tag (quick, eos, refusa
 Files = Annotated[Paths, Option("Case file or folder of your own.", "--cases", path=True)]
 Jobs = Annotated[Annotated[int, Ge(1)] | None, Option("LAMMPS processes at a time (default: one per core).")]
 Fresh = Annotated[bool, Option("Ignore the cache of reference predictions.")]
+NAMES = "Cases, whatever lies below them, or patterns; without names and tag all that are not tagged long."
 ENGINE = "env, pypi:VERSION or path:PLACE of a build, prefix, environment or library."
 EngineName = Annotated[str, Option(ENGINE, complete="engines")]
 
@@ -71,7 +72,7 @@ class LevelOptions:
 class RunOptions(LevelOptions, CaseOptions):
     """What runs on which engine, and what fails."""
 
-    names: Annotated[Names, Argument("", metavar="[CASE]...", complete="cases")] = ()
+    names: Annotated[Names, Positional(NAMES, metavar="[CASE]...", complete="cases")] = ()
     _: KW_ONLY
     engine: EngineName = "env"
     allow: Annotated[

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.main import COMMANDS, group
-from lammps_cases.records.options import Argument, Option, flat, option_of, parameters
+from lammps_cases.records.options import Option, Positional, flat, option_of, parameters
 
 given: dict[str, Any] = {}
 
@@ -29,7 +29,7 @@ class Size:
 
 
 def try_command(
-    place: Annotated[Path, Argument()],
+    place: Annotated[Path, Positional()],
     kind: Annotated[Literal["a", "b"], Option("Kind.", like="c+")] = "a",
     *,
     size: Size,

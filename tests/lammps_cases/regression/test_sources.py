@@ -10,7 +10,7 @@ import pytest
 from eos_ref import InputError
 from lammps_cases.engine.installations import Engine
 from lammps_cases.regression import sources
-from lammps_cases.regression.sources import RunOptions
+from lammps_cases.regression.sources import RunTerms
 from tests.support.made_sides import case, side
 
 ACCEPTED = Path("reports/accepted")
@@ -76,7 +76,7 @@ def test_a_folder_of_output_holds_comparisons_alone(tmp_path: Path) -> None:
 
 def test_saved_sides_are_taken_as_they_are(tmp_path: Path) -> None:
     accepted = str(next(path.parent for path in sorted(ACCEPTED.glob("*/baseline.json"))))
-    both = sources.select([accepted] * 2, ["density"], None, [], tmp_path / "out", RunOptions(1))
+    both = sources.select([accepted] * 2, ["density"], None, [], tmp_path / "out", RunTerms(1))
     assert not both.cases, "no engine, nothing to run"
     assert both.side(0) is both.each[0]
     assert {name.partition(".")[0] for name in both.side(1).cases} == {"density"}

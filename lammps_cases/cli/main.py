@@ -44,9 +44,6 @@ GROUPS = {
         "shrink": "Make the smallest scene that still fails the same way.",
     },
     "Maintenance": {
-        "power": "Plant faults, and list which cases catch each and which faults escape.",
-        "witnesses": "List the rules of the reference with the cases that depend on each.",
-        "fuzz": "Draw random scenes over the whole schema, and judge them as cases.",
         "inputs": "Give bad input to LAMMPS and the reference: which refuses it, and how clearly.",
         "bench": "Measure speed relative to peers, as ratios.",
         "merge": "Join the shards of a run.",

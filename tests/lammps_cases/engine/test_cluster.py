@@ -26,7 +26,7 @@ from lammps_cases.engine.workers import Workers, limited
 from lammps_cases.records.progress import SILENT
 from lammps_cases.scene import casefile
 from lammps_cases.studies.chart import farmed, flows, laws
-from lammps_cases.studies.mutation.schedule import MutationPool
+from tests.workshop.faults.schedule import MutationPool
 from tests.support import dask_cluster
 from tests.support.dask_cluster import PAUSE, DaskCluster
 from tests.support.outcome import Outcome

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.fuzz import page as fuzz_page
-from lammps_cases.fuzz.record import FuzzRecord
+from tests.workshop.fuzz import page as fuzz_page
+from tests.workshop.fuzz.record import FuzzRecord
 from lammps_cases.history import page as history_page
 from lammps_cases.pages import index
 from lammps_cases.records import kept

@@ -17,7 +17,7 @@ from eos_ref.model.state import State
 from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
 from lammps_cases.rules import RULES, SUBJECTS, Evaluated, fields
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.studies.mutation import formula
+from tests.workshop.faults import formula
 
 # Two fluid particles of type 1 and one of type 2 in a row, a solid of type 2 above the first; nothing near any face.
 X = [[3.0, 3.0], [4.0, 3.0], [5.0, 3.0], [3.0, 4.0]]

@@ -24,8 +24,8 @@ from lammps_cases.shrink.content import Content, as_case, size, written_out
 from lammps_cases.shrink.failure import FailureMode, failure_mode, rule_broken
 from lammps_cases.shrink.reductions import fewer_digits, fewer_particles, fewer_steps, fewer_types
 from lammps_cases.shrink.shrink import Shrunk, WorkerJudge, shrink
-from lammps_cases.studies.mutation import catalogue, input_faults, output_faults
-from lammps_cases.studies.mutation.perturbed import PerturbedCase, PerturbedJudge
+from tests.workshop.faults import catalogue, input_faults, output_faults
+from tests.workshop.faults.perturbed import PerturbedCase, PerturbedJudge
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]

@@ -13,7 +13,7 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
-from lammps_cases.studies.mutation import catalogue, input_faults
+from tests.workshop.faults import catalogue, input_faults
 from lammps_cases.verdict.judgement import evaluate
 from tests.support.outcome import Solver
 from tests.support.told import Told, engine

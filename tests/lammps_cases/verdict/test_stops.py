@@ -17,7 +17,7 @@ from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.settings import Evolve
-from lammps_cases.studies.mutation import catalogue, input_faults
+from tests.workshop.faults import catalogue, input_faults
 from lammps_cases.verdict.judgement import evaluate
 
 pytestmark = pytest.mark.lammps

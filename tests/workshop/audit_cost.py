@@ -1,6 +1,6 @@
 """Cost of the samples: processor time of a deck's first run with and without them, measured alternately.
 
-``python -m lammps_cases.audit.bench DECK [STEPS [EVERY [REPEATS]]]`` prints both times of every turn and the ratio of
+``python -m tests.workshop.audit_cost DECK [STEPS [EVERY [REPEATS]]]`` prints both times of every turn and the ratio of
 the smallest ones. The deck's first run is cut to STEPS steps on both sides; each measurement is a process of its own.
 """
 

@@ -1,6 +1,6 @@
 """The table of docs/examples.md: what makes up the error of whole decks, as ``eos-ref examples --full`` measured it.
 
-``python -m lammps_cases.examples.measured REPORT`` takes the numbers of a report, and writes the table anew.
+``python -m tests.workshop.examples_table REPORT`` takes the numbers of a report, and writes the table anew.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from lammps_cases.audit import balance
 from lammps_cases.examples.collect import DOCUMENT, NAME, Examples
 from lammps_cases.records.files import write_atomically
 
-FILE = Path(__file__).parent / "measured.json"
+FILE = Path(__file__).with_suffix(".json")
 PAGE = Path(__file__).parents[2] / "docs" / "examples.md"
 MARKS = "<!-- measured -->", "<!-- end -->"
 

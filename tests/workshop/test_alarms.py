@@ -16,10 +16,10 @@ from lammps_cases.engine.session import Answer, EngineCrashed
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from tests.support.outcome import Solver
 from tests.workshop.faults import alarms, machines
 from tests.workshop.faults.alarms import AlarmRun, Kind
 from tests.workshop.faults.perturbed import PerturbedCase, in_order
-from tests.support.outcome import Solver
 
 pytestmark = pytest.mark.lammps
 

@@ -13,15 +13,15 @@ import pytest
 from eos_ref.model.box import TILTED
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.findings.units import UnitsUnconverted
+from lammps_cases.run.prepared_case import PreparedCase, prepare
+from lammps_cases.scene import Scene
+from lammps_cases.scene.casefile import Case
+from lammps_cases.verdict.model_cases import problem_of
 from tests.workshop.fuzz import rules, schema
 from tests.workshop.fuzz.chance import Chance, rounded
 from tests.workshop.fuzz.coverage import ChoiceCounts, argued
 from tests.workshop.fuzz.draw import SOURCE, DrawnScene, content_of, draw
 from tests.workshop.fuzz.fit import fitted
-from lammps_cases.run.prepared_case import PreparedCase, prepare
-from lammps_cases.scene import Scene
-from lammps_cases.scene.casefile import Case
-from lammps_cases.verdict.model_cases import problem_of
 
 SCENES = 600  # as many as `every choice` needs: the rarest comes once in a hundred
 REJECTED = 0.02  # share of attempts that may be no scene

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from multiprocessing import forkserver
 from pathlib import Path
@@ -14,30 +13,26 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.engine import installations
+from lammps_cases.engine import cluster, installations
 from lammps_cases.records.progress import SILENT
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from tests.support import dask_cluster
+from tests.workshop import power
 from tests.workshop.faults import (
-    catalogue,
     collect,
-    edits,
     formula,
     input_faults,
     output_faults,
-    page,
     record,
     schedule,
-    source,
 )
 from tests.workshop.faults.alarms import Alarm, AlarmRun
-from tests.workshop.faults.fault import FAMILIES, KINDS, Detection, Fault, files
+from tests.workshop.faults.fault import FAMILIES, KINDS, Detection, files
 from tests.workshop.faults.record import ControlRecord, FaultRecord, Power
 from tests.workshop.faults.schedule import MutationPool
-from tests.workshop.faults.source import SourceFault
 from tests.workshop.faults.substitute import Mutation, load
 from tests.workshop.faults.tasks import Control
-from tests.support.outcome import Outcome
 
 CASES = {case.name: case for case in casefile.load()}
 # Small cases without time steps: laws of several types, a gas, viscosities, surfaces, a refusal.
@@ -61,16 +56,16 @@ SEEN: dict[str, tuple[str, str, str] | None] = {
     "formula.strain-half": (FLUID, "differs", "viscosity"),
     "formula.status-without-layer": (SURFACE, "differs", "status"),
     "formula.kick-missing": None,  # no time step here
-    "source.hangs": (LAW, "timeout", ""),
-    "source.dies": (LAW, "crashed", ""),
-    "source.raises": (LAW, "crashed", ""),
+    "formula.hangs": (LAW, "timeout", ""),
+    "formula.dies": (LAW, "crashed", ""),
+    "formula.raises": (LAW, "crashed", ""),
 }
 
 
-def _own_fault(name: str, statement: str) -> SourceFault:
+def _own_fault(name: str, statement: str) -> formula.SourceFault:
     """A fault in the law of NAMES[0]."""
-    changed = edits.edited(edits.text_of("eos.laws"), "linear", "return cs * cs * (rho - rho0)", statement)
-    return SourceFault(f"source.{name}", "source", statement, "eos.laws", changed)
+    changed = formula.edited(formula.text_of("eos.laws"), "linear", "return cs * cs * (rho - rho0)", statement)
+    return formula.SourceFault(f"formula.{name}", "option", statement, "eos.laws", changed)
 
 
 OWN = {
@@ -98,7 +93,7 @@ def planted() -> Iterator[tuple[list[Control], dict[str, tuple[Detection, ...]]]
         patch.setattr(schedule, "CASE_LIMIT", 2.0)
         with MutationPool(installations.resolve("env"), 2, None) as pool:
             control = pool.prepare([CASES[name] for name in (*NAMES, REFUSED)], SILENT)
-            faults = catalogue.faults() | OWN
+            faults = collect.faults() | OWN
             yield control, {fault.id: found for fault, found in pool.plant([faults[name] for name in SEEN])}
 
 
@@ -127,7 +122,7 @@ def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[st
 def test_every_case_that_sees_a_fault() -> None:
     with MutationPool(installations.resolve("env"), 1, None, every=True) as pool:
         pool.prepare([CASES[LAW], CASES[GAS]], SILENT)
-        planted = list(pool.plant([catalogue.faults()[name] for name in ("told.cs-off", "formula.linear-of-rho")]))
+        planted = list(pool.plant([collect.faults()[name] for name in ("told.cs-off", "formula.linear-of-rho")]))
     assert {fault.id: sorted(one.case for one in detections) for fault, detections in planted} == {
         "told.cs-off": sorted((LAW, GAS)),
         "formula.linear-of-rho": [LAW],
@@ -139,7 +134,7 @@ def test_every_case_that_sees_a_fault() -> None:
 
 @pytest.mark.slow
 def test_faults_are_many_and_named_once() -> None:
-    faults = catalogue.faults()
+    faults = collect.faults()
     assert len(faults) >= 500
     assert {fault.family for fault in faults.values()} == set(FAMILIES)
     assert {fault.kind for fault in faults.values()} == set(KINDS)
@@ -148,43 +143,30 @@ def test_faults_are_many_and_named_once() -> None:
 
 @pytest.mark.slow
 def test_mistakes_that_an_engine_has_are_not_planted_there() -> None:
-    assert "formula.lint-no-volume-in-the-force" not in catalogue.faults("2025.7.22.4.0")
-    assert "formula.lint-no-volume-in-the-force" in catalogue.faults("2025.7.22.1.0")
-    assert "formula.lint-heat-divided-by-the-density" in catalogue.faults("2025.7.22.4.0")
+    assert "formula.lint-no-volume-in-the-force" not in collect.faults("2025.7.22.4.0")
+    assert "formula.lint-no-volume-in-the-force" in collect.faults("2025.7.22.1.0")
+    assert "formula.lint-heat-divided-by-the-density" in collect.faults("2025.7.22.4.0")
 
 
 @pytest.mark.slow
 def test_changed_sources_are_others_each() -> None:
-    changed = [fault for fault in catalogue.faults().values() if isinstance(fault, SourceFault)]
-    # A named mistake may be one that is made by machine too.
-    assert len({(fault.family, fault.module, fault.text) for fault in changed}) == len(changed)
-    for fault in formula.faults().values():
-        if isinstance(fault, SourceFault):
-            compile(fault.text, fault.id, "exec")
-    for drawn in source.faults().values():
-        before, _, after = drawn.what.partition(": ")[2].partition(" \N{RIGHTWARDS ARROW} ")
-        assert before != after, drawn.id
-
-
-def test_faults_keep_their_names_when_code_is_added() -> None:
-    text = edits.text_of("kernels.quintic")
-    before = source.names("kernels.quintic", ast.parse(text))
-    after = source.names("kernels.quintic", ast.parse(text + "\n\ndef more(a, b):\n    return a + b\n"))
-    assert set(after) - set(before) == {"source.kernels.more.operator-1"}
-    assert {name: after[name] for name in before} == before
+    changed = [fault for fault in formula.faults().values() if isinstance(fault, formula.SourceFault)]
+    assert len({(fault.module, fault.text) for fault in changed}) == len(changed)
+    for fault in changed:
+        compile(fault.text, fault.id, "exec")
 
 
 @pytest.mark.slow
 def test_a_sample_is_the_same_each_time() -> None:
-    drawn = [fault.id for fault in collect.select(catalogue.faults(), (), sample=7)]
-    assert drawn == [fault.id for fault in collect.select(catalogue.faults(), (), sample=7)]
+    drawn = [fault.id for fault in collect.select(collect.faults(), (), sample=7)]
+    assert drawn == [fault.id for fault in collect.select(collect.faults(), (), sample=7)]
     assert len(drawn) == 7
 
 
 def test_a_fault_that_changes_nothing_does_not_apply() -> None:
     ready = prepared_case.prepare(CASES[FLUID])
-    assert input_faults.jobs(catalogue.input_faults()["told.A3-sign"], ready) is None
-    assert input_faults.jobs(catalogue.input_faults()["told.mass-off"], ready) is not None
+    assert input_faults.jobs(input_faults.faults()["told.A3-sign"], ready) is None
+    assert input_faults.jobs(input_faults.faults()["told.mass-off"], ready) is not None
 
 
 @pytest.mark.lammps
@@ -206,13 +188,13 @@ def test_a_loaded_reference_cannot_be_mistaken() -> None:
 
 @pytest.mark.lammps
 def test_arguments_are_of_faults_that_are_planted() -> None:
-    planted = {(fault.id, fault.what) for fault in catalogue.faults().values()}
+    planted = {(fault.id, fault.what) for fault in collect.faults().values()}
     assert set(record.arguments()) <= planted
 
 
 @pytest.mark.slow
 def test_names_of_faults() -> None:
-    faults = catalogue.faults()
+    faults = collect.faults()
     assert [f.id for f in collect.select(faults, ("told.cs-o*",))] == ["told.cs-off", "told.cs-of-one"]
     with pytest.raises(InputError, match=r"did you mean 'told\.cs-off"):
         collect.select(faults, ("told.cs-of",))
@@ -247,27 +229,6 @@ def test_what_is_wrong_is_said() -> None:
     assert "false alarm, ranks: x" in _power(_fault("a", "x"), alarms=(alarm,)).complaints[0]
 
 
-BUGS = "1 known bug seen in this LAMMPS (severe)"
-
-
-def _known() -> Power:
-    alarm = _alarmed(Alarm("x", "ranks", "differs", "f", finding="walls-after-rebuild"))
-    return _power(_fault("a", "x"), alarms=(alarm,))
-
-
-def test_headline() -> None:
-    assert str(_power(_fault("a", "x")).headline("low")) == "PASS: all checks as required"
-    assert str(_power(_fault("a")).headline()) == "FAIL: 1 complaint"
-    assert str(_known().headline()) == f"KNOWN BUGS: {BUGS}; nothing new"
-    assert str(_known().headline("high")) == f"FAIL: {BUGS}; 1 rejected by --fail-on high; nothing new"
-
-
-@pytest.mark.slow
-def test_the_page_begins_with_the_headline(tmp_path: Path) -> None:
-    page.write(_known(), tmp_path)
-    assert f'<span class="stamp">KNOWN BUGS</span> {BUGS}; nothing new</h1>' in (tmp_path / "power.html").read_text()
-
-
 @pytest.mark.parametrize(
     ("slow", "unseen", "quick_only", "wrong"),
     [
@@ -292,7 +253,6 @@ def test_a_red_control_is_of_the_families_that_use_it() -> None:
         "told": (2, 0),
         "read": (2, 0),
         "formula": (1, 1),
-        "source": (1, 1),
     }
 
 
@@ -308,16 +268,6 @@ def test_faults_done_are_found_again_after_a_kill(tmp_path: Path) -> None:
         assert record.planted(tmp_path).get("key a") is None
 
 
-@pytest.mark.lammps
-def test_page_holds_faults_whatever_they_are_called(tmp_path: Path) -> None:
-    page.write(_power(_fault("<b>", "case<i>"), _fault("quiet")), tmp_path)
-    text = (tmp_path / "power.html").read_text()
-    assert "told.&lt;b&gt;" in text
-    assert "<i>" not in text
-    assert "not known" in text
-    assert "://" not in text.replace("http://www.w3.org", "")
-
-
 # --- the command
 
 
@@ -327,57 +277,72 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(casefile, "load", lambda *_: [CASES[LAW], replace(CASES[FLUID], tags=("model",))])
 
 
-Command = Callable[..., Outcome]
-
-
 @pytest.mark.lammps
 @pytest.mark.usefixtures("few")
-def test_command_goes_on_where_it_was_left(eos_ref_command: Command, tmp_path: Path) -> None:
-    out = tmp_path / "power"
-    asked = ("power", "told.cs-off", "told.power-n", "told.kappa-off", "--out", out, "--jobs", 1)
-    first = eos_ref_command(*asked, "--json")
-    assert first.code == 1  # no case conducts heat
-    found = json.loads(first.out)
+def test_command_goes_on_where_it_was_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = ("--out", str(tmp_path), "--jobs", "1")
+    asked = ("told.cs-off", "told.power-n", "told.kappa-off", *out)
+    assert power.main(asked) == 1  # no case conducts heat
+    found = json.loads((tmp_path / "power.json").read_text())
     assert {fault["id"]: fault["caught_by"] for fault in found["faults"]} == {
         "told.cs-off": [LAW, FLUID],
         "told.power-n": [FLUID],
         "told.kappa-off": [],
     }
     assert found["resolution"] == []
-    assert found["rates"] == {"faults": 3, "caught": 2, "caught_by_quick": 1}
-    kept = (out / "planted.jsonl").read_bytes()
-    again = eos_ref_command(*asked)
-    assert again.code == 1
-    assert "unseen: told.kappa-off" in again.out and again.out.endswith("\nFAIL: 1 complaint\n")
-    assert (out / "planted.jsonl").read_bytes() == kept
-    assert json.loads((out / "power.json").read_text())["faults"] == found["faults"]
-    clean = eos_ref_command("power", "told.cs-off", "--out", out, "--jobs", 1, "--fail-on", "low")
-    assert clean.code == 0 and clean.out.endswith("\nPASS: all checks as required\n")
+    assert "told         2 of    3 caught,    1 by quick cases" in capsys.readouterr().out
+    kept = (tmp_path / "planted.jsonl").read_bytes()
+    assert power.main(asked) == 1
+    assert "unseen: told.kappa-off" in capsys.readouterr().out
+    assert (tmp_path / "planted.jsonl").read_bytes() == kept
+    assert json.loads((tmp_path / "power.json").read_text())["faults"] == found["faults"]
+    assert power.main(("told.cs-off", *out)) == 0
 
 
-@pytest.mark.lammps
-def test_bad_input_is_one_line(eos_ref_command: Command, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    for arguments in (("nothing.*",), ("told.cs-off", "--out", tmp_path / "file" / "x"), ("--sample", "0")):
-        left = eos_ref_command("power", "--out", tmp_path / "power", *arguments)
-        assert left.code == 2
-        assert len(left.err.strip().splitlines()) == 1
+@pytest.mark.parametrize(
+    ("name", "meant"), [("falts", "faults"), ("told.cs-doubld", "told.cs-doubled"), ("told.*xx", ""), ("what.is", "")]
+)
+def test_a_typo_is_refused_before_anything_starts_or_is_forgotten(
+    name: str, meant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(collect, "MutationPool", None)
+    kept = tmp_path / "planted.jsonl"
+    kept.write_text("what other runs planted")
+    assert power.main(["faults", name, "--fresh", "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert f"no such section or fault: {name!r}" in said and said.count("\n") == 1
+    assert (f"did you mean {meant!r}?" in said) or not meant
+    assert kept.exists()
 
 
-def test_fault_says_its_family() -> None:
-    assert Fault("source.laws.x-1", "source", "x").family == "source"
+@pytest.mark.parametrize("done", [False, True])
+def test_an_interrupted_run_says_what_is_kept(
+    done: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: Any) -> None:
+        if done:
+            (tmp_path / "planted.jsonl").write_text("{}\n")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(collect, "collect", interrupted)
+    assert power.main(["--out", str(tmp_path)]) == 130
+    kept = f"interrupted: what is done is in {tmp_path / 'planted.jsonl'}; the same command, without --fresh, resumes"
+    assert capsys.readouterr().err == (f"{kept}\n" if done else "interrupted\n")
 
 
 @pytest.mark.slow
 def test_mistakes_that_are_findings_are_no_faults() -> None:
-    left_out = set(formula.faults()) - set(catalogue.faults())
+    left_out = set(formula.faults()) - set(collect.faults())
     assert left_out == {"formula.lint-velocity-of-walls-lost", "formula.lint-no-volume-in-the-force"}, "findings"
 
 
-def test_without_lammps_it_says_so(eos_ref_command: Command, tmp_path: Path) -> None:
-    (tmp_path / "build").mkdir()
-    left = eos_ref_command(
-        "power", "told.cs-off", "--engine", f"path:{tmp_path / 'build'}", "--out", tmp_path / "power"
-    )
-    assert left.code in (2, 3)
-    assert len(left.err.strip().splitlines()) == 1
+@pytest.mark.lammps
+@pytest.mark.slow
+def test_faults_are_planted_in_the_same_cases_on_a_cluster() -> None:
+    cases = casefile.select(casefile.load(), ["ranges.star", "walls.stored.damped"])
+    controls = []
+    with dask_cluster.running(1, nanny=True) as steady:
+        for address in ("", steady.address):
+            with cluster.used(address), MutationPool(installations.resolve("env"), 2, None) as pool:
+                controls.append(pool.prepare(cases, SILENT))
+    assert controls[0] == controls[1] and [control.answered for control in controls[0]] == [True, True]

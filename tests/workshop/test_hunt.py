@@ -1,9 +1,8 @@
-"""Random scenes against real LAMMPS: nothing unexplained, and what is red is kept so that it can be run alone."""
+"""Random scenes against real LAMMPS: what is red is kept so that it can be run alone."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,39 +11,20 @@ import numpy as np
 import pytest
 
 from lammps_cases import findings
-from lammps_cases.engine.installations import Engine
 from lammps_cases.findings import LEDGER
-from tests.workshop.fuzz import hunt
-from tests.workshop.fuzz.draw import draw
-from tests.workshop.fuzz.hunt import Hunt, is_lost, is_unbounded, known_gap
-from tests.workshop.fuzz.lost import loses
-from tests.workshop.fuzz.record import DOCUMENT
 from lammps_cases.records.run_record import Beyond, Blame, CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from tests.support.outcome import Outcome
 from tests.support.told import told
-
-Run = Callable[..., Outcome]
-SEED, SCENES = 31, 8
-
-
-@pytest.mark.lammps
-@pytest.mark.slow
-def test_nothing_is_unexplained(tmp_path: Path) -> None:
-    record = Hunt(Engine(), SEED, 600.0, 1, tmp_path, scenes=SCENES).run()
-    assert [red.message for red in record.red] == []
-    assert record.exit_code == 0 and not record.interrupted
-    assert record.drawn == sum(record.verdicts.values()) == SCENES
-    assert {"exact", "explained"} <= set(record.verdicts) and record.twins
-    assert sum(record.gaps.values()) <= SCENES // 4  # of what no variant reproduces
-    assert DOCUMENT.read(tmp_path / "fuzz.json") == record
+from tests.workshop.fuzz import hunt
+from tests.workshop.fuzz.__main__ import main
+from tests.workshop.fuzz.draw import draw
+from tests.workshop.fuzz.hunt import is_lost, is_unbounded, known_gap
+from tests.workshop.fuzz.lost import loses
 
 
 @pytest.mark.lammps
-def test_what_is_red_is_kept_as_a_case_and_can_be_drawn_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run
-) -> None:
+def test_what_is_red_is_kept_as_a_case_and_can_be_drawn_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     judged = hunt.record_of
 
     def faulty(drawn: Any, outcome: Any, engine: Any) -> CaseRecord:
@@ -55,9 +35,9 @@ def test_what_is_red_is_kept_as_a_case_and_can_be_drawn_alone(
     monkeypatch.setattr(hunt, "record_of", faulty)
     scenes = ((k, draw(3, k).case.scene) for k in range(200))
     number = next(k for k, scene in scenes if scene.compare == ("pressure",) and scene.engine == type(scene.engine)())
-    left = eos_ref_command("fuzz", "--seed", 3, "--draw", number, "--jobs", 1, "--out", tmp_path, "--json")
-    record = json.loads(left.out)
-    assert (left.code, record["drawn"], record["verdicts"]) == (1, 1, {"differs": 1})
+    code = main(["--seed", "3", "--draw", str(number), "--jobs", "1", "--out", str(tmp_path)])
+    record = json.loads((tmp_path / "fuzz.json").read_text())
+    assert (code, record["drawn"], record["verdicts"]) == (1, 1, {"differs": 1})
     (red,) = record["red"]
     assert (red["draw"], red["failure"]) == (number, "differs in f (stage pair)")
     assert "must be red" in red["note"] and not red["small"]  # the fault is not LAMMPS', so that it is gone
@@ -185,10 +165,11 @@ def test_what_loses_its_particles(periodic: bool, boundary: str, speed: float, l
     assert loses(prepared_case.prepare(casefile.load_file(file)[0]), "2025.7.22.4.0") == lost
 
 
-@pytest.mark.parametrize("arguments", [("--seconds", 0), ("--draw", -1), ("--seed", "one")])
-def test_wrong_numbers_are_refused(arguments: tuple[object, ...], tmp_path: Path, eos_ref_command: Run) -> None:
-    left = eos_ref_command("fuzz", *arguments, "--out", tmp_path / "out")
-    assert left.code == 2 and left.err.count("\n") == 1
+@pytest.mark.parametrize("arguments", [("--seconds", "0"), ("--draw", "-1")])
+def test_wrong_numbers_are_refused(
+    arguments: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*arguments, "--out", str(tmp_path)]) == 2 and capsys.readouterr().err.count("\n") == 1
 
 
 def test_a_scene_whose_particles_the_reference_loses_is_counted_apart() -> None:

@@ -15,11 +15,11 @@ from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.judgement import evaluate
+from tests.support.outcome import Solver
 from tests.workshop.faults import resolution
 from tests.workshop.faults.resolution import Resolution
 from tests.workshop.faults.scene_numbers import SceneNumber, numbers
-from lammps_cases.verdict.judgement import evaluate
-from tests.support.outcome import Solver
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
 CASES = {case.name: case for case in casefile.load()}

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.workshop import slurm
 from tests.support.same_reports import assert_same
+from tests.workshop import slurm
 from tests.workshop.slurm import PATIENCE, PAUSE, Slurm
 
 pytestmark = [pytest.mark.slurm, pytest.mark.lammps]

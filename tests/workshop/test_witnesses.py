@@ -14,7 +14,7 @@ from lammps_cases.rules import RULES, Rule
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
-from tests.workshop.faults import witnesses, witnesses_page
+from tests.workshop.faults import witnesses
 from tests.workshop.faults.schedule import in_order
 from tests.workshop.faults.witnesses import ENOUGH, CaseRules, ExaminedCase, RuleRow
 
@@ -85,7 +85,7 @@ def test_cases_that_differ_in_what_is_compared_are_one_scene() -> None:
     assert of["twins.fluid.boost"] == of["twins.fluid.ranks"] != of["twins.rk1.boost"]
 
 
-def test_the_table_and_its_page_say_what_is_missing(tmp_path: Path) -> None:
+def test_the_table_says_what_is_missing() -> None:
     said = [
         CaseRules("a.one", "scene 1", 3, {"layer": 4}, ("layer",)),
         CaseRules("a.two", "scene 1", 3, {"layer": 4, "rho0": 9}, ("layer", "rho0")),
@@ -96,14 +96,6 @@ def test_the_table_and_its_page_say_what_is_missing(tmp_path: Path) -> None:
     assert (layer.cases, layer.scenes, layer.taken) == ({2: ("b",), 3: ("a.one", "a.two")}, {2: 1, 3: 1}, 3)
     assert layer.missing == "1 of 2 witnesses in 2D, 1 of 2 witnesses in 3D"
     assert rows["rho0"].missing == "", "laws know no dimension"
-    witnesses_page.write(list(rows.values()), ["rule layer: too few"], 3, tmp_path, "eos-ref witnesses a")
-    page = (tmp_path / "witnesses.html").read_text()
-    assert "a.one, a.two" in page and "rule layer: too few" in page and "formula.normal-inward" in page
-    assert "<code>eos-ref witnesses a</code>" in page
-    assert page.count('<tr id="') == len(rows)
-    witnesses_page.write(list(rows.values()), [], 3, tmp_path, "", whole=False)
-    page = (tmp_path / "witnesses.html").read_text()
-    assert page.count('<tr id="') == 2 and f"2 of {len(rows)} rules of the reference" in page
 
 
 # --- the cases there are
@@ -139,10 +131,3 @@ def test_rule_has_witnesses(rule: Rule, naming: dict[str, list[Case]], examined:
                 found[dimension].add(witnesses.scene_of(case))
     scenes = {dimension: len(of) for dimension, of in found.items()}
     assert RuleRow(rule.name, rule.sentence, {2: (), 3: ()}, scenes, 0).missing == ""
-
-
-def test_every_case_says_what_it_is_for() -> None:
-    """Beside those that LAMMPS has to refuse: what `eos-ref explain CASE` counts helps to choose."""
-    silent = [case.name for case in casefile.load() if not case.exercises and case.scene.expect is None]
-    assert silent == [], "say in `exercises` of the file which rules these cases are for"
-    assert [case.name for case in casefile.load() if case.exercises and case.scene.expect] == []

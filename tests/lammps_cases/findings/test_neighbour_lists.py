@@ -27,9 +27,9 @@ from lammps_cases.run import case_judgement, prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from tests.workshop.faults.substitute import in_place_of
 from lammps_cases.verdict import model_cases
 from tests.support.outcome import Outcome, Solver
+from tests.workshop.faults.substitute import in_place_of
 
 pytestmark = pytest.mark.lammps
 

@@ -26,6 +26,7 @@ from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
+from lammps_cases.verdict.particle_model import Reason
 from tests.workshop.faults import machines
 from tests.workshop.faults.perturbed import (
     JudgingWorkers,
@@ -34,7 +35,6 @@ from tests.workshop.faults.perturbed import (
     rearranged,
     run_and_judge,
 )
-from lammps_cases.verdict.particle_model import Reason
 
 Kind = str
 WHAT: dict[Kind, str] = {

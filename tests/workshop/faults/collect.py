@@ -1,29 +1,38 @@
-"""The campaign of `eos-ref power`: faults planted, resolution measured, false alarms looked for."""
+"""The campaign of `make power`: faults planted, resolution measured, false alarms looked for."""
 
 from __future__ import annotations
 
 import fnmatch
 import hashlib
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 from eos_ref import InputError
 from eos_ref.errors import unknown
 from lammps_cases.comparison.prediction_keys import open_store
 from lammps_cases.engine import installations
+from lammps_cases.findings import LEDGER
 from lammps_cases.records.journal import Parts
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.provenance import run_record
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
-from tests.workshop.faults import alarms, catalogue, record, resolution, schedule
-from tests.workshop.faults.alarms import AlarmRun
-from tests.workshop.faults.fault import SECTIONS, Fault
+from tests.workshop.faults import alarms, formula, input_faults, output_faults, record, resolution, schedule
+from tests.workshop.faults.fault import SECTIONS, Fault, by_id
 from tests.workshop.faults.record import ControlRecord, FaultRecord, Power
-from tests.workshop.faults.resolution import Resolution
 from tests.workshop.faults.schedule import MutationPool
+
+
+@cache
+def faults(engine: str = "") -> dict[str, Fault]:
+    """Return all faults by id, family after family, without those that an engine is known to have."""
+    had = {entry.model_variant.stages for entry in LEDGER if entry.model_variant and entry.listed(engine)} - {None}
+    families: Sequence[Mapping[str, Fault]] = (input_faults.faults(), output_faults.faults(), formula.faults())
+    every = [fault for family in families for fault in family.values()]
+    return by_id(fault for fault in every if formula.stages(fault) not in had)
 
 
 def select(
@@ -36,12 +45,14 @@ def select(
     InputError
         A name that matches no fault.
     """
-    chosen = [fault for fault in faults.values() if family in (None, fault.family)]
     for name in names:
         if not fnmatch.filter(faults, name):
-            raise unknown("fault", name, (*SECTIONS, *faults))
-    if names:
-        chosen = [fault for fault in chosen if any(fnmatch.fnmatchcase(fault.id, name) for name in names)]
+            raise unknown("section or fault", name, (*SECTIONS, *faults))
+    chosen = [
+        fault
+        for fault in faults.values()
+        if family in (None, fault.family) and (not names or any(fnmatch.fnmatchcase(fault.id, name) for name in names))
+    ]
     if sample is not None:
         drawn = sorted(chosen, key=lambda fault: hashlib.sha256(fault.id.encode()).digest())[:sample]
         chosen = [fault for fault in chosen if fault in drawn]
@@ -76,13 +87,13 @@ def collect(
     cases = casefile.select(casefile.load(), tag="quick" if quick_only else None)
     controls: tuple[ControlRecord, ...] = ()
     records: tuple[FaultRecord, ...] = ()
-    measured: list[Resolution] = []
-    alarm_runs: list[AlarmRun] = []
+    measured: list[resolution.Resolution] = []
+    alarm_runs: list[alarms.AlarmRun] = []
     who = EngineRecord(name=engine)
     if "faults" in sections:
         with MutationPool(resolved, jobs, open_store(), every) as pool:
             who = pool.engine
-            chosen = select(catalogue.faults(who.distribution), names, family, sample)
+            chosen = select(faults(who.distribution), names, family, sample)
             controls, records = _faults(pool, cases, chosen, planted, f"{quick_only} {every}", progress)
     if "resolution" in sections:
         measured = resolution.measure(cases, resolved, jobs=jobs, store=open_store(), progress=progress)

@@ -7,14 +7,8 @@ from dataclasses import dataclass
 from typing import Literal, TypeVar, get_args
 
 SECTIONS = ("faults", "resolution", "alarms")  # of a measurement
-Family = Literal["told", "read", "formula", "source"]
+Family = Literal["told", "read", "formula"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
-ABOUT: dict[Family, str] = {
-    "told": "the input to LAMMPS is altered",
-    "read": "the output of LAMMPS is corrupted",
-    "formula": "a named mistake in a formula; the mistaken reference stands in for LAMMPS",
-    "source": "an automatic mutation of the reference's source, which then stands in for LAMMPS",
-}
 Kind = Literal[
     "constant",
     "sign",
@@ -31,7 +25,6 @@ Kind = Literal[
     "single precision",
     "unset",
     "last digits",
-    "source",
 ]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 

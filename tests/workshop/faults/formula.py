@@ -1,25 +1,31 @@
-"""Named mistakes in the formulas, which the mistaken reference makes when it stands in for LAMMPS.
+"""Named mistakes in the formulas of the reference, which stands in for LAMMPS, or breaks its own rules.
 
 Those that the lint knows (`lammps_cases.verdict.law_mistakes`, `lammps_cases.verdict.model_mistakes`), and changes of
-the reference's source written down in ``formula.yaml``.
+the reference's source written down in ``formula.yaml``, addressed by function and syntax tree.
 """
 
 from __future__ import annotations
 
+import ast
+import importlib
 import re
+import textwrap
+import types
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property, partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
+import eos_ref
+from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.records.yaml_files import read_yaml
-from tests.workshop.faults.edits import edited, split_name, text_of
-from tests.workshop.faults.fault import Fault, Kind, by_id
-from tests.workshop.faults.source import SourceFault
 from lammps_cases.verdict import law_mistakes, model_mistakes
+from tests.workshop.faults.fault import Fault, Kind, by_id
 
 EDITS = Path(__file__).with_name("formula.yaml")
 
@@ -37,6 +43,12 @@ class Edit(BaseModel):
     by: str
     at: int | None = Field(None, ge=1)
 
+    @property
+    def place(self) -> tuple[str, str]:
+        """Return the module below ``eos_ref`` and the qualified name within it."""
+        module, _, name = self.function.removeprefix("eos_ref.").partition(":")
+        return module, name
+
 
 @dataclass(frozen=True)
 class LintFault(Fault):
@@ -44,6 +56,14 @@ class LintFault(Fault):
 
     table: Literal["law", "stage"]
     name: str
+
+
+@dataclass(frozen=True)
+class SourceFault(Fault):
+    """A fault in a module of the reference: its text with the fault in it."""
+
+    module: str
+    text: str
 
 
 # What the lint's mistakes are; any other is a missing term.
@@ -77,10 +97,12 @@ def faults() -> dict[str, SourceFault | LintFault]:
     planted: list[SourceFault | LintFault] = []
     for table, names in (("law", law_mistakes.MUTANTS), ("stage", model_mistakes.MUTANTS)):
         for name in names:
-            fault = f"formula.lint-{_slug(name)}"
-            planted.append(LintFault(fault, _KINDS.get(name, "missing term"), f"{name} (lint)", table, name))  # type: ignore[arg-type]
+            slug = "-".join(re.findall(r"[^\W_]+", name.lower()))
+            planted.append(
+                LintFault(f"formula.lint-{slug}", _KINDS.get(name, "missing term"), f"{name} (lint)", table, name)
+            )  # type: ignore[arg-type]
     for fault, edit in edits().items():
-        module, name = split_name(edit.function)
+        module, name = edit.place
         text = edited(text_of(module), name, edit.replace, edit.by, edit.at, f"{EDITS.name}, {edit.id}")
         planted.append(SourceFault(fault, edit.kind, edit.what, module, text))
     return by_id(planted)
@@ -90,9 +112,7 @@ def faults() -> dict[str, SourceFault | LintFault]:
 def edits() -> dict[str, Edit]:
     """Return the changes of the reference's source by the ids of their faults, in order."""
     every = TypeAdapter(list[Edit]).validate_python(read_yaml(EDITS, "faults"))
-    named = {f"formula.{edit.id}": edit for edit in every}
-    assert len(named) == len(every), "two faults of one id"
-    return named
+    return {f"formula.{edit.id}": edit for edit in every}
 
 
 def stages(fault: Fault) -> type[ArrayEvaluator] | None:
@@ -101,5 +121,153 @@ def stages(fault: Fault) -> type[ArrayEvaluator] | None:
     return model_mistakes.MUTANTS[fault.name].stages if in_lint else None  # type: ignore[attr-defined]
 
 
-def _slug(name: str) -> str:
-    return "-".join(re.findall(r"[^\W_]+", name.lower()))
+# --- the source changed
+
+
+def text_of(module: str) -> str:
+    """Return the source of a module of the reference, named below ``eos_ref``."""
+    return (Path(eos_ref.__file__).parent / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8")
+
+
+def edited(text: str, name: str, replace: str, by: str, at: int | None = None, where: str = "") -> str:
+    """Return a module's source with one expression, or one run of statements, replaced in one definition.
+
+    Parameters
+    ----------
+    text : str
+        The module's source.
+    name : str
+        Qualified name of the definition within the module: a class, a function, a method, or a constant.
+    replace, by : str
+        Python expressions; or statements, of which ``by`` may have none.
+    at : int, optional
+        Which match is replaced, from 1 on; without it there must be exactly one.
+    where : str, optional
+        What asks for the change, for messages.
+
+    Raises
+    ------
+    InputError
+        Text that is not Python, a name that the module does not define, no match, or several without ``at``.
+    """
+    old, new = _parsed(replace, where), _parsed(by, where)
+    tree = ast.parse(text)
+    inside = _definition(tree, name, where)
+    if len(old) == len(new) == 1 and isinstance(old[0], ast.Expr) and isinstance(new[0], ast.Expr):
+        matches = _expressions(inside, old[0].value, new[0].value)
+    else:
+        matches = _statements(inside, old, new)
+    if not matches or (len(matches) > 1 if at is None else at > len(matches)):
+        rule = f"must be in {name} once" if at is None else f"must be in {name} at least {at} times"
+        raise InputError(f"source {replace!r}", rule, f"{len(matches)} times", where)
+    matches[(at or 1) - 1]()
+    return ast.unparse(tree)
+
+
+def _definition(tree: ast.Module, name: str, where: str) -> ast.AST:
+    node: ast.AST = tree
+    for part in name.split("."):
+        inner = [child for child in getattr(node, "body", ()) if part in _names(child)]
+        if not inner:
+            raise InputError("name", "must be that of a definition in the reference's module", name, where)
+        node = inner[0]
+    return node
+
+
+def _names(statement: ast.stmt) -> list[str]:
+    match statement:
+        case ast.FunctionDef() | ast.ClassDef():
+            return [statement.name]
+        case ast.Assign():
+            return [target.id for target in statement.targets if isinstance(target, ast.Name)]
+        case ast.AnnAssign(target=ast.Name(id=name)):
+            return [name]
+    return []
+
+
+def _parsed(text: str, where: str) -> list[ast.stmt]:
+    try:
+        return ast.parse(textwrap.dedent(text)).body
+    except SyntaxError as error:
+        raise InputError("source", f"must be Python ({error.msg})", text, where) from None
+
+
+def _expressions(inside: ast.AST, old: ast.expr, new: ast.expr) -> list[Callable[[], None]]:
+    """Return the replacements of an expression, one for each place that has it."""
+    changes: list[Callable[[], None]] = []
+    for node in ast.walk(inside):
+        for name, child in ast.iter_fields(node):
+            if isinstance(child, list):
+                changes += [partial(child.__setitem__, k, new) for k, part in enumerate(child) if _same(part, old)]
+            elif _same(child, old):
+                changes.append(partial(setattr, node, name, new))
+    return changes
+
+
+def _statements(inside: ast.AST, old: list[ast.stmt], new: list[ast.stmt]) -> list[Callable[[], None]]:
+    """Return the replacements of a run of statements, one for each place that has it."""
+    bodies = (getattr(node, name, None) for node in ast.walk(inside) for name in ("body", "orelse", "finalbody"))
+    return [
+        partial(body.__setitem__, slice(k, k + len(old)), new or [ast.Pass()] * (len(body) == len(old)))
+        for body in bodies
+        if isinstance(body, list)
+        for k in range(len(body) - len(old) + 1)
+        if all(map(_same, body[k : k + len(old)], old))
+    ]
+
+
+def _same(node: object, wanted: ast.AST) -> bool:
+    return isinstance(node, ast.AST) and type(node) is type(wanted) and ast.dump(node) == ast.dump(wanted)
+
+
+# --- a mistake made in this process
+
+
+@contextmanager
+def made(fault: str) -> Iterator[None]:
+    """Have the reference of this process make a mistake of ``formula.yaml``, in every module that has the function.
+
+    Where many scenes are put to many mistakes, as by `make witnesses`, a process for each would take too long. The
+    compiled evaluator, whose machine code exists already, is not changed; arrays do without their compiled loops.
+
+    Raises
+    ------
+    InputError
+        A mistake of another kind, or in what is no function.
+    """
+    function, code = _changed(fault)
+    right, function.__code__ = function.__code__, code
+    loops, ArrayEvaluator.loops = ArrayEvaluator.loops, None
+    try:
+        yield
+    finally:
+        function.__code__, ArrayEvaluator.loops = right, loops
+
+
+@cache
+def _changed(fault: str) -> tuple[types.FunctionType, types.CodeType]:
+    """Return the function that a mistake changes, and its mistaken code."""
+    edit = edits().get(fault)
+    if edit is None:
+        raise InputError("fault", "must be a change of the reference's source", fault)
+    module, name = edit.place
+    of: Any = importlib.import_module(f"eos_ref.{module}")
+    for part in name.split("."):
+        of = vars(of)[part]
+    of = of.fget if isinstance(of, property) else of.func if isinstance(of, cached_property) else of
+    source = faults()[fault]
+    assert isinstance(source, SourceFault)
+    code = _code(compile(source.text, f"{fault} in {module}", "exec", dont_inherit=True), name)
+    if not isinstance(of, types.FunctionType) or code is None:
+        raise InputError("fault", "must be in a function", f"{fault} in {name}")
+    return of, code
+
+
+def _code(of: types.CodeType, name: str) -> types.CodeType | None:
+    """Return the code of a function by its qualified name among the constants of a module."""
+    for part in (const for const in of.co_consts if isinstance(const, types.CodeType)):
+        if part.co_qualname == name:
+            return part
+        if name.startswith(f"{part.co_qualname}.") and (inner := _code(part, name)):
+            return inner
+    return None

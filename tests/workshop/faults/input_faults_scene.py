@@ -7,8 +7,8 @@ from functools import partial
 from lammps_cases.scene.materials import LawSettings
 from lammps_cases.scene.settings import SurfaceDetectionSettings
 from tests.workshop.faults.fault import Kind
-from tests.workshop.faults.input_faults import InputFault
 from tests.workshop.faults.scene_changes import (
+    InputFault,
     SceneChange,
     Updates,
     altered,

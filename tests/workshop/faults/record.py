@@ -1,4 +1,4 @@
-"""The results of `eos-ref power` on disk: ``power.json``, and ``planted.jsonl`` with every fault as it is done."""
+"""The results of `make power` on disk: ``power.json``, and ``planted.jsonl`` with every fault as it is done."""
 
 from __future__ import annotations
 
@@ -6,27 +6,20 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter
 
-from lammps_cases.findings import severities
-from lammps_cases.records.documents import SCHEMAS, Document
-from lammps_cases.records.headline import Headline, headline
+from lammps_cases.records.documents import INFINITE
+from lammps_cases.records.files import write_atomically
 from lammps_cases.records.journal import Parts
-from lammps_cases.records.levels import FailOn
-from lammps_cases.records.wording import counted
 from lammps_cases.records.yaml_files import read_yaml
 from tests.workshop.faults.alarms import AlarmRun
-from tests.workshop.faults.coverage import coverage
 from tests.workshop.faults.fault import FAMILIES, Detection, Family, Fault, files
 from tests.workshop.faults.resolution import Resolution
 from tests.workshop.faults.tasks import Control
 
 ALL_RATE, QUICK_RATE = 0.99, 0.90  # of all faults, that some case and that a quick case has to catch
-SHOWN = ("argued.yaml", "page.py", "cli.py", "coverage.py")  # what decides only what is said of it
 ARGUED = Path(__file__).with_name("argued.yaml")
-_INFINITE = ConfigDict(ser_json_inf_nan="strings")
 
 
 class FaultArgument(BaseModel):
@@ -60,11 +53,6 @@ class FaultRecord:
     seen: tuple[Detection, ...] = ()
     argued: str = ""
 
-    @property
-    def single(self) -> bool:
-        """Return whether cases of one file alone see it."""
-        return len(files(self.seen)) == 1
-
 
 @dataclass(frozen=True)
 class ControlRecord:
@@ -77,14 +65,14 @@ class ControlRecord:
 
 @dataclass(frozen=True)
 class Power:
-    """Everything found; the single source of page and JSON.
+    """Everything found.
 
     Attributes
     ----------
     whole : whether all faults were planted in all cases, so that the rates count
     """
 
-    __pydantic_config__ = _INFINITE
+    __pydantic_config__ = INFINITE
 
     command: str
     machine: dict[str, str]
@@ -96,7 +84,6 @@ class Power:
     faults: tuple[FaultRecord, ...]
     resolution: tuple[Resolution, ...] = ()
     alarms: tuple[AlarmRun, ...] = ()
-    schema: str = SCHEMAS["power"]
 
     @property
     def caught(self) -> int:
@@ -111,7 +98,7 @@ class Power:
     @property
     def single(self) -> list[FaultRecord]:
         """Return the faults that cases of one file alone detect."""
-        return [fault for fault in self.faults if fault.single]
+        return [fault for fault in self.faults if len(files(fault.seen)) == 1]
 
     @property
     def hidden(self) -> list[FaultRecord]:
@@ -119,25 +106,12 @@ class Power:
         return [fault for fault in self.faults if fault.seen and all(one.manual for one in fault.seen)]
 
     @property
-    def statement(self) -> str:
-        """Return the rate with what it leaves out, in one sentence; empty without faults."""
-        if not self.faults:
-            return ""
-        caught = f"{self.caught} of {len(self.faults)} planted faults caught ({self.caught / len(self.faults):.1%})"
-        of_them = f"{len(self.single)} of them by the cases of a single file, {len(self.hidden)} only where no finding"
-        return f"{caught}, {of_them} of the engine stands in their place; {coverage().sentence()}."
-
-    @property
-    def missed(self) -> list[FaultRecord]:
-        """Return the faults that no case detects."""
-        return [fault for fault in self.faults if not fault.caught_by]
-
-    @property
     def complaints(self) -> list[str]:
         """Return what is wrong, one line each."""
         lines = [f"control {control.family}: {red}" for control in self.controls for red in control.red]
         if not self.quick_only:
-            lines += [f"unseen: {fault.id}: {fault.what}" for fault in self.missed if not fault.argued]
+            unseen = (fault for fault in self.faults if not fault.caught_by and not fault.argued)
+            lines += [f"unseen: {fault.id}: {fault.what}" for fault in unseen]
         if self.whole:
             rates = [("quick", self.quick, QUICK_RATE)]
             rates += [] if self.quick_only else [("all", self.caught, ALL_RATE)]
@@ -146,29 +120,6 @@ class Power:
                     lines.append(f"{name} cases catch {count} of {len(self.faults)} faults, fewer than {least:.0%}")
         alarms = [alarm for run in self.alarms for alarm in run.alarms if not alarm.finding]
         return lines + [f"false alarm, {alarm.kind}: {alarm.case}: {alarm.message}" for alarm in alarms]
-
-    @property
-    def summary(self) -> str:
-        """Return what was found, in one line."""
-        parts = []
-        if self.faults:
-            parts.append(f"{self.caught} of {len(self.faults)} planted faults caught, {self.quick} by quick cases")
-            parts.append(f"{coverage().unmutated} functions of the reference not mutated")
-        if self.resolution:
-            unseen = sum(r.best is None for r in self.resolution)
-            parts.append(f"{len(self.resolution)} parameters, {unseen} of them seen by no case")
-        if self.alarms:
-            parts.append(counted(sum(run.false for run in self.alarms), "false alarm"))
-        return "; ".join(parts)
-
-    def headline(self, fail_on: FailOn = "new") -> Headline:
-        """Return the headline: amber where cases turn red without a planted fault, by findings alone."""
-        findings = (alarm.finding for run in self.alarms for alarm in run.alarms if alarm.finding)
-        wrong = [counted(len(self.complaints), "complaint")] if self.complaints else []
-        return headline(severities(findings), wrong, same="all checks as required", fail_on=fail_on)
-
-
-_DOCUMENT = Document("power", Power)
 
 
 def arguments(path: Path = ARGUED) -> dict[tuple[str, str], str]:
@@ -192,10 +143,10 @@ def with_arguments(records: Sequence[FaultRecord]) -> tuple[FaultRecord, ...]:
 
 
 def controls(measured: Sequence[Control]) -> tuple[ControlRecord, ...]:
-    """Return the control of every family: of `told` and `read` LAMMPS' own answers, of the others the reference's."""
+    """Return the control of every family: of `told` and `read` LAMMPS' own answers, of `formula` the reference's."""
 
     def of(family: Family) -> ControlRecord:
-        by_lammps = family in ("told", "read")
+        by_lammps = family != "formula"
         used = [c for c in measured if by_lammps or c.played is not None]
         red = [c for c in used if not (c.answered if by_lammps else c.played and c.manual is not False)]
         return ControlRecord(family, len(used), tuple(f"{c.case}: {'; '.join(c.red)}" for c in red))
@@ -205,21 +156,7 @@ def controls(measured: Sequence[Control]) -> tuple[ControlRecord, ...]:
 
 def write(power: Power, folder: Path) -> None:
     """Write ``power.json``."""
-    _DOCUMENT.write(folder / "power.json", power)
-
-
-def document(power: Power) -> dict[str, Any]:
-    """Return what ``--json`` prints."""
-    whole = _DOCUMENT.plain(power)
-    rates = {"faults": len(power.faults), "caught": power.caught, "caught_by_quick": power.quick}
-    parts = {name: whole[name] for name in ("faults", "resolution", "alarms", "controls")}
-    of = coverage()
-    said = {
-        "statement": power.statement,
-        "single_witness": [fault.id for fault in power.single],
-        "not_mutated": {reason: list(functions) for reason, functions in of.left_out.items()},
-    }
-    return parts | {"rates": rates, "complaints": power.complaints} | said
+    write_atomically(folder / "power.json", TypeAdapter(Power).dump_json(power, indent=1) + b"\n")
 
 
 # --- faults as they are done
@@ -229,9 +166,9 @@ def sources() -> str:
     """Return the SHA-256 of all that decides which faults are planted and detected: sources and cases."""
     digest = hashlib.sha256()
     root = Path(__file__).parents[3]
-    for package in ("eos_ref", "lammps_cases"):
+    for package in ("eos_ref", "lammps_cases", "tests/workshop/faults"):
         for path in sorted((root / package).rglob("*")):
-            if path.suffix in (".py", ".yaml", ".csv", ".extxyz") and path.name not in SHOWN:
+            if path.suffix in (".py", ".yaml", ".csv", ".extxyz") and path != ARGUED:
                 digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()
 

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from eos_ref.eos.registry import PARAMETER
+from lammps_cases.engine.session import Job
 from lammps_cases.scene import PowerLaw, Scene
 from lammps_cases.scene.settings import ShiftSettings
+from tests.workshop.faults.fault import Fault
 
 SceneChange = Callable[[Scene], Scene]
+JobChange = Callable[[Job], Job]
 Updates = dict[str, Any]  # keys of a part of a scene, with their new values
 PartChange = Callable[[Any], Updates | None]  # None: the part is left out
+
+
+@dataclass(frozen=True)
+class InputFault(Fault):
+    """A fault in what LAMMPS is given: a change of the scene, or of the job made from it."""
+
+    change_scene: SceneChange | None = None
+    change_job: JobChange | None = None
+
 
 # --- how
 

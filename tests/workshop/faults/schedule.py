@@ -20,7 +20,7 @@ from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene.casefile import Case
-from tests.workshop.faults import formula, source, substitute, tasks
+from tests.workshop.faults import formula, substitute, tasks
 from tests.workshop.faults.fault import Detection, Fault, files
 from tests.workshop.faults.perturbed import JudgingWorkers
 from tests.workshop.faults.substitute import Mutation, Substitution
@@ -240,5 +240,5 @@ class MutationPool:
 def _mutation(fault: Fault) -> Mutation:
     if isinstance(fault, formula.LintFault):
         return Mutation(table=fault.table, name=fault.name)
-    assert isinstance(fault, source.SourceFault)
+    assert isinstance(fault, formula.SourceFault)
     return Mutation(fault.module, fault.text)

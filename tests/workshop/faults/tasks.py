@@ -16,11 +16,11 @@ from lammps_cases.findings import LEDGER, shown_by
 from lammps_cases.records.run_record import CaseRecord, HarnessError, LostAtoms
 from lammps_cases.run.case_judgement import faulty, listed, with_lists
 from lammps_cases.run.prepared_case import PreparedCase
-from tests.workshop.faults import catalogue, input_faults, output_faults, substitute
+from lammps_cases.verdict.model_cases import problem_of
+from tests.workshop.faults import input_faults, output_faults, substitute
 from tests.workshop.faults.answers import AnsweredCase, Outcome, keep, recall
 from tests.workshop.faults.fault import Detection, files
 from tests.workshop.faults.perturbed import PerturbedCase, PerturbedJudge, outcome
-from lammps_cases.verdict.model_cases import problem_of
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def detect(
     detections: list[Detection] = []
     for name in names:
         case = recall(folder, name)
-        outcomes = _of_input(site, fault, case) if fault in catalogue.input_faults() else _of_output(fault, case)
+        outcomes = _of_input(site, fault, case) if fault in input_faults.faults() else _of_output(fault, case)
         if outcomes and (detection := _detection(judge, case, outcomes)):
             detections.append(detection)
             if wanted is not None and len(files(detections)) >= wanted:
@@ -104,7 +104,7 @@ def _of_input(site: str | None, fault: str, case: AnsweredCase) -> list[Outcome]
 
     Where lists decide the verdict, those of the faulty run are read: without any it would be red for want of them.
     """
-    planted = catalogue.input_faults()[fault]
+    planted = input_faults.faults()[fault]
     outcomes = [outcome(site, job) for job in input_faults.jobs(planted, case.ready) or ()]
     followed = any(isinstance(one, Answer) and one.lists for one in case.outcomes)
     if not outcomes or not followed or not all(isinstance(one, Answer) for one in outcomes):

@@ -31,10 +31,9 @@ from lammps_cases.rules import RULES, Rule
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
-from tests.workshop.faults import formula, in_place
-from tests.workshop.faults.source import SourceFault
 from lammps_cases.verdict import exercise, law_mistakes, model_mistakes
 from lammps_cases.verdict.model_cases import problem_of
+from tests.workshop.faults import formula
 
 ENOUGH = 2  # witnesses of a rule, in different scenes, in every dimension in which it has to have them
 
@@ -110,7 +109,7 @@ class ExaminedCase:
                 return False
             mistaken_n = law_mistakes.MUTANTS[planted.name](self.ready.eos, state)
         else:
-            with in_place.made(fault):
+            with formula.made(fault):
                 mistaken_n = evaluate(self.ready.eos, state)
         return mistaken_n is not None and _outside(mistaken_n, p_n, bound_n)
 
@@ -137,9 +136,9 @@ class ExaminedCase:
     def _shows(self, fault: str, problem: Problem) -> bool:
         planted, random = formula.faults()[fault], seed(f"{self.ready.case.name}/moved runs")
         stages, stepping = self._made or (ArrayEvaluator, Simulation)
-        if isinstance(planted, SourceFault):
+        if isinstance(planted, formula.SourceFault):
             right = self.predictor.predict(problem, self._made, random)
-            with in_place.made(fault):
+            with formula.made(fault):
                 return _differs(problem, right, stages, stepping)
         if planted.table != "stage":
             return False

@@ -13,14 +13,14 @@ from pydantic import ValidationError
 
 from eos_ref import InputError
 from eos_ref.syntax.manual import Manual
+from lammps_cases.run.prepared_case import PreparedCase, prepare
+from lammps_cases.scene import Scene
+from lammps_cases.scene.casefile import Case
 from tests.workshop.fuzz import schema
 from tests.workshop.fuzz.chance import Chance
 from tests.workshop.fuzz.fit import fitted
 from tests.workshop.fuzz.rules import GIVEN, HANDLED, LEFT_OUT, NEVER, RULES, type_range
 from tests.workshop.fuzz.scope import Content, Scope
-from lammps_cases.run.prepared_case import PreparedCase, prepare
-from lammps_cases.scene import Scene
-from lammps_cases.scene.casefile import Case
 
 OPTIONAL = 0.35  # probability of a key that nothing is said of
 ATTEMPTS = 50

@@ -13,15 +13,15 @@ from eos_ref.model.consistent import consistent_model, consistent_state
 from eos_ref.model.parameters import Model
 from eos_ref.model.state import State
 from eos_ref.model.units import UNITS
-from tests.workshop.fuzz.chance import Chance, rounded
-from tests.workshop.fuzz.scope import Content
-from tests.workshop.fuzz.units import in_own_units
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.stability.kinds import moment_matrices
 from lammps_cases.studies.stability.limits import numbers
+from tests.workshop.fuzz.chance import Chance, rounded
+from tests.workshop.fuzz.scope import Content
+from tests.workshop.fuzz.units import in_own_units
 
 Prepare = Callable[[Content], PreparedCase]
 BUILDS = ("every", "delay")  # settings by which lists may be older than the last step

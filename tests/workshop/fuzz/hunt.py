@@ -16,11 +16,6 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER, with_gap
-from tests.workshop.fuzz.coverage import ChoiceCounts
-from tests.workshop.fuzz.draw import DrawnScene, draws
-from tests.workshop.fuzz.lost import loses
-from tests.workshop.fuzz.record import DOCUMENT, FuzzRecord, Red
-from tests.workshop.fuzz.rules import NEVER
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
@@ -32,6 +27,11 @@ from lammps_cases.shrink.failure import FailureMode, failure_mode
 from lammps_cases.shrink.shrink import WorkerJudge, shrink
 from lammps_cases.verdict.model_cases import left_to_chance
 from lammps_cases.verdict.runaway import LOST
+from tests.workshop.fuzz.coverage import ChoiceCounts
+from tests.workshop.fuzz.draw import DrawnScene, draws
+from tests.workshop.fuzz.lost import loses
+from tests.workshop.fuzz.record import FuzzRecord, Red
+from tests.workshop.fuzz.rules import NEVER
 
 if TYPE_CHECKING:
     from lammps_cases.verdict.outcome import Arrays
@@ -188,7 +188,7 @@ class Hunt:
             self._write(record)
 
     def _write(self, record: FuzzRecord) -> None:
-        DOCUMENT.write(self.folder / "fuzz.json", record)
+        write_atomically(self.folder / "fuzz.json", record.model_dump_json(indent=1) + "\n")
 
 
 def record_of(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, engine: EngineRecord) -> CaseRecord:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from lammps_cases.records.documents import SCHEMAS, Document, Record
+from lammps_cases.records.documents import Record
 from lammps_cases.records.run_record import EngineRecord
 
 
@@ -26,7 +26,6 @@ class Red(Record):
 class FuzzRecord(Record):
     """Random scenes of one seed on one engine."""
 
-    schema_: str = Field(SCHEMAS["fuzz"], alias="schema")
     engine: EngineRecord
     command: str = ""
     seed: int
@@ -62,11 +61,3 @@ class FuzzRecord(Record):
         """Share of the attempts that were no scene."""
         failed = sum(self.rejected.values())
         return failed / max(failed + self.drawn, 1)
-
-    @property
-    def missed(self) -> list[str]:
-        """Choices that no scene took."""
-        return [choice for choice, count in self.choices.items() if not count]
-
-
-DOCUMENT = Document("fuzz", FuzzRecord)

@@ -12,12 +12,12 @@ import numpy as np
 from eos_ref.model.box import TILTED
 from eos_ref.model.quantities import keyword_of
 from eos_ref.model.units import UNITS
-from tests.workshop.fuzz.chance import Chance, rounded
-from tests.workshop.fuzz.rules_particles import LEFT_OUT, leaning
-from tests.workshop.fuzz.scope import Content, Scope
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.scene.runs import Boundary
 from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM, LOSES_MASSES, ROUTES
+from tests.workshop.fuzz.chance import Chance, rounded
+from tests.workshop.fuzz.rules_particles import LEFT_OUT, leaning
+from tests.workshop.fuzz.scope import Content, Scope
 
 SECONDS = 30.0  # that LAMMPS may take: a scene of some tens of particles and steps takes milliseconds
 TO_BE_SET = 1.0  # time step, which follows from the scene when it is complete; see `tests.workshop.fuzz.fit`

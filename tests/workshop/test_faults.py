@@ -290,7 +290,7 @@ def test_command_goes_on_where_it_was_left(tmp_path: Path, capsys: pytest.Captur
         "told.kappa-off": [],
     }
     assert found["resolution"] == []
-    assert "told         2 of    3 caught,    1 by quick cases" in capsys.readouterr().out
+    assert "told        2 of    3 caught,    1 by quick cases" in capsys.readouterr().out
     kept = (tmp_path / "planted.jsonl").read_bytes()
     assert power.main(asked) == 1
     assert "unseen: told.kappa-off" in capsys.readouterr().out

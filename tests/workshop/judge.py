@@ -1,7 +1,7 @@
 """Mutants of the judge that its tests leave alive, and why no test can see them (``make judge``).
 
 mutmut changes one expression at a time in comparison, verdict and findings, and runs the tests that reach it, but for
-those that need LAMMPS. What it leaves alive judges recorded answers of LAMMPS (``tests/support/recorded_answers.py``),
+those that need LAMMPS. What it leaves alive judges recorded answers of LAMMPS (`tests.workshop.recorded_answers`),
 which variants of the reference have to reproduce. The rest is either argued in ``judge.yaml`` or a gap.
 """
 

@@ -26,7 +26,7 @@ from typing import Any
 
 from lammps_cases.engine import installations
 from lammps_cases.scene import casefile
-from tests.support import traps
+from tests.workshop import traps
 
 EXCHANGED = {0x58: 0x5C, 0x5C: 0x58, 0x59: 0x5E, 0x5E: 0x59, 0x5D: 0x5F, 0x5F: 0x5D}  # add sub, mul div, min max
 ARITHMETIC = re.compile(r"(add|sub|mul|div|min|max)[sp]d")

@@ -205,7 +205,7 @@ def test_names_of_faults() -> None:
 
 def _power(*faults: FaultRecord, **more: Any) -> Power:
     whole = {"whole": False, "quick_only": False, "controls": (), "resolution": (), "alarms": ()} | more
-    return Power("eos-ref power", {"cores": "2"}, {"name": "env"}, seconds=1.0, faults=faults, **whole)
+    return Power("power", {"cores": "2"}, {"name": "env"}, seconds=1.0, faults=faults, **whole)
 
 
 def _fault(name: str, *cases: str, quick: bool = True, argued: str = "") -> FaultRecord:

@@ -13,7 +13,8 @@ from lammps_cases.comparison import store
 from lammps_cases.engine.workers import RECYCLED
 from lammps_cases.history import store as history
 from lammps_cases.records.run_record import read_run
-from tests.support import dask_cluster, soak
+from tests.support import dask_cluster
+from tests.workshop import soak
 
 pytestmark = [pytest.mark.soak, pytest.mark.lammps, pytest.mark.slow]
 CASES, JOBS = int(os.environ.get("EOS_REF_SOAK", "20000")), 2

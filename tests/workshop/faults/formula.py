@@ -100,7 +100,7 @@ def faults() -> dict[str, SourceFault | LintFault]:
             slug = "-".join(re.findall(r"[^\W_]+", name.lower()))
             planted.append(
                 LintFault(f"formula.lint-{slug}", _KINDS.get(name, "missing term"), f"{name} (lint)", table, name)
-            )  # type: ignore[arg-type]
+            )
     for fault, edit in edits().items():
         module, name = edit.place
         text = edited(text_of(module), name, edit.replace, edit.by, edit.at, f"{EDITS.name}, {edit.id}")

@@ -97,7 +97,7 @@ def _prepared(seed: int, number: int, content: Content) -> PreparedCase:
     InputError, ValidationError
         It is no scene.
     """
-    about = f"Drawn at random: eos-ref fuzz --seed {seed} --draw {number}."
+    about = f"Drawn at random: make fuzz FUZZ='--seed {seed} --draw {number}'."
     case = Case(f"drawn-{seed}-{number}", about, ("drawn",), Scene.model_validate(content), SOURCE, shipped=False)
     return prepare(case)
 

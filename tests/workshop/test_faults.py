@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import replace
-from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,6 @@ from tests.workshop.faults.alarms import Alarm, AlarmRun
 from tests.workshop.faults.fault import FAMILIES, KINDS, Detection, files
 from tests.workshop.faults.record import ControlRecord, FaultRecord, Power
 from tests.workshop.faults.schedule import MutationPool
-from tests.workshop.faults.substitute import Mutation, load
 from tests.workshop.faults.tasks import Control
 
 CASES = {case.name: case for case in casefile.load()}
@@ -64,8 +62,8 @@ SEEN: dict[str, tuple[str, str, str] | None] = {
 
 def _own_fault(name: str, statement: str) -> formula.SourceFault:
     """A fault in the law of NAMES[0]."""
-    changed = formula.edited(formula.text_of("eos.laws"), "linear", "return cs * cs * (rho - rho0)", statement)
-    return formula.SourceFault(f"formula.{name}", "option", statement, "eos.laws", changed)
+    law = ("eos_ref.eos.laws:linear", "return cs * cs * (rho - rho0)")
+    return formula.SourceFault(f"formula.{name}", "option", statement, *law, statement)
 
 
 OWN = {
@@ -76,14 +74,6 @@ OWN = {
         _own_fault("raises", "raise ValueError('no')"),
     )
 }
-
-
-@pytest.fixture(scope="module", autouse=True)
-def server() -> Iterator[None]:
-    """Mistakes are loaded in processes without the reference, forked from a server that has not imported it either."""
-    forkserver._forkserver._stop()  # type: ignore[attr-defined]
-    yield
-    forkserver._forkserver._stop()  # type: ignore[attr-defined]
 
 
 @pytest.fixture(scope="module")
@@ -149,14 +139,6 @@ def test_mistakes_that_an_engine_has_are_not_planted_there() -> None:
 
 
 @pytest.mark.slow
-def test_changed_sources_are_others_each() -> None:
-    changed = [fault for fault in formula.faults().values() if isinstance(fault, formula.SourceFault)]
-    assert len({(fault.module, fault.text) for fault in changed}) == len(changed)
-    for fault in changed:
-        compile(fault.text, fault.id, "exec")
-
-
-@pytest.mark.slow
 def test_a_sample_is_the_same_each_time() -> None:
     drawn = [fault.id for fault in collect.select(collect.faults(), (), sample=7)]
     assert drawn == [fault.id for fault in collect.select(collect.faults(), (), sample=7)]
@@ -179,11 +161,6 @@ def test_an_answer_is_spoiled_without_touching_the_right_one(planted: Any) -> No
         faulty = output_faults.applied(fault, answer)
         assert right["f"].tolist() == np.arange(12.0).reshape(4, 3).tolist(), fault.id
         assert faulty is None or set(faulty.arrays) == set(right)
-
-
-def test_a_loaded_reference_cannot_be_mistaken() -> None:
-    with pytest.raises(RuntimeError, match="loaded already"):
-        load(Mutation("eos.laws", "x = 1"))
 
 
 @pytest.mark.lammps

@@ -32,11 +32,11 @@ def test_a_mistake_in_what_a_finding_replaces_is_seen_in_place_of_a_lammps_witho
     (case,) = casefile.select(casefile.load(), ("twins-units.fluids.real",))
     control = tasks.answer_case(None, judge, tmp_path, prepared_case.prepare(case))
     assert (control.answered, control.played, control.manual, control.red) == (True, True, True, ())
-    with formula.made("formula.units-k-unconverted"):
-        found = {
-            engine: substitute.answer_cases(substitute.Mutation(), tmp_path, [case.name], engine, 1, 30.0)
-            for engine in (judge.engine.distribution, None)
-        }
+    mistake = formula.edits()["formula.units-k-unconverted"]
+    found = {
+        engine: substitute.answer_cases(mistake, tmp_path, [case.name], engine, 1, 30.0)
+        for engine in (judge.engine.distribution, None)
+    }
     assert found["2025.7.22.4.0"] == []
     (played,) = found[None]
     detection = tasks.judge_substitution(None, judge, tmp_path, played)

@@ -1,4 +1,4 @@
-"""Planted faults. Nothing of the reference is imported here: a changed one may still be loaded."""
+"""Planted faults."""
 
 from __future__ import annotations
 

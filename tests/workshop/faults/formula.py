@@ -9,18 +9,18 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+import sys
 import textwrap
 import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
 
-import eos_ref
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.records.yaml_files import read_yaml
@@ -28,26 +28,6 @@ from lammps_cases.verdict import law_mistakes, model_mistakes
 from tests.workshop.faults.fault import Fault, Kind, by_id
 
 EDITS = Path(__file__).with_name("formula.yaml")
-
-
-class Edit(BaseModel):
-    """A mistake as ``formula.yaml`` holds it."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    id: str
-    kind: Kind
-    what: str
-    function: str
-    replace: str
-    by: str
-    at: int | None = Field(None, ge=1)
-
-    @property
-    def place(self) -> tuple[str, str]:
-        """Return the module below ``eos_ref`` and the qualified name within it."""
-        module, _, name = self.function.removeprefix("eos_ref.").partition(":")
-        return module, name
 
 
 @dataclass(frozen=True)
@@ -60,10 +40,14 @@ class LintFault(Fault):
 
 @dataclass(frozen=True)
 class SourceFault(Fault):
-    """A fault in a module of the reference: its text with the fault in it."""
+    """A change of a function of the reference, ``eos_ref.MODULE:NAME``; see `edited`."""
 
-    module: str
-    text: str
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    function: str
+    replace: str
+    by: str
+    at: int | None = None
 
 
 # What the lint's mistakes are; any other is a missing term.
@@ -94,25 +78,21 @@ _KINDS: dict[str, Kind] = {
 @cache
 def faults() -> dict[str, SourceFault | LintFault]:
     """Return all faults of this family by their id, in order."""
-    planted: list[SourceFault | LintFault] = []
+    planted: list[LintFault] = []
     for table, names in (("law", law_mistakes.MUTANTS), ("stage", model_mistakes.MUTANTS)):
         for name in names:
             slug = "-".join(re.findall(r"[^\W_]+", name.lower()))
             planted.append(
                 LintFault(f"formula.lint-{slug}", _KINDS.get(name, "missing term"), f"{name} (lint)", table, name)
             )
-    for fault, edit in edits().items():
-        module, name = edit.place
-        text = edited(text_of(module), name, edit.replace, edit.by, edit.at, f"{EDITS.name}, {edit.id}")
-        planted.append(SourceFault(fault, edit.kind, edit.what, module, text))
-    return by_id(planted)
+    return by_id((*planted, *edits().values()))
 
 
 @cache
-def edits() -> dict[str, Edit]:
-    """Return the changes of the reference's source by the ids of their faults, in order."""
-    every = TypeAdapter(list[Edit]).validate_python(read_yaml(EDITS, "faults"))
-    return {f"formula.{edit.id}": edit for edit in every}
+def edits() -> dict[str, SourceFault]:
+    """Return the changes of the reference's source by their ids, in order."""
+    every = TypeAdapter(list[SourceFault]).validate_python(read_yaml(EDITS, "faults"))
+    return by_id(replace(edit, id=f"formula.{edit.id}") for edit in every)
 
 
 def stages(fault: Fault) -> type[ArrayEvaluator] | None:
@@ -124,33 +104,19 @@ def stages(fault: Fault) -> type[ArrayEvaluator] | None:
 # --- the source changed
 
 
-def text_of(module: str) -> str:
-    """Return the source of a module of the reference, named below ``eos_ref``."""
-    return (Path(eos_ref.__file__).parent / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8")
-
-
-def edited(text: str, name: str, replace: str, by: str, at: int | None = None, where: str = "") -> str:
+def edited(text: str, fault: SourceFault) -> str:
     """Return a module's source with one expression, or one run of statements, replaced in one definition.
 
-    Parameters
-    ----------
-    text : str
-        The module's source.
-    name : str
-        Qualified name of the definition within the module: a class, a function, a method, or a constant.
-    replace, by : str
-        Python expressions; or statements, of which ``by`` may have none.
-    at : int, optional
-        Which match is replaced, from 1 on; without it there must be exactly one.
-    where : str, optional
-        What asks for the change, for messages.
+    ``replace`` and ``by`` are Python expressions, or statements, of which ``by`` may have none; ``at`` says which match
+    is replaced, from 1 on; without it there must be exactly one.
 
     Raises
     ------
     InputError
         Text that is not Python, a name that the module does not define, no match, or several without ``at``.
     """
-    old, new = _parsed(replace, where), _parsed(by, where)
+    name, at, where = fault.function.partition(":")[2], fault.at, fault.id
+    old, new = _parsed(fault.replace, where), _parsed(fault.by, where)
     tree = ast.parse(text)
     inside = _definition(tree, name, where)
     if len(old) == len(new) == 1 and isinstance(old[0], ast.Expr) and isinstance(new[0], ast.Expr):
@@ -159,7 +125,7 @@ def edited(text: str, name: str, replace: str, by: str, at: int | None = None, w
         matches = _statements(inside, old, new)
     if not matches or (len(matches) > 1 if at is None else at > len(matches)):
         rule = f"must be in {name} once" if at is None else f"must be in {name} at least {at} times"
-        raise InputError(f"source {replace!r}", rule, f"{len(matches)} times", where)
+        raise InputError(f"source {fault.replace!r}", rule, f"{len(matches)} times", where)
     matches[(at or 1) - 1]()
     return ast.unparse(tree)
 
@@ -167,22 +133,11 @@ def edited(text: str, name: str, replace: str, by: str, at: int | None = None, w
 def _definition(tree: ast.Module, name: str, where: str) -> ast.AST:
     node: ast.AST = tree
     for part in name.split("."):
-        inner = [child for child in getattr(node, "body", ()) if part in _names(child)]
+        inner = [child for child in getattr(node, "body", ()) if getattr(child, "name", "") == part]
         if not inner:
             raise InputError("name", "must be that of a definition in the reference's module", name, where)
         node = inner[0]
     return node
-
-
-def _names(statement: ast.stmt) -> list[str]:
-    match statement:
-        case ast.FunctionDef() | ast.ClassDef():
-            return [statement.name]
-        case ast.Assign():
-            return [target.id for target in statement.targets if isinstance(target, ast.Name)]
-        case ast.AnnAssign(target=ast.Name(id=name)):
-            return [name]
-    return []
 
 
 def _parsed(text: str, where: str) -> list[ast.stmt]:
@@ -224,42 +179,47 @@ def _same(node: object, wanted: ast.AST) -> bool:
 
 
 @contextmanager
-def made(fault: str) -> Iterator[None]:
-    """Have the reference of this process make a mistake of ``formula.yaml``, in every module that has the function.
-
-    Where many scenes are put to many mistakes, as by `make witnesses`, a process for each would take too long. The
-    compiled evaluator, whose machine code exists already, is not changed; arrays do without their compiled loops.
-
-    Raises
-    ------
-    InputError
-        A mistake of another kind, or in what is no function.
-    """
-    function, code = _changed(fault)
-    right, function.__code__ = function.__code__, code
+def plain_arrays() -> Iterator[None]:
+    """Have arrays do without their compiled loops, of which a mistake changes nothing."""
     loops, ArrayEvaluator.loops = ArrayEvaluator.loops, None
     try:
         yield
     finally:
-        function.__code__, ArrayEvaluator.loops = right, loops
+        ArrayEvaluator.loops = loops
+
+
+@contextmanager
+def made(fault: SourceFault) -> Iterator[None]:
+    """Have the reference of this process make a mistake, in every module that has the function.
+
+    The compiled evaluator, whose machine code exists already, is not changed.
+
+    Raises
+    ------
+    InputError
+        What is changed is not there, or is no function.
+    """
+    function, code = _changed(fault)
+    right, function.__code__ = function.__code__, code
+    try:
+        with plain_arrays():
+            yield
+    finally:
+        function.__code__ = right
 
 
 @cache
-def _changed(fault: str) -> tuple[types.FunctionType, types.CodeType]:
+def _changed(fault: SourceFault) -> tuple[types.FunctionType, types.CodeType]:
     """Return the function that a mistake changes, and its mistaken code."""
-    edit = edits().get(fault)
-    if edit is None:
-        raise InputError("fault", "must be a change of the reference's source", fault)
-    module, name = edit.place
-    of: Any = importlib.import_module(f"eos_ref.{module}")
+    module, _, name = fault.function.partition(":")
+    of: Any = importlib.import_module(module)
     for part in name.split("."):
         of = vars(of)[part]
     of = of.fget if isinstance(of, property) else of.func if isinstance(of, cached_property) else of
-    source = faults()[fault]
-    assert isinstance(source, SourceFault)
-    code = _code(compile(source.text, f"{fault} in {module}", "exec", dont_inherit=True), name)
+    text = edited(Path(str(sys.modules[module].__file__)).read_text(encoding="utf-8"), fault)
+    code = _code(compile(text, f"{fault.id} in {module}", "exec", dont_inherit=True), name)
     if not isinstance(of, types.FunctionType) or code is None:
-        raise InputError("fault", "must be in a function", f"{fault} in {name}")
+        raise InputError("fault", "must be in a function", f"{fault.id} in {name}")
     return of, code
 
 

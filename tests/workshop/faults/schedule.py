@@ -20,23 +20,18 @@ from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene.casefile import Case
-from tests.workshop.faults import formula, substitute, tasks
+from tests.workshop.faults import substitute, tasks
 from tests.workshop.faults.fault import Detection, Fault, files
 from tests.workshop.faults.perturbed import JudgingWorkers
-from tests.workshop.faults.substitute import Mutation, Substitution
+from tests.workshop.faults.substitute import Substitution
 from tests.workshop.faults.tasks import Control
 
 WITNESSES = 2  # case files that a fault is looked for in, unless all cases are put to it
 LIMIT = 300.0  # seconds that some cases with one fault may take
-CASE_LIMIT = 30.0  # seconds of the processor that a mutated reference may take for a case
+CASE_LIMIT = 30.0  # seconds of the processor that a mistaken reference may take for a case
 TOGETHER = 12  # cases given to a worker at a time
-ENOUGH = 3  # answers that a mutated reference changes, judged before it goes on
+ENOUGH = 3  # answers that a mistaken reference changes, judged before it goes on
 EXCLUDED_TAGS = {"long", "open", "crash"}  # of cases that are not used
-# What a fresh process needs that is not of the reference: imported once for all of them.
-LIGHT = (
-    *("numpy", "scipy.special", "scipy.spatial", "pydantic", "yaml", "flint"),
-    "tests.workshop.faults.substitute",
-)
 
 T = TypeVar("T")
 Detecting = Generator[Future[Any], Any, list[Detection]]
@@ -67,7 +62,7 @@ class MutationPool:
     def __init__(self, engine: Engine, jobs: int, store: Store | None, every: bool = False) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-power-")
         self.folder = Path(self._folder.name)
-        context = forkserver.second_context(*LIGHT)
+        context = forkserver.context()
         self._workers = JudgingWorkers(engine, jobs, store, LIMIT)
         self._substitutes = OrderedPool(
             max_workers=jobs, max_tasks=1, context=context, initializer=substitute.prepare, initargs=(os.getpid(),)
@@ -192,7 +187,7 @@ class MutationPool:
         return [outcome] if isinstance(outcome, Detection) else []
 
     def _ask_substitute(self, fault: Fault) -> Detecting:
-        """Have the mutated reference answer in place of LAMMPS; then of one without findings, which hide mistakes."""
+        """Have the mistaken reference answer in place of LAMMPS; then of one without findings, which hide mistakes."""
         detections = yield from self._ask_in_place(fault, self.played, self.engine.distribution, [])
         if not self._enough(detections):
             detecting = {one.case for one in detections}
@@ -201,15 +196,14 @@ class MutationPool:
         return detections
 
     def _ask_in_place(self, fault: Fault, cases: list[str], engine: str | None, before: list[Detection]) -> Detecting:
-        """Have the mutated reference answer cases, judge the answers that differ; return what is detected by now."""
-        mutation = _mutation(fault)
+        """Have the mistaken reference answer cases, judge the answers that differ; return what is detected by now."""
         enough = len(cases) if self.every else ENOUGH
         detections = list(before)
         quick = [name for name in cases if name in self.quick]
         ahead = [part for part in (quick, cases[len(quick) :]) if part]
         while ahead and not self._enough(detections):
             names = ahead.pop(0)
-            played = yield self._call_substitute(mutation, names, engine, enough)
+            played = yield self._call_substitute(fault, names, engine, enough)
             if isinstance(played, Failure):
                 if len(names) > 1:
                     ahead[:0] = [[name] for name in names]
@@ -227,18 +221,11 @@ class MutationPool:
         return detections
 
     def _call_substitute(
-        self, mutation: Mutation, names: list[str], engine: str | None, enough: int
+        self, fault: Fault, names: list[str], engine: str | None, enough: int
     ) -> Future[list[Substitution]]:
         future: Future[list[Substitution]] = self._substitutes.schedule(
             substitute.answer_cases,
-            args=(mutation, self.folder, names, engine, enough, CASE_LIMIT),
+            args=(fault, self.folder, names, engine, enough, CASE_LIMIT),
             timeout=60.0 + CASE_LIMIT * len(names),
         )
         return future
-
-
-def _mutation(fault: Fault) -> Mutation:
-    if isinstance(fault, formula.LintFault):
-        return Mutation(table=fault.table, name=fault.name)
-    assert isinstance(fault, formula.SourceFault)
-    return Mutation(fault.module, fault.text)

@@ -1,39 +1,71 @@
 """The reference in place of LAMMPS, with the findings that the engine shows or without any: an answer to be judged.
 
-A mutated reference is loaded in a process of its own, before anything of the package is: its source is changed as it is
-read, so that everything built on it is built on the mutation. Only functions of this module therefore import it.
+A mistaken reference answers in a process of its own, of which nothing remains: what it computes may be kept in caches.
 """
 
 from __future__ import annotations
 
-import importlib.abc
-import importlib.machinery
-import importlib.util
 import pickle
 import signal
-import sys
 import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
-from types import CodeType, FrameType, ModuleType
+from types import FrameType
 from typing import Any, Literal
 
 import numpy as np
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.compare import EosState
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine import ranks
 from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Failure
+from lammps_cases.findings import shown_by
+from lammps_cases.findings.variants import combined
+from lammps_cases.records.files import write_atomically
+from lammps_cases.run.prepared_case import PreparedCase
+from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import Atoms
+from lammps_cases.scene.fields import FIELDS
+from lammps_cases.verdict import law_mistakes, model_mistakes
+from lammps_cases.verdict.model_cases import problem_of, snapshot
+from tests.workshop.faults.formula import LintFault, SourceFault, made, plain_arrays
+
+Outcome = Answer | Failure
+Mistake = LintFault | SourceFault | None
 
 
 @dataclass(frozen=True)
-class Mutation:
-    """A mutation of the reference: the text of a module, or a mistake that the lint knows by name; or none."""
+class AnsweredCase:
+    """A case, and how LAMMPS answered its one or two jobs."""
 
-    module: str = ""
-    text: str = ""
-    table: Literal["law", "stage", ""] = ""
-    name: str = ""
+    ready: PreparedCase
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def sides(self) -> list[tuple[Scene, Atoms, Answer]]:
+        """Return scene, particles and LAMMPS' answer of each job; only of cases that were answered."""
+        answers = [ended for ended in self.outcomes if isinstance(ended, Answer)]
+        return [(scene, atoms, answer) for (scene, atoms), answer in zip(self.ready.sides, answers, strict=True)]
+
+
+def keep(path: Path, content: AnsweredCase | tuple[Answer, ...]) -> None:
+    """Write a case or answers to it, for as long as faults are planted."""
+    write_atomically(path, pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL))
+
+
+@lru_cache(maxsize=128)
+def recall(folder: Path, name: str) -> AnsweredCase:
+    """Return what the folder holds of a case: the same arrays each time, which nobody may change."""
+    case: AnsweredCase = pickle.loads((folder / f"{name}.known").read_bytes())
+    return case
 
 
 @dataclass(frozen=True)
@@ -54,7 +86,7 @@ class Substitution:
 
     @property
     def right(self) -> str:
-        """Return the name of the file that holds the answers without a mutation."""
+        """Return the name of the file that holds the answers without a mistake."""
         return played_name(self.case, self.manual)
 
 
@@ -64,7 +96,7 @@ def played_name(case: str, manual: bool) -> str:
 
 
 class TimeLimitExceeded(Exception):
-    """A case that a mutation keeps from ending."""
+    """A case that a mistake keeps from ending."""
 
 
 def prepare(parent: int) -> None:
@@ -75,82 +107,45 @@ def prepare(parent: int) -> None:
     warnings.simplefilter("ignore")
 
 
-def load(mutation: Mutation) -> None:
-    """Have a module of the reference loaded with another text; before the package is.
-
-    Raises
-    ------
-    RuntimeError
-        The reference is loaded already.
-    """
-    if mutation.module:
-        if any(name.partition(".")[0] == "eos_ref" for name in sys.modules):
-            raise RuntimeError("the reference is loaded already")
-        sys.meta_path.insert(0, _Finder(f"eos_ref.{mutation.module}", mutation.text))
-
-
-class _Finder(importlib.abc.MetaPathFinder):
-    def __init__(self, name: str, text: str) -> None:
-        self.name, self.text = name, text
-
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
-    ) -> importlib.machinery.ModuleSpec | None:
-        if fullname != self.name:
-            return None
-        spec = importlib.machinery.PathFinder.find_spec(fullname, path)
-        assert spec is not None and spec.origin is not None
-        return importlib.util.spec_from_file_location(fullname, spec.origin, loader=_Loader(self, spec.origin))
-
-
-class _Loader(importlib.machinery.SourceFileLoader):
-    def __init__(self, finder: _Finder, path: str) -> None:
-        super().__init__(finder.name, path)
-        self.text = finder.text
-
-    def get_code(self, fullname: str) -> CodeType:
-        return compile(self.text, self.path, "exec")
-
-
 def answer_cases(
-    mutation: Mutation, folder: Path, names: Sequence[str], engine: str | None, enough: int, limit: float
+    mistake: Mistake, folder: Path, names: Sequence[str], engine: str | None, enough: int, limit: float
 ) -> list[Substitution]:
-    """Answer cases until some answers differ from those without the mutation; a task for a fresh process.
+    """Answer cases until some answers differ from those without the mistake; a task for a fresh process.
 
     Parameters
     ----------
     folder : of the run without a fault: cases, and both sides' answers
     engine : whose findings the reference shows; None: none
     enough : number of differing answers after which the rest of the cases is left
-    limit : seconds of the processor that a case may take, loading included
+    limit : seconds of the processor that a case may take
 
     Returns
     -------
     list of Substitution
         Only of cases whose answers differ, in order.
     """
-    load(mutation)
     differing: list[Substitution] = []
     for name in names:
         if len(differing) >= enough:
             break
-        substitution = _within(limit, name, lambda case: answer_case(mutation, folder, case, engine))
-        substitution = replace(substitution, manual=engine is None)
+        substitution = _within(limit, mistake, folder, name, engine)
         if substitution.verdict or not _as_without(folder, substitution):
             differing.append(substitution)
     return differing
 
 
-def _within(limit: float, name: str, answer: Callable[[str], Substitution]) -> Substitution:
+def _within(limit: float, mistake: Mistake, folder: Path, name: str, engine: str | None) -> Substitution:
     """Answer a case within some seconds of the processor, or return how it failed."""
+    manual = engine is None
     signal.setitimer(signal.ITIMER_VIRTUAL, limit)
     try:
         with np.errstate(all="ignore"):
-            return answer(name)
+            return answer_case(mistake, folder, name, engine)
     except TimeLimitExceeded:
-        return Substitution(name, verdict="timeout", message=f"did not end within {limit:g} s of the processor")
+        message = f"did not end within {limit:g} s of the processor"
+        return Substitution(name, verdict="timeout", message=message, manual=manual)
     except Exception as error:
-        return Substitution(name, verdict="crashed", message=f"{type(error).__name__}: {error}")
+        return Substitution(name, verdict="crashed", message=f"{type(error).__name__}: {error}", manual=manual)
     finally:
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)
 
@@ -169,56 +164,43 @@ def _as_without(folder: Path, substitution: Substitution) -> bool:
     )
 
 
-def answer_case(mutation: Mutation, folder: Path, name: str, engine: str | None) -> Substitution:
-    """Return the answers of this process' reference to a case that the folder holds."""
-    from tests.workshop.faults.answers import recall
-
+def answer_case(mistake: Mistake, folder: Path, name: str, engine: str | None) -> Substitution:
+    """Return the reference's answers to a case that the folder holds, with a mistake or without any."""
     case = recall(folder, name)
     answers: list[Answer] = []
     same = case.ready.twin is not None and case.ready.twin.same_problem
-    for scene, atoms, answer in case.sides:
-        if same and answers and len(answers[0].snapshots) == len(answer.snapshots):
-            answers.append(answers[0])
-        else:  # a variant fitted to LAMMPS' first snapshot is the same for the same problem, whenever that was read
-            fit = case.sides[0] if same else (scene, atoms, answer)
-            answers.append(answer_side(mutation, case.ready.case.where, scene, atoms, answer, engine, fit))
-    return Substitution(name, tuple(answers))
+    with made(mistake) if isinstance(mistake, SourceFault) else nullcontext(), plain_arrays():
+        for scene, atoms, answer in case.sides:
+            if same and answers and len(answers[0].snapshots) == len(answer.snapshots):
+                answers.append(answers[0])
+            else:  # a variant fitted to LAMMPS' first snapshot is the same for the same problem, whenever that was read
+                fit = case.sides[0] if same else (scene, atoms, answer)
+                answers.append(_answer_side(mistake, case.ready.case.where, (scene, atoms, answer), engine, fit))
+    return Substitution(name, tuple(answers), manual=engine is None)
 
 
-def answer_side(
-    mutation: Mutation,
-    where: str,
-    scene: Any,
-    atoms: Any,
-    answer: Answer,
-    engine: str | None,
-    fit: tuple[Any, Any, Answer],
-) -> Answer:
-    """Return LAMMPS' answer with this process' reference in its place; what no law or stage gives stays LAMMPS'.
+Side = tuple[Scene, Atoms, Answer]
+
+
+def _answer_side(mistake: Mistake, where: str, side: Side, engine: str | None, fit: Side) -> Answer:
+    """Return LAMMPS' answer with the reference in its place; what no law or stage gives stays LAMMPS'.
 
     ``fit`` is the scene, particles and answer that findings are fitted to.
     """
-    from lammps_cases.verdict.model_cases import problem_of, snapshot
-
-    if not scene.whole_model:
-        return _answer_law(mutation, where, scene, atoms, answer)
-    stages, stepping = stages_of(
-        mutation, problem_of(fit[0], fit[1], where, fit[0].snapshots), snapshot(fit[0], fit[2].snapshots[0]), engine
-    )
-    return _answer_model(where, scene, atoms, answer, stages, stepping)
+    if not side[0].whole_model:
+        return _answer_law(mistake, where, *side)
+    problem = problem_of(fit[0], fit[1], where, fit[0].snapshots)
+    stages, stepping = _stages_of(mistake, problem, snapshot(fit[0], fit[2].snapshots[0]), engine)
+    return _answer_model(where, *side, stages, stepping)
 
 
-def _answer_law(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: Answer) -> Answer:
+def _answer_law(mistake: Mistake, where: str, scene: Scene, atoms: Atoms, answer: Answer) -> Answer:
     """Return the pressures of LAMMPS' own densities."""
-    from lammps_cases.comparison.compare import EosState
-
     got = answer.arrays
     state = EosState(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
     eos, p_n = scene.eos(where), None
-    if mutation.table == "law":
-        from lammps_cases.verdict.law_mistakes import MUTANTS
-
-        p_n = MUTANTS[mutation.name](eos, state)
+    if isinstance(mistake, LintFault) and mistake.table == "law":
+        p_n = law_mistakes.MUTANTS[mistake.name](eos, state)
     if p_n is None:
         p_n = np.empty(len(state.rho_n))
         for t, law in enumerate(eos, 1):
@@ -228,11 +210,8 @@ def _answer_law(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: 
     return replace(answer, arrays=arrays, snapshots=(*answer.snapshots[:-1], arrays))
 
 
-def _answer_model(where: str, scene: Any, atoms: Any, answer: Answer, stages: Any, stepping: Any) -> Answer:
+def _answer_model(where: str, scene: Scene, atoms: Atoms, answer: Answer, stages: Any, stepping: Any) -> Answer:
     """Return the fields of the particle model at the steps that LAMMPS was read at."""
-    from lammps_cases.comparison.trajectory import visit
-    from lammps_cases.verdict.model_cases import problem_of
-
     problem = problem_of(scene, atoms, where, scene.snapshots)
     sim = problem.simulation(stages, stepping)
     snapshots = []
@@ -242,31 +221,25 @@ def _answer_model(where: str, scene: Any, atoms: Any, answer: Answer, stages: An
     return replace(answer, arrays=snapshots[-1], snapshots=tuple(snapshots))
 
 
-def stages_of(mutation: Mutation, problem: Any, first: dict[str, Any], engine: str | None) -> tuple[Any, Any]:
+def _stages_of(mistake: Mistake, problem: Problem, first: dict[str, Any], engine: str | None) -> tuple[Any, Any]:
     """Return stages and stepping with all findings that the engine shows, a mistake of the lint in front of them."""
-    from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-    from eos_ref.evaluation.time_step import Simulation
-    from lammps_cases.findings import shown_by
-    from lammps_cases.findings.variants import combined
-
     shown = [] if engine is None else shown_by(problem, engine)
     variants = [entry.model_variant for entry in shown if entry.model_variant]
     stages, stepping = combined(variants, problem, first) or (ArrayEvaluator, Simulation)
-    if mutation.table == "stage":
-        from lammps_cases.verdict.model_mistakes import MUTANTS
-
-        wrong = MUTANTS[mutation.name].stages
-        if not issubclass(stages, wrong):
-            stages = type(
-                "Mutated", (wrong,) if stages is ArrayEvaluator else (wrong, stages), {"__module__": __name__}
-            )
+    if isinstance(mistake, LintFault) and mistake.table == "stage":
+        stages = mistaken(model_mistakes.MUTANTS[mistake.name].stages, stages)
     return stages, stepping
+
+
+def mistaken(wrong: Any, stages: Any) -> Any:
+    """Return stages with those of a mistake in front of them, unless they have it."""
+    if issubclass(stages, wrong):
+        return stages
+    return type("Mistaken", (wrong,) if stages is ArrayEvaluator else (wrong, stages), {"__module__": __name__})
 
 
 def in_place_of(snapshot: dict[str, Any], fields: dict[str, Any]) -> dict[str, Any]:
     """Return LAMMPS' arrays of one step with the reference's fields in place of its own."""
-    from lammps_cases.scene.fields import FIELDS
-
     return snapshot | {
         FIELDS[name].key: FIELDS[name].placed(values, snapshot[FIELDS[name].key]) for name, values in fields.items()
     }

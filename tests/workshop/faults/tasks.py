@@ -18,9 +18,9 @@ from lammps_cases.run.case_judgement import faulty, listed, with_lists
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.verdict.model_cases import problem_of
 from tests.workshop.faults import input_faults, output_faults, substitute
-from tests.workshop.faults.answers import AnsweredCase, Outcome, keep, recall
 from tests.workshop.faults.fault import Detection, files
 from tests.workshop.faults.perturbed import PerturbedCase, PerturbedJudge, outcome
+from tests.workshop.faults.substitute import AnsweredCase, Outcome, keep, recall
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def answer_case(
 def _plays(judge: PerturbedJudge, folder: Path, case: AnsweredCase, engine: str | None, red: list[str]) -> bool:
     """Keep the reference's answers in place of an engine's, or of one without findings; return whether all is well."""
     name = case.ready.case.name
-    answers = substitute.answer_case(substitute.Mutation(), folder, name, engine).answers
+    answers = substitute.answer_case(None, folder, name, engine).answers
     keep(folder / substitute.played_name(name, engine is None), answers)
     record = _verdict(judge, case, answers)
     if not record.as_expected:
@@ -135,7 +135,7 @@ def judge_failure(
 def judge_substitution(
     site: str | None, judge: PerturbedJudge, folder: Path, substitution: substitute.Substitution
 ) -> Detection | None:
-    """Task: judge what a mutated reference answered."""
+    """Task: judge what a mistaken reference answered."""
     if substitution.verdict:
         failure = Failure(substitution.verdict, substitution.message)
         detection = judge_failure(site, judge, folder, substitution.case, failure)

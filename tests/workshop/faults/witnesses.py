@@ -34,6 +34,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict import exercise, law_mistakes, model_mistakes
 from lammps_cases.verdict.model_cases import problem_of
 from tests.workshop.faults import formula
+from tests.workshop.faults.substitute import mistaken
 
 ENOUGH = 2  # witnesses of a rule, in different scenes, in every dimension in which it has to have them
 
@@ -109,7 +110,7 @@ class ExaminedCase:
                 return False
             mistaken_n = law_mistakes.MUTANTS[planted.name](self.ready.eos, state)
         else:
-            with formula.made(fault):
+            with formula.made(planted):
                 mistaken_n = evaluate(self.ready.eos, state)
         return mistaken_n is not None and _outside(mistaken_n, p_n, bound_n)
 
@@ -138,15 +139,15 @@ class ExaminedCase:
         stages, stepping = self._made or (ArrayEvaluator, Simulation)
         if isinstance(planted, formula.SourceFault):
             right = self.predictor.predict(problem, self._made, random)
-            with formula.made(fault):
+            with formula.made(planted):
                 return _differs(problem, right, stages, stepping)
         if planted.table != "stage":
             return False
         wrong = model_mistakes.MUTANTS[planted.name].stages
         if issubclass(stages, wrong):  # the mistake is a finding: does the case show it?
             return _differs(problem, self.predictor.predict(problem, None, random), wrong, Simulation)
-        stages = type("Mistaken", (wrong,) if stages is ArrayEvaluator else (wrong, stages), {})
-        return _differs(problem, self.predictor.predict(problem, self._made, random), stages, stepping)
+        right = self.predictor.predict(problem, self._made, random)
+        return _differs(problem, right, mistaken(wrong, stages), stepping)
 
 
 def _differs(problem: Problem, prediction: Any, stages: Any, stepping: type[Simulation]) -> bool:

@@ -17,7 +17,7 @@ from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from tests.support.outcome import Solver
-from tests.workshop.faults import alarms, machines
+from tests.workshop.faults import alarms
 from tests.workshop.faults.alarms import AlarmRun, Kind
 from tests.workshop.faults.perturbed import PerturbedCase, in_order
 
@@ -160,4 +160,4 @@ def test_another_machine_is_green_and_computes_all_anew(monkeypatch: pytest.Monk
 
 def test_command_without_a_report_is_an_error() -> None:
     with pytest.raises(RuntimeError, match="no report"):
-        machines.run([replace(CASES[LAW], name="no-such-case")], installations.Engine(), {}, 1)
+        alarms.run_apart([replace(CASES[LAW], name="no-such-case")], installations.Engine(), {}, 1)

@@ -19,9 +19,9 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict.model_cases import problem_of
 from tests.workshop.fuzz import rules, schema
 from tests.workshop.fuzz.chance import Chance, rounded
-from tests.workshop.fuzz.coverage import ChoiceCounts, argued
 from tests.workshop.fuzz.draw import SOURCE, DrawnScene, content_of, draw
 from tests.workshop.fuzz.fit import fitted
+from tests.workshop.fuzz.hunt import ChoiceCounts, argued
 
 SCENES = 600  # as many as `every choice` needs: the rarest comes once in a hundred
 REJECTED = 0.02  # share of attempts that may be no scene

@@ -19,8 +19,7 @@ from tests.support.told import told
 from tests.workshop.fuzz import hunt
 from tests.workshop.fuzz.__main__ import main
 from tests.workshop.fuzz.draw import draw
-from tests.workshop.fuzz.hunt import is_lost, is_unbounded, known_gap
-from tests.workshop.fuzz.lost import loses
+from tests.workshop.fuzz.hunt import is_lost, is_unbounded, known_gap, loses
 
 
 @pytest.mark.lammps

@@ -11,35 +11,71 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from eos_ref import InputError
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.numbers.number import Array
+from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER, with_gap
+from lammps_cases.findings.variants import combined
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.records.yaml_files import yaml_text
 from lammps_cases.run import case_judgement
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
 from lammps_cases.shrink.failure import FailureMode, failure_mode
 from lammps_cases.shrink.shrink import WorkerJudge, shrink
-from lammps_cases.verdict.model_cases import left_to_chance
+from lammps_cases.verdict.model_cases import left_to_chance, problem_of
 from lammps_cases.verdict.runaway import LOST
-from tests.workshop.fuzz.coverage import ChoiceCounts
+from tests.workshop.fuzz import schema
 from tests.workshop.fuzz.draw import DrawnScene, draws
-from tests.workshop.fuzz.lost import loses
 from tests.workshop.fuzz.record import FuzzRecord, Red
 from tests.workshop.fuzz.rules import NEVER
 
 if TYPE_CHECKING:
     from lammps_cases.verdict.outcome import Arrays
 
+BINS = 2**31 - 1
 WRITTEN_EVERY = 5.0  # seconds
 JUDGING = 300.0  # seconds that judging a scene may take
-# How LAMMPS ends where numbers are none, or particles nowhere in the box.
 SHRINKING = 60.0  # seconds for making one scene small
+
+
+def argued(choice: str) -> str:
+    """Return why a choice is never drawn; empty if it may be."""
+    place = choice.partition("=")[0]
+    return next((why for part, why in NEVER.items() if part == choice or f"{place}.".startswith(f"{part}.")), "")
+
+
+class ChoiceCounts:
+    """How often every choice of the schema was drawn, and together with which others."""
+
+    def __init__(self) -> None:
+        self.choices = [choice for choice in schema.choices() if not argued(choice)]
+        self._row = {choice: k for k, choice in enumerate(self.choices)}
+        self._together = np.zeros((len(self.choices), len(self.choices)), int)
+        places = np.array([choice.partition("=")[0] for choice in self.choices])
+        self._pairs = np.triu(places[:, None] != places[None, :], 1)
+
+    def add(self, taken: set[str]) -> None:
+        """Count a scene that takes some choices."""
+        rows = sorted(self._row[choice] for choice in taken if choice in self._row)
+        self._together[np.ix_(rows, rows)] += 1
+
+    def counts(self) -> dict[str, int]:
+        """Return of every choice how many scenes take it."""
+        return dict(zip(self.choices, np.diag(self._together).tolist(), strict=True))
+
+    def pairs(self) -> tuple[int, int]:
+        """Return how many pairs of choices of different keys were drawn, and how many there are, possible or not."""
+        return int(((self._together > 0) & self._pairs).sum()), int(self._pairs.sum())
 
 
 @dataclass
@@ -241,3 +277,46 @@ class _UntilLate:
         if time.monotonic() > self._end:
             return CaseRecord(case=case.name, verdict="skipped", ended="skipped")
         return self._judge(case)
+
+
+# --- scenes that lose their particles
+
+
+def loses(ready: PreparedCase, engine: str = "") -> bool:
+    """Return whether particles leave the box, or are nowhere.
+
+    By the reference, with the findings that the engine has, if one is named, and that need none of its numbers. They
+    leave it through faces that are not periodic; through periodic ones where a step takes them further than to the next
+    image; and with faces that follow them (shrink-wrapped) where the box has more bins than LAMMPS can count.
+    """
+    scene = ready.case.scene
+    if scene.evolve is None:
+        return False
+    problem = problem_of(scene, ready.atoms, ready.case.where, tuple(range(scene.evolve.steps + 1)))
+    variants = [entry.model_variant for entry in LEDGER if engine and entry.model_variant and entry.listed(engine)]
+    known = [one for one in variants if not (one.fit or one.undefined) and one.applies(problem)]
+    stages, stepping = combined(known, problem, {}) or (None, Simulation)
+    assert stages is not None
+    sim = problem.simulation(stages, stepping)
+    before_nc, wrapped = sim.state.x_nc, scene.engine.boundary != "f"
+    try:
+        with np.errstate(all="ignore"):
+            for _ in visit(sim, problem.steps, problem.timestep, problem.stops):
+                if _outside(sim, before_nc, wrapped):
+                    return True
+                before_nc = sim.state.x_nc
+    except InputError:  # positions that are not finite
+        return True
+    return False
+
+
+def _outside(sim: Simulation, before_nc: Array, wrapped: bool) -> bool:
+    x_nc, box = sim.state.x_nc, sim.box
+    around_c, edge_c = np.array(box.periodic), np.array(box.edge_c)
+    moved_nc = box.upright(x_nc - before_nc) if box.tilted else x_nc - before_nc
+    if not np.isfinite(x_nc).all() or (np.abs(moved_nc) > edge_c)[:, around_c].any():
+        return True
+    if wrapped:  # bins of half a cutoff, in which neighbours are sought
+        size_c = np.where(around_c, edge_c, np.ptp(x_nc, axis=0))
+        return bool(np.prod(np.maximum(size_c / (sim.model.cut / 2), 1.0)) > BINS)
+    return bool(((x_nc < box.low_c) | (x_nc > box.high_c))[:, ~around_c].any())

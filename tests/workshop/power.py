@@ -18,7 +18,6 @@ from argparse import Namespace
 from collections.abc import Sequence
 
 from lammps_cases.records.progress import Bar
-from lammps_cases.run.provenance import command_line
 from tests.workshop import command
 from tests.workshop.faults import collect, record
 from tests.workshop.faults.fault import FAMILIES, SECTIONS
@@ -42,19 +41,7 @@ def _measured(given: Namespace) -> int:
     sections = [name for name in given.names if name in SECTIONS] or (["faults"] if only_faults else SECTIONS)
     collect.select(collect.faults(), patterns)  # a typo is refused before anything kept is forgotten
     with record.planted(given.out).resumed(not given.fresh), Bar() as bar:
-        power = collect.collect(
-            sections,
-            patterns,
-            given.family,
-            given.sample,
-            given.quick_only,
-            given.all,
-            given.engine,
-            given.jobs,
-            given.out,
-            command_line(),
-            bar,
-        )
+        power = collect.collect(given, sections, patterns, bar)
         record.write(power, given.out)
     show(power)
     return int(bool(power.complaints))

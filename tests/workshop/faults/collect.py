@@ -5,9 +5,10 @@ from __future__ import annotations
 import fnmatch
 import hashlib
 import time
+from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from functools import cache
-from pathlib import Path
+from typing import Any
 
 from eos_ref import InputError
 from eos_ref.errors import unknown
@@ -17,7 +18,7 @@ from lammps_cases.findings import LEDGER
 from lammps_cases.records.journal import Parts
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
-from lammps_cases.run.provenance import run_record
+from lammps_cases.run.provenance import command_line, run_record
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from tests.workshop.faults import alarms, formula, input_faults, output_faults, record, resolution, schedule
@@ -61,20 +62,10 @@ def select(
     return chosen
 
 
-def collect(
-    sections: Sequence[str],
-    names: Sequence[str],
-    family: str | None,
-    sample: int | None,
-    quick_only: bool,
-    every: bool,
-    engine: str,
-    jobs: int,
-    folder: Path,
-    command: str,
-    progress: Progress,
-) -> Power:
-    """Run the sections requested; faults planted before in the same folder, by the same sources, are taken from there.
+def collect(given: Namespace, sections: Sequence[str], names: Sequence[str], progress: Progress) -> Power:
+    """Run the sections, with the faults of some names; those planted before in the folder, by the same sources, stay.
+
+    ``given`` has the options of `make power`.
 
     Raises
     ------
@@ -82,29 +73,26 @@ def collect(
         A fault that does not exist, a folder that cannot be written.
     EngineMissing
     """
-    begin, planted = time.perf_counter(), record.planted(folder)
-    resolved = installations.resolve(engine)
-    cases = casefile.select(casefile.load(), tag="quick" if quick_only else None)
+    begin, planted = time.perf_counter(), record.planted(given.out)
+    resolved = installations.resolve(given.engine)
+    cases = casefile.select(casefile.load(), tag="quick" if given.quick_only else None)
+    settings: dict[str, Any] = {"jobs": given.jobs, "store": open_store(), "progress": progress}
     controls: tuple[ControlRecord, ...] = ()
     records: tuple[FaultRecord, ...] = ()
-    measured: list[resolution.Resolution] = []
-    alarm_runs: list[alarms.AlarmRun] = []
-    who = EngineRecord(name=engine)
+    who = EngineRecord(name=given.engine)
     if "faults" in sections:
-        with MutationPool(resolved, jobs, open_store(), every) as pool:
+        with MutationPool(resolved, given.jobs, open_store(), given.all) as pool:
             who = pool.engine
-            chosen = select(faults(who.distribution), names, family, sample)
-            controls, records = _faults(pool, cases, chosen, planted, f"{quick_only} {every}", progress)
-    if "resolution" in sections:
-        measured = resolution.measure(cases, resolved, jobs=jobs, store=open_store(), progress=progress)
-    if "alarms" in sections:
-        alarm_runs = alarms.measure(cases, resolved, jobs=jobs, store=open_store(), progress=progress)
+            chosen = select(faults(who.distribution), names, given.family, given.sample)
+            controls, records = _faults(pool, cases, chosen, planted, f"{given.quick_only} {given.all}", progress)
+    measured = resolution.measure(cases, resolved, **settings) if "resolution" in sections else ()
+    alarm_runs = alarms.measure(cases, resolved, **settings) if "alarms" in sections else ()
     return Power(
-        command,
-        run_record(who, command).machine,
+        command_line(),
+        run_record(who, "").machine,
         {"name": who.name, "distribution": who.distribution, "library_sha256": who.library_sha256},
-        whole=not (names or family or sample is not None) and "faults" in sections,
-        quick_only=quick_only,
+        whole=not (names or given.family or given.sample is not None) and "faults" in sections,
+        quick_only=given.quick_only,
         seconds=round(time.perf_counter() - begin + planted.earlier, 1),
         controls=controls,
         faults=records,

@@ -19,7 +19,7 @@ ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
   --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
 
-.PHONY: help setup validate campaign quick fast test browser kills large soak environment slurm unittest check bench claims docs versions engines power binary judge fuzz fuzz-nightly pictures clean
+.PHONY: help setup validate campaign quick fast test browser kills large soak environment slurm unittest workshop check bench claims docs versions engines power witnesses binary judge fuzz fuzz-nightly pictures clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
@@ -54,10 +54,13 @@ browser: $(READY) ## the tests that draw a report and the site in chromium
 	$(BIN)/python -m pytest -m browser tests/lammps_cases/report tests/test_site.py
 
 slurm: $(READY) ## the tests of the kit for Slurm, on a Slurm started for them (needs slurmctld, slurmd, munge)
-	$(BIN)/python -m pytest -m slurm tests/lammps_cases/ci/kits
+	$(BIN)/python -m pytest -m slurm tests/workshop
 
 unittest: $(READY) ## LAMMPS' own test programs on the kit for them; LAMMPS=TREE, with a serial build in its folder build
 	EOS_REF_TREE='$(LAMMPS)' $(BIN)/python -m pytest -m unittest tests/lammps_cases/upstream
+
+workshop: $(READY) ## the tests of what only the makers run, tests/workshop (half an hour)
+	$(BIN)/python -m pytest -m workshop tests/workshop
 
 check: $(READY) ## lint, format, types, direction of imports
 	$(BIN)/ruff check .
@@ -66,13 +69,13 @@ check: $(READY) ## lint, format, types, direction of imports
 	$(BIN)/lint-imports --no-cache
 
 kills: $(READY) ## kill runs at random moments and resume them, 300 times here, 100 on a Dask cluster (over an hour)
-	$(BIN)/python -m pytest -s -m kills tests/lammps_cases/run
+	$(BIN)/python -m pytest -s -m kills tests/workshop
 
 large: $(READY) ## a million particles, every one judged, on one rank and on two, in 4 GB (some minutes); LARGE=large.four-million
-	$(BIN)/python -m lammps_cases.studies.capacity.large $(LARGE)
+	$(BIN)/python -m tests.workshop.large $(LARGE)
 
 soak: $(READY) ## 20 000 cases in one campaign, here and through Dask (an hour); SOAK=2000 for fewer
-	EOS_REF_SOAK='$(SOAK)' $(BIN)/python -m pytest -s -m soak tests/lammps_cases/run --basetemp '$(SOAKED)'
+	EOS_REF_SOAK='$(SOAK)' $(BIN)/python -m pytest -s -m soak tests/workshop --basetemp '$(SOAKED)'
 
 environment: $(READY) ## the tests of full disks, which need root
 	$(BIN)/python -m pytest -m root tests/lammps_cases/run
@@ -102,24 +105,27 @@ twins: $(READY) ## the same LAMMPS twice, memory filled with other bytes, TWINS=
 	$(BIN)/eos-ref compare reports/twins/85 reports/twins/170 --strict --out reports/twins/memory
 	$(BIN)/eos-ref compare reports/twins/85 reports/twins/threads --strict --out reports/twins/of-threads
 
-power: $(READY) ## plant faults, measure what goes unseen, look for false alarms (long)
-	$(BIN)/eos-ref power
+power: $(READY) ## plant faults, measure what goes unseen, look for false alarms (long); POWER='faults --quick-only'
+	$(BIN)/python -m tests.workshop.power $(POWER)
+
+witnesses: $(READY) ## every rule of the reference with the cases that depend on it (minutes)
+	$(BIN)/python -m tests.workshop.witnesses $(WITNESSES)
 
 binary: $(READY) ## plant faults in LAMMPS' own machine code (x86-64), MACHINE='COUNT [ENGINE]' (a minute or more each)
-	$(BIN)/python -m tests.support.machine_code '$(MACHINED)' $(MACHINE)
+	$(BIN)/python -m tests.workshop.machine_code '$(MACHINED)' $(MACHINE)
 
 judge: $(READY) ## mutate the code that judges; its tests, or answers of ANSWERING, have to notice (hours)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[judge]'
 	$(BIN)/mutmut run --max-children 2
-	$(BIN)/python -m tests.support.recorded_answers $(ANSWERING)
-	$(BIN)/python -m lammps_cases.studies.mutation.judge
+	$(BIN)/python -m tests.workshop.recorded_answers $(ANSWERING)
+	$(BIN)/python -m tests.workshop.judge
 
 fuzz: $(READY) ## ten minutes of random scenes; FUZZ='--seconds 3600 --seed 2' for an hour of others
-	$(BIN)/eos-ref fuzz $(FUZZ)
+	$(BIN)/python -m tests.workshop.fuzz $(FUZZ)
 
 fuzz-nightly: $(READY) ## every reader of files under atheris, 1.4 million inputs (long; needs a Python that atheris has wheels for)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[fuzz]'
-	$(BIN)/python -m tests.support.fuzz_nightly $(FUZZED) 3e5
+	$(BIN)/python -m tests.workshop.fuzz_nightly $(FUZZED) 3e5
 
 pictures: $(READY) ## the pictures of a report, a case and a comparison in the documents (needs chromium)
 	$(BIN)/eos-ref run walls-moving thermal forces.all cross-type surfaces refused near-rho0 runs --out reports/pictures

@@ -61,8 +61,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         reporter.write_line(f"left behind by the tests: {', '.join(map(str, left))}", red=True)
 
 
-APART = {"browser", "campaign", "kills", "root", "slurm", "soak", "unittest"}
-LONGEST = ("test_alarms.py", "test_faults.py", "test_chart.py")
+APART = {"browser", "campaign", "kills", "root", "slurm", "soak", "unittest", "workshop"}
+LONGEST = ("test_chart.py",)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

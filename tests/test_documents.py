@@ -15,7 +15,8 @@ from lammps_cases.scene import casefile
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("eos_ref", "lammps_cases")
 PAGES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md"))
-DOCUMENTS = ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "eos_ref/NUMERICS.md", *PAGES)
+ROOM = "tests/workshop/README.md"
+DOCUMENTS = ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "eos_ref/NUMERICS.md", ROOM, *PAGES)
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 FOREIGN = ("np", "numpy", "math", "pow", "llvmlite", "numba", "scipy", "pytest", "pandas")
 

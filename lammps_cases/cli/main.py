@@ -52,9 +52,6 @@ DEV = {
         "examples": ("studies", "Judge LAMMPS' own RHEO examples, and break down their errors."),
     },
     "Maintenance": {
-        "power": ("power", "Plant faults, and list which cases catch each and which faults escape."),
-        "witnesses": ("witnesses", "List the rules of the reference with the cases that depend on each."),
-        "fuzz": ("fuzz", "Draw random scenes over the whole schema, and judge them as cases."),
         "inputs": ("studies", "Give bad input to LAMMPS and the reference: which refuses it, and how clearly."),
         "bench": ("tools", "Measure speed relative to peers, as ratios."),
         "kit": ("tools", "Write the files that run this in a CI service, or in shards on a cluster."),

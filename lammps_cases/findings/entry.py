@@ -75,7 +75,7 @@ class AlarmDifference:
 
     Attributes
     ----------
-    kinds : how the scene is put to LAMMPS, see `lammps_cases.studies.mutation.alarms`
+    kinds : how LAMMPS is given the scene, see ``make power`` (alarms)
     applies : to which scenes
     """
 

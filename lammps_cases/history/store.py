@@ -23,8 +23,7 @@ from eos_ref.errors import InputError
 from lammps_cases.history.model import StoredCase, StoredRun
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome
 from lammps_cases.records.run_record import EngineRecord, RunRecord
-from lammps_cases.records.schema1 import finding_ids
-from lammps_cases.records.wording import listed
+from lammps_cases.records.wording import finding_ids, listed
 
 VARIABLE = "EOS_REF_HISTORY"  # environment variable that names another file, or `off`
 OFF = "off"

@@ -52,9 +52,6 @@ KINDS = (
     Kind("stability", "Stability", "Stability", "Where methods fail."),
     Kind("chart", "Chart", "Chart", "Speed against accuracy."),
     Kind("validate", "Validation", "Validation", "Flows with experiments, tables and solutions."),
-    Kind("power", "Power", "Power", "Which planted faults the cases catch."),
-    Kind("witnesses", "Witnesses", "Witnesses", "Which cases depend on each rule of the reference."),
-    Kind("fuzz", "Fuzz", "Random scenes", "Scenes drawn over the whole schema."),
     Kind("inputs", "Inputs", "Bad input", "How LAMMPS and the reference handle it."),
 )
 # What is no page of ours, by pattern, with its name in the index.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -27,13 +27,10 @@ Kind = Literal[
     "stability",
     "stability-limits",
     "inputs",
-    "power",
     "adopt",
-    "fuzz",
     "costs",
     "validate",
     "examples",
-    "capacity",
 ]
 _VERSIONS: Mapping[Kind, int] = {
     "run": 2,
@@ -46,13 +43,10 @@ _VERSIONS: Mapping[Kind, int] = {
     "stability": 1,
     "stability-limits": 1,
     "inputs": 1,
-    "power": 1,
     "adopt": 1,
-    "fuzz": 1,
     "costs": 1,
     "validate": 1,
     "examples": 1,
-    "capacity": 1,
 }
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
 
@@ -101,12 +95,10 @@ class Document(Generic[T]):
     ----------
     kind : its name in `SCHEMAS` and in complaints
     model : the class of its content, a pydantic model or a dataclass with the field ``schema``
-    older : what makes documents of this schema from those of an earlier one, by the name of that
     """
 
     kind: Kind
     model: type[T]
-    older: Mapping[str, Callable[[bytes], bytes]] = field(default_factory=dict)
 
     @cached_property
     def _adapter(self) -> TypeAdapter[T]:
@@ -140,8 +132,6 @@ class Document(Generic[T]):
         """Parse the document of a file's bytes; raises as `read`."""
         try:
             schema = _Header.model_validate_json(content).schema_
-            if schema in self.older:
-                schema, content = SCHEMAS[self.kind], self.older[schema](content)
             if schema != SCHEMAS[self.kind]:
                 raise InputError("schema", f"must be {SCHEMAS[self.kind]}", schema, where)
             return self._adapter.validate_json(content)

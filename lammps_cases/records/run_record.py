@@ -18,7 +18,6 @@ from pydantic import Field, model_validator
 
 from eos_ref import EOS, InputError
 from eos_ref.syntax.manual import Manual, manual_of
-from lammps_cases.records import schema1
 from lammps_cases.records.audit_record import (
     ActingRecord,
     BreakRecord,
@@ -483,7 +482,7 @@ class RunRecord(Record):
         return self.model_dump_json(by_alias=True, indent=1) + "\n"
 
 
-_DOCUMENT = Document("run", RunRecord, {schema1.SCHEMA: schema1.upgraded})
+_DOCUMENT = Document("run", RunRecord)
 
 
 def as_expected(verdict: Verdict, expects: str) -> bool:
@@ -505,7 +504,7 @@ def digest(*parts: npt.NDArray[Any] | str) -> str:
 
 
 def read_run(directory: Path) -> RunRecord:
-    """Read the run.json of a report folder, of this schema or of the one before.
+    """Read the run.json of a report folder.
 
     Raises
     ------

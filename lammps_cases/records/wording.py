@@ -60,6 +60,11 @@ def listed(findings: Iterable[str]) -> str:
     return ", ".join(findings)
 
 
+def finding_ids(line: str | None) -> list[str]:
+    """Return the findings of such a line, as baselines and histories keep them."""
+    return line.split(", ") if line else []
+
+
 def field_name(field: str, atom_type: int | None) -> str:
     """Return what a field is called; an audit has one per type of atoms."""
     return field if atom_type is None else f"{field} (type {atom_type})"

@@ -23,8 +23,7 @@ from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import csv_text
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
 from lammps_cases.records.run_record import VERDICTS, Ended, EngineRecord, RunRecord, Verdict, as_expected
-from lammps_cases.records.schema1 import finding_ids
-from lammps_cases.records.wording import folder_name, listed
+from lammps_cases.records.wording import finding_ids, folder_name, listed
 from lammps_cases.regression import decks, outcomes
 from lammps_cases.regression.change import Policy
 from lammps_cases.regression.changes import Changes, compare

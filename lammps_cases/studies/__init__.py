@@ -1,1 +1,1 @@
-"""Studies beside the main job: charts, analytic flows, benchmarks, stability maps, mutation analysis."""
+"""Studies beside the main job: charts, analytic flows, benchmarks, stability maps."""

@@ -48,7 +48,7 @@ def compare_twin(
 ) -> tuple[CaseRecord, Arrays]:
     """Judge two runs of LAMMPS that must give the same fields, the original and its twin.
 
-    Returns the record and the arrays, as `lammps_cases.verdict.judgement.evaluate`.
+    Returns the record and the arrays, as `lammps_cases.verdict.cases.compare_case`.
     """
     begin = time.perf_counter()
     predictor = predictor or Predictor()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import sqlite3
 import struct
 from collections.abc import Callable, Iterator
@@ -18,7 +17,6 @@ import numpy as np
 from eos_ref import InputError, parse_fix_rheo, parse_fix_rheo_pressure
 from lammps_cases.audit import guard, messages
 from lammps_cases.history.store import History
-from lammps_cases.records import schema1
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import read_run
 from lammps_cases.regression import baseline
@@ -185,15 +183,6 @@ def _database() -> bytes:
         return path.read_bytes()
 
 
-def _older(run: bytes) -> bytes:
-    """Return a run.json as schema 1 had it."""
-    document = json.loads(run) | {"schema": schema1.SCHEMA}
-    for case in document["cases"]:
-        for record in (case, *case["fields"]):
-            record["explained_by"] = ", ".join(record["explained_by"]) or None
-    return json.dumps(document).encode()
-
-
 def readers() -> dict[str, Reader]:
     """Return all of them by name."""
     run = made_runs.run().to_json().encode()
@@ -205,7 +194,7 @@ def readers() -> dict[str, Reader]:
         "fix rheo/pressure": Reader(_pressure, "line", (PRESSURE,)),
         "shard": Reader(_shard, "shard", (b"1/2",)),
         "deck": Reader(guard.check_script, "in.deck", (DECK,)),
-        "run.json": Reader(lambda path: read_run(path.parent), "run.json", (run, _older(run))),
+        "run.json": Reader(lambda path: read_run(path.parent), "run.json", (run,)),
         "npz": Reader(read_arrays, "a.npz", (_arrays(False), _arrays(True))),
         "baseline": Reader(baseline._cases, "verdicts.tsv", (LINES,)),
         "history": Reader(_history, "h.sqlite", (_database(),)),

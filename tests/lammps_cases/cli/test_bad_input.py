@@ -128,7 +128,6 @@ def test_case_that_does_not_exist(eos_ref_command: Run) -> None:
         (("run", "--cases", "/nowhere/cases.yaml"), "cannot be read"),
         (("report", "/nowhere"), "cannot be read"),
         (("rnu",), "did you mean 'run'?"),
-        (("power", "fault"), "did you mean 'faults'?"),
         (("run", "--bogus"), "bogus"),
         (("run", "near-rho0.linear.2d", "--baseline", "/nowhere"), "a folder of accepted baselines"),
         (("explain", "nothing"), "no such case, finding, field or verdict: 'nothing'"),

@@ -12,7 +12,6 @@ from lammps_cases.engine import session
 from lammps_cases.examples import collect as examples_collect
 from lammps_cases.studies.chart import collect as chart_collect
 from lammps_cases.studies.chart.record import DOCUMENT, Section
-from lammps_cases.studies.mutation import collect
 from lammps_cases.studies.stability import atlas
 from lammps_cases.studies.validation import run
 from tests.support.outcome import Outcome
@@ -20,7 +19,6 @@ from tests.support.outcome import Outcome
 COMMANDS = {
     "stability": (atlas, "measure", "cells.jsonl"),
     "validate": (run, "validate", "runs.jsonl"),
-    "power": (collect, "collect", "planted.jsonl"),
     "chart": (chart_collect, "collect", "sections.jsonl"),
     "examples": (examples_collect, "collect", "decks.jsonl"),
 }

@@ -17,7 +17,7 @@ from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import installations
 from lammps_cases.engine.first_pressure import first_pressure
 from lammps_cases.engine.installations import Engine
-from lammps_cases.examples import collect, decks, measured, page
+from lammps_cases.examples import collect, decks, page
 from lammps_cases.records.audit_record import BudgetPart, BudgetRecord
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.outcome import Outcome
@@ -229,21 +229,3 @@ def test_the_command_leaves_a_page(tmp_path: Path, eos_ref_command: Callable[...
 def test_a_command_without_decks(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
     outcome = eos_ref_command("examples", "--from", str(tmp_path), "--out", str(tmp_path / "out"))
     assert outcome.code == 2 and not (tmp_path / "out").exists()
-
-
-def test_the_document_has_what_was_measured() -> None:
-    text = measured.PAGE.read_text(encoding="utf-8")
-    rows = json.loads(measured.FILE.read_text())
-    assert measured.page(text, rows) == text
-    assert measured.page(text, rows[1:]) != text
-    by_run = {row["run"]: row["away"] for row in rows if row["deck"] == "taylor-green"}
-    log = next(away for run, away in by_run.items() if run.startswith("log of"))
-    # What the document says in words, of the numbers as the table shows them.
-    assert balance.percent(by_run[balance.LAMMPS]) == balance.percent(by_run["as it is"]) == balance.percent(log)
-    adds = {row["run"]: row["adds"] for row in rows if row["deck"] == "taylor-green"}
-    assert adds["no artificial viscosity"] > by_run["as it is"] > 0 > adds["no density diffusion"]
-    plates = {row["run"]: row["away"] for row in rows if row["deck"] == "poiseuille"}
-    bare = plates["no artificial viscosity"]
-    assert 0 < plates["as it is"] < bare / 2, "most of the error of the walls is hidden"
-    assert 0 < plates["half the spacing, no artificial viscosity"] < 0.6 * bare, "of first order"
-    assert bare - plates["as it is"] > plates["half the spacing, no artificial viscosity"] - plates["half the spacing"]

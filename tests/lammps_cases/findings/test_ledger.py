@@ -28,9 +28,9 @@ from lammps_cases.regression import acceptance, baseline, evidence
 from lammps_cases.report import findings as reported
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from lammps_cases.studies.mutation.alarms import KINDS
 from lammps_cases.verdict import particle_model
 from tests.support.outcome import Outcome
+from tests.workshop.faults.alarms import KINDS
 
 Run = Callable[..., Outcome]
 ROOT = Path(__file__).parents[3]

@@ -27,8 +27,8 @@ from lammps_cases.run import answers, flow, prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.mutation.substitute import in_place_of
 from tests.support.outcome import Outcome, Solver
+from tests.workshop.faults.substitute import in_place_of
 
 pytestmark = pytest.mark.lammps
 

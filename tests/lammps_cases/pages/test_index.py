@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.fuzz import page as fuzz_page
-from lammps_cases.fuzz.record import FuzzRecord
 from lammps_cases.history import page as history_page
 from lammps_cases.pages import index
 from lammps_cases.records import kept
 from lammps_cases.records.run_record import EngineRecord, RunRecord
 from lammps_cases.run.report_files import write_run
+from lammps_cases.studies.inputs import page as inputs_page
+from lammps_cases.studies.inputs.record import InputTable
 from tests.support.outcome import Outcome
 
 
@@ -40,7 +40,7 @@ def labels(path: Path) -> list[str]:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two whole runs, a part, an audit, random scenes, a bug report, and a run that is being written."""
+    """Two whole runs, a part, an audit, a table of bad input, a bug report, and a run that is being written."""
     reports = tmp_path_factory.mktemp("written") / "reports"
     for distribution in ("1.0", "2.0"):
         with kept.whole_runs(reports).place(f"pypi:{distribution}") as folder:
@@ -49,7 +49,8 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
         a_run(folder, "2026-02-01T12:00:00Z", "3.0")
     a_run(reports / "audit-in.mine")
     a_run(reports / ".2026-01-31_12.00.00_9.partial", distribution="9.0")
-    fuzz_page.write(FuzzRecord(engine=EngineRecord(distribution="1.0"), seed=7, drawn=3), reports / "fuzz")
+    (reports / "inputs").mkdir()
+    inputs_page.write(InputTable("", {"distribution": "1.0"}, 1.0, ()), reports / "inputs")
     (reports / "bug-of-mine").mkdir()
     (reports / "bug-of-mine" / "issue.md").write_text("# bug")
     index.refresh(reports)
@@ -65,17 +66,17 @@ def reports(written: Path, tmp_path: Path) -> Path:
 def test_every_link_leads_to_a_file_from_the_page_and_through_latest(reports: Path) -> None:
     html = (reports / "index.html").read_text(encoding="utf-8")
     listed = [unescape(link) for link in re.findall(r'href="([^"#]+)"', html)]
-    assert {"fuzz/fuzz.html", "audit-in.mine/report.html", "bug-of-mine/issue.md"} <= set(listed)
+    assert {"inputs/report.html", "audit-in.mine/report.html", "bug-of-mine/issue.md"} <= set(listed)
     assert all((reports / link).is_file() for link in listed)
     pages = [*reports.glob("2*/report.html"), *reports.glob("*/latest/report.html"), reports / "latest" / "report.html"]
-    pages += [reports / "fuzz" / "fuzz.html", reports / "audit-in.mine" / "report.html", reports / "index.html"]
+    pages += [reports / "inputs" / "report.html", reports / "audit-in.mine" / "report.html", reports / "index.html"]
     assert len(pages) == 7
     for page in pages:
-        assert labels(page) == ["eos-ref", "Run", "Audit", "Fuzz"], page
+        assert labels(page) == ["eos-ref", "Run", "Audit", "Inputs"], page
         # A browser takes .. off the name of the page, not off what a link leads to.
         leads = [Path(os.path.normpath(page.parent / link)) for link in links(page)]
         assert leads[0] == reports / "index.html" and all(link.is_file() for link in leads), page
-    assert links(reports / "fuzz" / "fuzz.html")[1] == "../latest/report.html"
+    assert links(reports / "inputs" / "report.html")[1] == "../latest/report.html"
 
 
 def test_the_headline_is_that_of_the_last_whole_run(reports: Path) -> None:
@@ -86,7 +87,7 @@ def test_the_headline_is_that_of_the_last_whole_run(reports: Path) -> None:
     assert re.findall(r">(all|some) cases</a></th>", runs) == ["all", "all", "some"]
     shown = re.sub("<[^>]*>", " ", html)  # addresses hold the time of day, which may be 19.09
     assert "9.0" not in shown and "2026-02-01 12:00" in runs
-    assert "3 random scenes of seed 7: none without an explanation" in html
+    assert "what becomes of bad input" in html
 
 
 def test_another_page_comes_into_the_bar_of_all_and_changes_nothing_else(reports: Path) -> None:
@@ -97,7 +98,7 @@ def test_another_page_comes_into_the_bar_of_all_and_changes_nothing_else(reports
     history_page.write(reports / "history", [], [], [], pictured=False)
     index.refresh(reports)
     after = page.read_text(encoding="utf-8")
-    assert labels(page) == ["eos-ref", "Run", "Audit", "History", "Fuzz"]
+    assert labels(page) == ["eos-ref", "Run", "Audit", "History", "Inputs"]
     assert len(after) - len(before) == len('\n<a href="../history/history.html">History</a>')
     assert page.stat().st_mtime_ns == written
     history_page.write(reports / "history", [], [], [], pictured=True)

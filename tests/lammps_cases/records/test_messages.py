@@ -1,9 +1,8 @@
-"""What happened in a case, in sentences: every end and every blame, from facts and from documents of schema 1."""
+"""What happened in a case, in sentences: every end and every blame, from facts."""
 
 from __future__ import annotations
 
 import ast
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,18 +13,16 @@ import pytest
 import eos_ref
 import lammps_cases
 from eos_ref import InputError
-from lammps_cases.records import schema1, wording
+from lammps_cases.records import wording
 from lammps_cases.records.run_record import (
     Beyond,
     Blame,
     CaseRecord,
-    EngineRecord,
     FieldRecord,
     HarnessError,
     LostAtoms,
     Mismatch,
     OtherSteps,
-    RunRecord,
     read_run,
 )
 
@@ -206,80 +203,11 @@ def test_own_words_are_brief_and_without_the_finding() -> None:
     )
 
 
-# --- schema 1
-
-
-NEW = {
-    "ended",
-    "engine_error",
-    "blame",
-    "beyond",
-    "unusable",
-    "mismatch",
-    "harness_error",
-    "only_twin",
-    "not_same_problem",
-}
-
-
-def _old(record: CaseRecord) -> dict[str, Any]:
-    """A case as schema 1 had it: findings as text or null, and the message the only fact of its end."""
-    case = record.model_dump(mode="json", exclude=NEW)
-    for part in (case, *case["fields"]):
-        part["explained_by"] = ", ".join(part["explained_by"]) or None
-    return case
-
-
-def _document(cases: list[CaseRecord]) -> str:
-    run = RunRecord(engine=EngineRecord(), reference={}, cases=cases)
-    return json.dumps(
-        run.model_dump(mode="json", by_alias=True) | {"schema": schema1.SCHEMA, "cases": [*map(_old, cases)]}
-    )
-
-
-def _written(tmp_path: Path, text: str) -> Path:
-    (tmp_path / "run.json").write_text(text)
-    return tmp_path
-
-
-def test_facts_of_schema_1_are_those_of_its_sentences(tmp_path: Path) -> None:
-    """What schema 1 rounded away (the bound beyond three digits) is all that is lost."""
-    said_then = {name: sentence for name, sentence in SENTENCES.items() if name != "twin, and beyond"}
-    cases = [CaseRecord(case=name, **facts, message=sentence) for name, (facts, sentence) in said_then.items()]
-    one = f"f (stage pair) leaves its bound at step 4 at {NUMBERS}"
-    worded_then = {"beyond": f"{one}; beyond a, b: {one}"}
-    written = [case.model_copy(update={"message": worded_then.get(case.case, case.message)}) for case in cases]
-    run = read_run(_written(tmp_path, _document(written)))
-    assert run.schema_ == "eos-ref/run/2"
-    for old, then, new in zip(cases, written, run.cases, strict=True):
-        assert wording.message(new) == old.message
-        assert new.message == then.message
-        assert (new.ended, new.explained_by, new.fields) == (old.ended, old.explained_by, old.fields), old.case
-        for name in ("engine_error", "unusable", "harness_error", "only_twin", "not_same_problem"):
-            assert getattr(new, name) == getattr(old, name), (old.case, name)
-        for one, other in ((old.blame, new.blame), (old.beyond, new.beyond)):
-            assert (one is None) == (other is None), old.case
-
-
-def test_a_document_of_schema_1_written_by_hand(tmp_path: Path) -> None:
-    field = {
-        "field": "f",
-        "stage": "pair",
-        "verdict": "explained",
-        "max_over_bound": "Infinity",
-        "explained_by": "a, b",
-    }
-    case = {"case": "one", "verdict": "explained", "message": "of old", "explained_by": None, "fields": [field]}
-    ran = {"schema": "eos-ref/run/1", "engine": {"name": "env"}, "reference": {}, "cases": [case]}
-    (read,) = read_run(_written(tmp_path, json.dumps(ran))).cases
-    assert (read.ended, read.message, read.explained_by, read.blame) == ("answered", "of old", [], None)
-    assert read.fields[0].explained_by == ["a", "b"] and read.fields[0].max_over_bound == float("inf")
-
-
 @pytest.mark.parametrize("text", ["{", "[]", '{"schema": "eos-ref/run/3", "engine": {}, "reference": {}}'])
-def test_what_is_of_neither_schema_is_refused(tmp_path: Path, text: str) -> None:
+def test_what_is_of_another_schema_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "run.json").write_text(text)
     with pytest.raises(InputError):
-        read_run(_written(tmp_path, text))
+        read_run(tmp_path)
 
 
 # --- nobody reads a sentence
@@ -345,9 +273,9 @@ def test_parsing_is_seen(line: str) -> None:
 
 
 @pytest.mark.slow
-def test_no_message_is_parsed_outside_the_reader_of_schema_1() -> None:
+def test_no_message_is_parsed() -> None:
     folders = [Path(package.__path__[0]) for package in (eos_ref, lammps_cases)]
-    sources = [path for folder in folders for path in folder.rglob("*.py") if path.name != "schema1.py"]
+    sources = [path for folder in folders for path in folder.rglob("*.py")]
     assert len(sources) > 200
     assert [(str(path), line) for path in sources for line in parsed(path.read_text(encoding="utf-8"))] == []
 

@@ -16,8 +16,9 @@ from eos_ref.model.parameters import Model, PairRheo, Viscosity
 from eos_ref.model.state import State
 from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
 from lammps_cases.rules import RULES, SUBJECTS, Evaluated, fields
+from lammps_cases.scene import casefile
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.studies.mutation import formula
+from tests.workshop.faults import formula
 
 # Two fluid particles of type 1 and one of type 2 in a row, a solid of type 2 above the first; nothing near any face.
 X = [[3.0, 3.0], [4.0, 3.0], [5.0, 3.0], [3.0, 4.0]]
@@ -134,3 +135,10 @@ def test_every_rule_has_a_name_of_its_own_and_every_field_a_rule() -> None:
     assert len(RULES) == sum(len(rules) for rules in SUBJECTS.values())
     assert [rule.name for rule in fields.RULES if rule.name.removeprefix("field/") not in FIELDS] == []
     assert len(fields.RULES) == len(FIELDS)
+
+
+def test_every_case_says_what_it_is_for() -> None:
+    """Beside those that LAMMPS has to refuse: what `eos-ref explain CASE` counts helps to choose."""
+    silent = [case.name for case in casefile.load() if not case.exercises and case.scene.expect is None]
+    assert silent == [], "say in `exercises` of the file which rules these cases are for"
+    assert [case.name for case in casefile.load() if case.exercises and case.scene.expect] == []

@@ -27,10 +27,10 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS, Field, in_step_order
 from lammps_cases.setup import commands, twins
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.mutation import output_faults
-from lammps_cases.studies.mutation.substitute import in_place_of
 from lammps_cases.verdict.snapshots import snapshot
 from tests.support.outcome import Solver
+from tests.workshop.faults import output_faults
+from tests.workshop.faults.substitute import in_place_of
 
 ENGINE = EngineRecord(name="env", distribution=version("lammps"))
 RICH: dict[str, Any] = {

@@ -24,9 +24,9 @@ from lammps_cases.shrink.content import Content, as_case, size, written_out
 from lammps_cases.shrink.failure import FailureMode, failure_mode, rule_broken
 from lammps_cases.shrink.reductions import fewer_digits, fewer_particles, fewer_steps, fewer_types
 from lammps_cases.shrink.shrink import Shrunk, WorkerJudge, shrink
-from lammps_cases.studies.mutation import catalogue, input_faults, output_faults
-from lammps_cases.studies.mutation.perturbed import PerturbedCase, PerturbedJudge
 from tests.support.outcome import Outcome
+from tests.workshop.faults import input_faults, output_faults
+from tests.workshop.faults.perturbed import PerturbedCase, PerturbedJudge
 
 Run = Callable[..., Outcome]
 Write = Callable[..., Path]
@@ -59,7 +59,7 @@ class FaultyJudge(WorkerJudge):
 
     def __call__(self, case: Case) -> CaseRecord:
         ready = prepared_case.prepare(case)
-        told, read = catalogue.input_faults().get(self.fault), output_faults.faults().get(self.fault)
+        told, read = input_faults.faults().get(self.fault), output_faults.faults().get(self.fault)
         outcomes = self.answers(ready, (input_faults.jobs(told, ready) if told else None) or ready.jobs)
         if read and isinstance(outcomes[0], Answer):
             outcomes = [output_faults.applied(read, outcomes[0]) or outcomes[0], *outcomes[1:]]

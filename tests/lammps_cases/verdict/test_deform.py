@@ -13,10 +13,10 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
-from lammps_cases.studies.mutation import catalogue, input_faults
 from lammps_cases.verdict.cases import compare_case
 from tests.support.outcome import Solver
 from tests.support.told import Told, engine
+from tests.workshop.faults import input_faults
 
 pytestmark = pytest.mark.lammps
 ENGINE = EngineRecord(name="env", distribution="2025.7.22.4.0")
@@ -69,6 +69,6 @@ def test_speeds_of_images_may_be_differences_of_places(monkeypatch: pytest.Monke
 def test_a_fault_in_what_lammps_is_told_of_the_box_is_seen(name: str, fault: str, solver: Solver) -> None:
     (case,) = casefile.select(casefile.load(), [name])
     ready = prepare(case)
-    jobs = input_faults.jobs(catalogue.input_faults()[f"told.{fault}"], ready)
+    jobs = input_faults.jobs(input_faults.faults()[f"told.{fault}"], ready)
     record, *_ = compare_case(case, ready.eos, ready.atoms, solver(jobs[0]), ENGINE, Predictor())
     assert record.verdict == "differs"

@@ -17,8 +17,8 @@ from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.settings import Evolve
-from lammps_cases.studies.mutation import catalogue, input_faults
 from lammps_cases.verdict.cases import compare_case
+from tests.workshop.faults import input_faults
 
 pytestmark = pytest.mark.lammps
 ENGINE = EngineRecord(name="env", distribution="2025.7.22.4.0")
@@ -38,7 +38,7 @@ def judge() -> Any:
             content = case.scene.model_dump(exclude_unset=True)
             case = replace(case, scene=Scene.model_validate(casefile.merge(content, scene)), exercises=())
             ready: PreparedCase = prepared_case.prepare(case)
-            jobs = input_faults.jobs(catalogue.input_faults()[f"told.{fault}"], ready) if fault else ready.jobs
+            jobs = input_faults.jobs(input_faults.faults()[f"told.{fault}"], ready) if fault else ready.jobs
             assert jobs is not None
             answer = workers.outcome(workers.submit(jobs[0], 60.0))
             outcome = change(answer) if isinstance(answer, Answer) else answer

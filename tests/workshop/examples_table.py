@@ -1,0 +1,66 @@
+"""The table of docs/examples.md: what makes up the error of whole decks, as ``eos-ref examples --full`` measured it.
+
+``python -m tests.workshop.examples_table REPORT`` takes the numbers of a report, and writes the table anew.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from lammps_cases.audit import balance
+from lammps_cases.examples.collect import DOCUMENT, NAME, Examples
+from lammps_cases.records.files import write_atomically
+
+FILE = Path(__file__).with_suffix(".json")
+PAGE = Path(__file__).parents[2] / "docs" / "examples.md"
+MARKS = "<!-- measured -->", "<!-- end -->"
+
+
+def rows(examples: Examples) -> list[dict[str, Any]]:
+    """Return a row for every run that a closed solution was compared with, LAMMPS' own and those of logs among them."""
+    deviations: list[dict[str, Any]] = []
+    for example in examples.examples:
+        own = {"deck": example.name, "lammps": examples.engine.distribution}
+        deviations.extend(
+            own | {"run": part.name, "step": part.step, "away": part.deviation, "adds": part.contribution}
+            for part in balance.parts(example.case)
+        )
+        for log in example.logs:
+            away = balance.log_deviation(example.case.closed, log.columns)
+            if away is not None:
+                deviations.append(
+                    own | {"run": f"log of {log.version}", "step": away[0], "away": away[1], "adds": None}
+                )
+    return deviations
+
+
+def table(measured: Iterable[dict[str, Any]]) -> str:
+    """Return rows as a table of Markdown."""
+    lines = ["| deck | run | step | difference | what this adds |", "|---|---|---|---|---|"]
+    for of in measured:
+        who = f"LAMMPS {of['lammps']}" if of["run"] == balance.LAMMPS else of["run"]
+        shown = [of["deck"], who, str(of["step"]), balance.percent(of["away"]), balance.percent(of["adds"])]
+        lines.append(f"| {' | '.join(shown)} |".replace("|  |", "| |"))
+    return "\n".join(lines)
+
+
+def page(text: str, measured: Iterable[dict[str, Any]]) -> str:
+    """Return the text of the document with the table of some rows between its marks."""
+    before, _, rest = text.partition(MARKS[0])
+    _, _, after = rest.partition(MARKS[1])
+    return f"{before}{MARKS[0]}\n\n{table(measured)}\n\n{MARKS[1]}{after}"
+
+
+def main(report: str) -> None:
+    """Keep the rows of a report, and write the document."""
+    measured = rows(DOCUMENT.read(Path(report) / NAME))
+    write_atomically(FILE, json.dumps(measured, indent=1) + "\n")
+    write_atomically(PAGE, page(PAGE.read_text(encoding="utf-8"), measured))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,365 @@
+"""Faults in what real LAMMPS is given: its input says something else than the scene that judges it.
+
+A change of the scene goes through `lammps_cases.setup.commands` as any other scene; what no scene can say (a fix
+dropped, an atom moved) is changed in the job itself. A change that leaves a job as it was does not apply to its case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from eos_ref import InputError
+from lammps_cases.engine.interlude import Interlude, InterludeAction
+from lammps_cases.engine.session import Job, RunCommand
+from lammps_cases.run.prepared_case import PreparedCase
+from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import Atoms
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from tests.workshop.faults import input_faults_scene
+from tests.workshop.faults.fault import Kind, by_id
+from tests.workshop.faults.output_faults import ends_exchanged, middle, single
+from tests.workshop.faults.perturbed import rearranged
+from tests.workshop.faults.scene_changes import InputFault, JobChange
+
+
+def jobs(fault: InputFault, ready: PreparedCase, lists: bool = False) -> list[Job] | None:
+    """Return the jobs of a case, or of both runs of a twin, with a fault; None if it does not apply.
+
+    With ``lists`` those that read every step and the neighbour lists.
+    """
+    right_jobs, faulty = ready.reading_lists if lists else ready.jobs, []
+    for (scene, atoms), right in zip(ready.sides, right_jobs, strict=True):
+        wrong = right
+        if fault.change_scene is not None:
+            try:
+                changed = fault.change_scene(scene)
+                wrong = _job(changed, atoms, scene, lists) if changed != scene else right
+            except (InputError, ValueError, IndexError, ZeroDivisionError, OverflowError):
+                return None  # the change makes no sense for this scene
+        if fault.change_job is not None:
+            wrong = fault.change_job(wrong)
+        faulty.append(wrong)
+    same = [_same(one, other) for one, other in zip(faulty, right_jobs, strict=True)]
+    return None if all(same) else faulty
+
+
+def _job(changed: Scene, atoms: Atoms, scene: Scene, lists: bool) -> Job:
+    """Return the job of a changed scene; it may ask for what it no longer has, which is LAMMPS' to refuse."""
+    try:
+        items = plan(changed)
+    except InputError:
+        items = plan(scene)
+    return job(changed, atoms, items, every_step=lists, lists=lists)
+
+
+def _same(one: Job, other: Job) -> bool:
+    def equal(a: Any, b: Any) -> bool:
+        return np.array_equal(a, b) if isinstance(a, np.ndarray) or isinstance(b, np.ndarray) else bool(a == b)
+
+    per_atom = [(one.per_atom.get(name), other.per_atom.get(name)) for name in {*one.per_atom, *other.per_atom}]
+    others = [(getattr(one, f.name), getattr(other, f.name)) for f in fields(Job) if f.name != "per_atom"]
+    return all(equal(a, b) for a, b in (*others, *per_atom))
+
+
+# --- what no scene can express
+
+
+def _lines(change: Callable[[str], str]) -> JobChange:
+    """Change every line of the commands."""
+    return lambda of: replace(of, setup=tuple(map(change, of.setup)), commands=tuple(map(change, of.commands)))
+
+
+def _replaced(old: str, new: str) -> JobChange:
+    """Replace text of commands, wherever it stands."""
+    return _lines(lambda line: line.replace(old, new))
+
+
+def _number(begins: str, at: int, change: Callable[[float], float]) -> JobChange:
+    """Change the word of index ``at``, a number, of commands that begin so."""
+
+    def change_line(line: str) -> str:
+        words = line.split()
+        return " ".join([*words[:at], repr(change(float(words[at]))), *words[at + 1 :]])
+
+    return _lines(lambda line: change_line(line) if line.startswith(begins) else line)
+
+
+def _without(*beginnings: str) -> JobChange:
+    """Leave out commands that begin with some words."""
+
+    def kept(lines: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(line for line in lines if not line.startswith(beginnings))
+
+    return lambda of: replace(of, setup=kept(of.setup), commands=kept(of.commands))
+
+
+def _last(begins: str) -> JobChange:
+    """Move commands that begin so behind all others."""
+    return lambda of: replace(of, commands=tuple(sorted(of.commands, key=lambda line: line.startswith(begins))))
+
+
+def _neighbours(*settings: str) -> JobChange:
+    """Set other settings of neighbour lists."""
+    words = {line.split()[0] for line in settings}
+
+    def change_job(of: Job) -> Job:
+        if not any(line.startswith("pair_style") for line in of.commands):
+            return of
+        kept = [line for line in of.setup if line.split()[0] not in words or "binsize" in line]
+        at = next(k for k, line in enumerate(kept) if line.startswith("region"))
+        return replace(of, setup=(*kept[:at], *settings, *kept[at:]))
+
+    return change_job
+
+
+_FIELDS = {"x": "x_nc", "v": "v_nc", "type": "type_n"}
+
+
+def _array(name: str, change: Callable[[Any], Any]) -> JobChange:
+    """Change positions (x), velocities (v), types, or a value per atom (rho, esph) that LAMMPS is given."""
+
+    def change_job(of: Job) -> Job:
+        given = getattr(of, _FIELDS[name]) if name in _FIELDS else of.per_atom.get(name)
+        if given is None:
+            return of
+        changed = change(given.copy())
+        return replace(
+            of, **({_FIELDS[name]: changed} if name in _FIELDS else {"per_atom": {**of.per_atom, name: changed}})
+        )
+
+    return change_job
+
+
+def _one(by: float) -> Callable[[Any], Any]:
+    """Change the middle atom's value by a relative amount, of a vector its largest component."""
+
+    def change(value: Any) -> Any:
+        value_c = np.array(value)
+        value_c.reshape(-1)[np.abs(value_c).argmax()] *= 1 + by
+        return value_c
+
+    return middle(change)
+
+
+def _fewer(of: Job) -> Job:
+    """Leave out the last atom."""
+    return rearranged(of, np.arange(len(of.id_n) - 1))
+
+
+def _exchange_atoms(of: Job) -> Job:
+    """Give the first and the last atom each other's place and values, but not ids."""
+    row_n = ends_exchanged(np.arange(len(of.id_n)))
+    return rearranged(of, row_n, of.id_n)
+
+
+def _energy_per_mass(of: Job) -> Job:
+    """Divide energies by the masses, as if the scene's were those of particles."""
+    masses = {int(line.split()[1]): float(line.split()[2]) for line in of.commands if line.startswith("mass ")}
+    return _array("esph", lambda e_n: e_n / np.array([masses[int(t)] for t in of.type_n]))(of)
+
+
+def _without_array(name: str) -> JobChange:
+    return lambda of: replace(of, per_atom={k: v for k, v in of.per_atom.items() if k != name})
+
+
+def _exclude_pairs(of: Job) -> Job:
+    """Leave pairs of types 1 and 2 out of the neighbour lists."""
+    if not any(line.startswith("pair_style") for line in of.commands) or of.type_n.max() < 2:
+        return of
+    return replace(of, commands=("neigh_modify exclude type 1 2", *of.commands))
+
+
+def _newton_apart(of: Job) -> Job:
+    """Set newton off for pairs and on for bonds, with which LAMMPS adds to particles what their images collect."""
+    setup = [line for line in of.setup if not line.startswith("newton ")]
+    at = next(k for k, line in enumerate(setup) if line.startswith("atom_style")) + 1
+    return replace(of, setup=(*setup[:at], "newton off on", *setup[at:]))
+
+
+def _first_run_again(of: Job) -> Job:
+    """Set every run up anew, where it should be continued."""
+    return _commands_of_runs(lambda command: command.replace(" pre no", ""))(of)
+
+
+def _commands_of_runs(change: Callable[[str], str]) -> JobChange:
+    """Change the run commands."""
+    return lambda of: replace(
+        of, runs=tuple(replace(r, command=change(r.command)) if isinstance(r, RunCommand) else r for r in of.runs)
+    )
+
+
+def _between(before: str, *commands: str) -> JobChange:
+    """Give LAMMPS further commands between runs, before those that begin so; at the end if ``before`` is empty."""
+
+    def change(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
+        if isinstance(stretch, RunCommand):
+            return stretch
+        actions = stretch.actions
+        at = [k for k, action in enumerate(actions) if action.text.startswith(before)][:1] if before else [len(actions)]
+        further = tuple(map(InterludeAction, commands))
+        return replace(stretch, actions=(*actions[: at[0]], *further, *actions[at[0] :]) if at else actions)
+
+    return lambda of: replace(of, runs=tuple(map(change, of.runs)))
+
+
+def _not_between(*beginnings: str) -> JobChange:
+    """Leave out commands between runs that begin with some words."""
+
+    def change(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
+        if isinstance(stretch, RunCommand):
+            return stretch
+        kept = tuple(action for action in stretch.actions if not action.text.startswith(beginnings))
+        return replace(stretch, actions=kept)
+
+    return lambda of: replace(of, runs=tuple(map(change, of.runs)))
+
+
+def _between_without(words: str) -> JobChange:
+    """Leave out words of the commands between runs."""
+
+    def change(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
+        if isinstance(stretch, RunCommand):
+            return stretch
+        fewer = tuple(replace(action, text=action.text.replace(words, "")) for action in stretch.actions)
+        return replace(stretch, actions=fewer)
+
+    return lambda of: replace(of, runs=tuple(map(change, of.runs)))
+
+
+def _never_again(of: Job) -> Job:
+    """Continue where a run should begin with a set-up of its own."""
+    first, *others = of.runs
+    if not any(isinstance(stretch, Interlude) for stretch in others):
+        return of
+    changed = _commands_of_runs(lambda command: command.replace("run 0 post", "run 0 pre no post"))
+    return replace(of, runs=(first, *changed(replace(of, runs=tuple(others))).runs))
+
+
+def _without_interludes(of: Job) -> Job:
+    """Do nothing between runs."""
+    return replace(of, runs=tuple(s for s in of.runs if not isinstance(s, Interlude)))
+
+
+_TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
+    # --- commands
+    ("no-viscosity-fix", "missing term", "fix rheo/viscosity left out", _without("fix viscosity")),
+    ("no-pressure-fix", "missing term", "fix rheo/pressure left out", _without("fix pressure")),
+    ("no-thermal-fix", "missing term", "fix rheo/thermal left out", _without("fix thermal")),
+    ("no-pair-style", "missing term", "pair_style rheo left out", _without("pair_style", "pair_coeff")),
+    ("no-status", "unset", "phase of solids never set", _without("set type")),
+    ("no-timestep", "unset", "time step never set", _without("timestep")),
+    ("no-masses", "unset", "masses never set", _without("mass")),
+    ("rheo-last", "order of operations", "fix rheo behind the other fixes", _last("fix rheo ")),
+    (
+        "pair-cut-smaller",
+        "neighbours",
+        "cutoff of pair_style rheo 10 % smaller",
+        _number("pair_style rheo", 2, lambda cut: cut * 0.9),
+    ),
+    ("dimension-3", "constant", "dimension 3 in place of 2", _replaced("dimension 2", "dimension 3")),
+    ("not-periodic", "neighbours", "periodic axes told to be fixed", _replaced("boundary p", "boundary f")),
+    ("box-longer", "neighbours", "box longer by 1e-6", _number("region box", 4, lambda high: high * (1 + 1e-6))),
+    ("box-twice", "neighbours", "box twice as long", _number("region box", 4, lambda high: high * 2)),
+    (
+        "lists-never-rebuilt",
+        "stale",
+        "neighbour lists never built anew, with hardly any skin",
+        _neighbours("neighbor 1e-9 bin", "neigh_modify every 10000 delay 10000 check no"),
+    ),
+    (
+        "lists-rebuilt-seldom",
+        "stale",
+        "neighbour lists built every 8 steps, with hardly any skin",
+        _neighbours("neighbor 1e-9 bin", "neigh_modify every 8 delay 8 check no"),
+    ),
+    ("pairs-left-out", "neighbours", "pairs of different types left out of the lists", _exclude_pairs),
+    ("velocities-of-images", "stale", "velocities of periodic images not communicated", _without("comm_modify")),
+    ("images-collect-twice", "neighbours", "pairs across boundaries counted twice in some sums", _newton_apart),
+    ("set-up-again", "order of operations", "every run set up anew where it goes on", _first_run_again),
+    ("no-deform", "missing term", "fix deform left out", _without("fix deform")),
+    ("deform-alone", "missing term", "positions not changed with a box that grows", _replaced("remap x", "remap none")),
+    (
+        "deform-with-x",
+        "missing term",
+        "positions changed with a box that grows alone",
+        _replaced("remap none", "remap x"),
+    ),
+    ("images-at-rest", "missing term", "images that do not move with the box", _replaced("remap v", "remap none")),
+    ("deform-later", "stale", "the box growing in every second step", _replaced(" deform 1 ", " deform 2 ")),
+    # --- between runs
+    ("set-up-never-again", "stale", "runs continued where they should be set up anew", _never_again),
+    ("nothing-between", "missing term", "nothing done between runs", _without_interludes),
+    (
+        "restart-loses-rho",
+        "unset",
+        "densities 1 after a file is read",
+        _between("pair_style", "set group all rheo/rho 1.0"),
+    ),
+    (
+        *("restart-loses-status", "unset", "all atoms fluid after a file is read"),
+        _between("pair_style", "set group all rheo/status 0"),
+    ),
+    (
+        "restart-loses-energy",
+        "unset",
+        "energies 1 after a file is read",
+        _between("pair_style", "set group all sph/e 1.0"),
+    ),
+    (
+        *("restart-loses-v", "unset", "velocities 0 after a file is read"),
+        _between("pair_style", "set group all vx 0.0 vy 0.0 vz 0.0"),
+    ),
+    (
+        *("restart-moves-one", "last digits", "one atom moved by 1e-9 between runs"),
+        _between("", "group moved id 3", "displace_atoms moved move 1e-9 0 0 units box"),
+    ),
+    ("between-no-timestep", "unset", "time step not set between runs", _not_between("timestep")),
+    ("between-no-reset", "unset", "fix dt/reset left out", _not_between("fix reset")),
+    ("between-no-forces", "missing term", "forces of other fixes not defined anew", _not_between("fix force")),
+    ("between-no-displacement", "missing term", "atoms not displaced", _not_between("displace_atoms")),
+    ("between-no-stretch", "missing term", "the box as it was", _not_between("change_box")),
+    ("stretch-without-atoms", "missing term", "positions not changed with the box", _between_without(" remap")),
+    ("between-no-velocities", "unset", "velocities of atoms created anew not set", _not_between("set atom")),
+    ("between-no-count", "unset", "steps counted on where the count is set", _not_between("reset_timestep")),
+    # --- what atoms are given
+    ("atom-lost", "missing term", "last atom not created", _fewer),
+    ("atoms-renamed", "exchanged", "two atoms with each other's place and values", _exchange_atoms),
+    ("types-exchanged", "exchanged", "two atoms with each other's type", _array("type", ends_exchanged)),
+    (
+        "type-of-one",
+        "type range",
+        "an atom of type 1 where it is of the last",
+        _array("type", lambda t: np.r_[1, t[1:]]),
+    ),
+    ("all-of-type-1", "type range", "all atoms of type 1", _array("type", np.ones_like)),
+    ("x-single", "single precision", "positions rounded to float32", _array("x", single)),
+    ("v-single", "single precision", "velocities rounded to float32", _array("v", single)),
+    ("rho-single", "single precision", "densities rounded to float32", _array("rho", single)),
+    ("energy-single", "single precision", "energies rounded to float32", _array("esph", single)),
+    ("x-of-one", "last digits", "position of one atom off by 1e-9", _array("x", _one(1e-9))),
+    ("v-of-one", "last digits", "velocity of one atom off by 1e-9", _array("v", _one(1e-9))),
+    ("rho-of-one", "last digits", "density of one atom off by 1e-12", _array("rho", _one(1e-12))),
+    ("energy-of-one", "last digits", "energy of one atom off by 1e-12", _array("esph", _one(1e-12))),
+    ("x-exchanged", "exchanged", "two atoms with each other's position", _array("x", ends_exchanged)),
+    ("rho-exchanged", "exchanged", "two atoms with each other's density", _array("rho", ends_exchanged)),
+    ("v-sign", "sign", "velocities of the other sign", _array("v", lambda v: -v)),
+    ("v-axes", "exchanged", "components x and y of velocities exchanged", _array("v", lambda v: v[:, [1, 0, 2]])),
+    ("v-zero", "unset", "velocities never set", _array("v", np.zeros_like)),
+    ("rho-unset", "unset", "densities never set", _without_array("rho")),
+    ("energy-unset", "unset", "energies never set", _without_array("esph")),
+    ("energy-not-per-mass", "volume or mass", "energies per mass where those of particles belong", _energy_per_mass),
+    ("energy-doubled", "constant", "energies doubled", _array("esph", lambda e: 2 * e)),
+)
+
+
+@cache
+def faults() -> dict[str, InputFault]:
+    """Return all faults of this family by their id, in order."""
+    of_jobs = (InputFault(f"told.{name}", kind, what, None, change) for name, kind, what, change in _TABLE)
+    return by_id((*input_faults_scene.FAULTS, *of_jobs))

@@ -1,0 +1,295 @@
+"""Resolution: the smallest change of every parameter that turns a case red.
+
+Real LAMMPS is given another value; its answer is judged, as always, against the scene as it is. Every number of every
+case is tried once; from how far LAMMPS' fields move, in units of their bounds, follows where the cases would turn red.
+The best few are then bisected by the ordinary verdict. Twins are left out: both of their runs are given the same.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import TypeVar
+
+from lammps_cases.comparison.store import Store
+from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.workers import Failure
+from lammps_cases.records.progress import SILENT, Progress
+from lammps_cases.run.prepared_case import PreparedCase, prepare
+from lammps_cases.scene.casefile import Case
+from tests.workshop.faults.perturbed import JudgingWorkers, PerturbedJudge, RepeatedCase
+from tests.workshop.faults.scene_numbers import SceneNumber, numbers
+
+PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one shows
+WHOLE = (1, 2, 3, 4, 6, 8, 12, 16)  # changes of a number that counts something
+FLOOR = 2.0**-53  # a smaller relative change is none
+LARGEST = 1.0  # relative change that is the last one tried
+CLOSE = 1.1  # factor between seen and unseen at which a bisection ends
+BEST = 3  # cases bisected per parameter, of all and of the quick ones
+
+R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class VisibleChange:
+    """The smallest change of a number that a case sees.
+
+    Attributes
+    ----------
+    value : the number as the scene has it
+    change : added to it
+    relative_change : size of the change over that of the number
+    unseen : largest relative change below it that was tried and not seen; 0: one unit of the last place is seen
+    field : the field that leaves its bound by most
+    """
+
+    case: str
+    place: str
+    value: float
+    change: float
+    relative_change: float
+    unseen: float
+    field: str
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """How finely a parameter is seen.
+
+    Attributes
+    ----------
+    case, relative_change : of the best; empty and None if no case sees it
+    candidates : cases that have the parameter
+    sensitive : of these, how many see it change by a tenth, or by less
+    best, quick : of all cases, of the quick ones; None: none sees it
+    note : what kind of change it is
+    """
+
+    parameter: str
+    case: str
+    relative_change: float | None
+    candidates: int
+    sensitive: int
+    best: VisibleChange | None
+    quick: VisibleChange | None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Where a case will see a number change: the estimate of the relative change; infinite: nowhere."""
+
+    parameter: str
+    place: str
+    estimate: float
+    whole: bool
+    decides: bool
+
+
+# --- in a worker
+
+
+def probes(
+    site: str | None, judge: PerturbedJudge, ready: PreparedCase, parameters: Sequence[str]
+) -> list[Sensitivity]:
+    """Task: try every number of a case once, of some parameters or of all."""
+    wanted = [n for n in numbers(ready) if not parameters or n.parameter in parameters]
+    if not wanted:
+        return []
+    case = RepeatedCase(site, judge, ready)
+    return [Sensitivity(n.parameter, n.place, _estimate(case, n), n.whole, n.decides) for n in wanted]
+
+
+def _estimate(case: RepeatedCase, number: SceneNumber) -> float:
+    """Estimate where a case turns red; a field without rounding leaves its bound of 0 at once or not (one ulp)."""
+
+    def largest(change: float, but: float = math.nan) -> float:
+        ratios = case.moved(number.job_with(number.value + change))
+        return max((ratio for ratio in ratios.values() if ratio != but), default=0.0)
+
+    if number.whole:
+        steps = [sign * k for k in WHOLE for sign in (1, -1) if number.value + sign * k >= 0]
+        return abs(next((k for k in steps if largest(k) > 1), math.inf)) / abs(number.value)
+    for size in PROBES:
+        for sign in (1, -1) if number.decides else (1,):
+            change = sign * size * number.value
+            ratio = largest(change)
+            if ratio > 1 and number.decides:
+                return size
+            if ratio == math.inf:
+                if largest(math.ulp(number.value)) > 1:
+                    return FLOOR
+                ratio = max(largest(change, but=math.inf), 1.0)
+            if ratio > 1:
+                return max(size / ratio, FLOOR)
+    return math.inf
+
+
+def smallest(
+    site: str | None, judge: PerturbedJudge, ready: PreparedCase, places: Sequence[Sensitivity]
+) -> list[tuple[str, VisibleChange]]:
+    """Task: return the smallest change seen of some numbers of a case, up or down."""
+    case = RepeatedCase(site, judge, ready)
+    by_place = {(n.parameter, n.place): n for n in numbers(ready)}
+    pairs = []
+    for probe in places:
+        number = by_place[probe.parameter, probe.place]
+        changes = [
+            change
+            for sign in (1, -1)
+            if (change := _counted(case, number, sign) if number.whole else _bisected(case, number, sign, probe))
+        ]
+        if changes:
+            pairs.append((probe.parameter, min(changes, key=lambda change: change.relative_change)))
+    return pairs
+
+
+def _counted(case: RepeatedCase, number: SceneNumber, sign: int) -> VisibleChange | None:
+    before = 0
+    for k in WHOLE:
+        if number.value + sign * k < 0:
+            break
+        if case.detects(number.job_with(number.value + sign * k)):
+            return _change(case, number, float(sign * k), before / abs(number.value))
+        before = k
+    return None
+
+
+def _bisected(case: RepeatedCase, number: SceneNumber, sign: int, probe: Sensitivity) -> VisibleChange | None:
+    def altered(size: float) -> float:
+        return number.value * (1 + sign * size)
+
+    def sees(size: float) -> bool:
+        return altered(size) != number.value and case.detects(number.job_with(altered(size)))
+
+    bracket = _bracket(sees, min(max(1.5 * probe.estimate, 2 * FLOOR), LARGEST))
+    if bracket is None:
+        return None
+    visible, invisible = bracket
+    while visible > CLOSE * invisible:
+        middle = math.sqrt(visible * max(invisible, FLOOR))
+        if altered(middle) in (altered(visible), altered(invisible)):
+            break
+        visible, invisible = (middle, invisible) if sees(middle) else (visible, middle)
+    below = abs(altered(invisible) - number.value) / abs(number.value)
+    return _change(case, number, altered(visible) - number.value, below)
+
+
+def _bracket(sees: Callable[[float], bool], start: float) -> tuple[float, float] | None:
+    """Return a change that is seen and a smaller one that is not, from a first guess; None: none is seen."""
+    size = start
+    if not sees(size):
+        while size < LARGEST:
+            size, invisible = min(4 * size, LARGEST), size
+            if sees(size):
+                return size, invisible
+        return None
+    while size > FLOOR:
+        visible, size = size, max(size / 4, FLOOR)
+        if not sees(size):
+            return visible, size if size > FLOOR else 0.0
+    return size, 0.0
+
+
+def _change(case: RepeatedCase, number: SceneNumber, change: float, unseen: float) -> VisibleChange:
+    ratios = case.moved(number.job_with(number.value + change))
+    leaving = max(ratios, key=lambda name: ratios[name], default="no numbers")
+    relative = abs(change) / abs(number.value)
+    return VisibleChange(case.ready.case.name, number.place, number.value, change, relative, unseen, leaving)
+
+
+# --- in the parent
+
+
+def measure(
+    cases: Sequence[Case],
+    engine: Engine,
+    parameters: Sequence[str] = (),
+    jobs: int = 2,
+    store: Store | None = None,
+    progress: Progress = SILENT,
+) -> list[Resolution]:
+    """Return the resolution of all parameters that some cases have, or of those named, sorted by name.
+
+    Raises
+    ------
+    EngineMissing
+    """
+    quick = {case.name for case in cases if "quick" in case.tags}
+    with JudgingWorkers(engine, jobs, store) as workers:
+        judged_by_manual = (
+            case.by(workers.judge.engine.manual) for case in cases if not (case.scene.expect or case.scene.twin)
+        )
+        ready = {case.name: prepare(case) for case in judged_by_manual}
+
+        def results(what: str, futures: dict[str, Future[list[R]]]) -> dict[str, list[R]]:
+            lists: dict[str, list[R]] = {}
+            for name, future in futures.items():
+                outcome = workers.outcome(future)
+                lists[name] = [] if isinstance(outcome, Failure) else outcome
+                progress.advance(len(lists), len(futures), f"{what}: {name}")
+            return lists
+
+        trying = {name: workers.judging(probes, one, tuple(parameters)) for name, one in ready.items()}
+        tried = results("resolution, tried", trying)
+        chosen = _chosen(tried, quick, ready)
+        searching = {name: workers.judging(smallest, ready[name], places) for name, places in chosen.items()}
+        pairs = [pair for of_case in results("resolution, bisected", searching).values() for pair in of_case]
+    return [_resolution(parameter, tried, pairs, quick) for parameter in _parameters(tried)]
+
+
+def _parameters(tried: dict[str, list[Sensitivity]]) -> list[str]:
+    return sorted({probe.parameter for places in tried.values() for probe in places})
+
+
+def _of(parameter: str, tried: dict[str, list[Sensitivity]]) -> dict[str, Sensitivity]:
+    """Return the most promising number of a parameter in every case that has it."""
+    best = {}
+    for name, places in tried.items():
+        of = [probe for probe in places if probe.parameter == parameter]
+        if of:
+            best[name] = min(of, key=lambda probe: probe.estimate)
+    return best
+
+
+def _chosen(
+    tried: dict[str, list[Sensitivity]], quick: set[str], ready: dict[str, PreparedCase]
+) -> dict[str, list[Sensitivity]]:
+    """Return the most promising cases of every parameter, smaller ones first among equals."""
+    chosen: dict[str, list[Sensitivity]] = {}
+    for parameter in _parameters(tried):
+        of = {name: probe for name, probe in _of(parameter, tried).items() if math.isfinite(probe.estimate)}
+        names = sorted(of, key=lambda name: (of[name].estimate, len(ready[name].atoms), name))
+        for name in dict.fromkeys((*names[:BEST], *[n for n in names if n in quick][:BEST])):
+            chosen.setdefault(name, []).append(of[name])
+    return chosen
+
+
+def _resolution(
+    parameter: str, tried: dict[str, list[Sensitivity]], pairs: Sequence[tuple[str, VisibleChange]], quick: set[str]
+) -> Resolution:
+    of = _of(parameter, tried)
+    changes = sorted((c for p, c in pairs if p == parameter), key=lambda c: (c.relative_change, c.case))
+    best = changes[0] if changes else None
+    return Resolution(
+        parameter,
+        best.case if best else "",
+        best.relative_change if best else None,
+        candidates=len(of),
+        sensitive=sum(math.isfinite(probe.estimate) for probe in of.values()),
+        best=best,
+        quick=next((c for c in changes if c.case in quick), None),
+        note=_note(best, next(iter(of.values()))),
+    )
+
+
+def _note(best: VisibleChange | None, probe: Sensitivity) -> str:
+    if best is None:
+        return "no case sees it"
+    if probe.whole:
+        return f"a whole number, seen at {best.change:+.0f}"
+    if best.unseen == 0:
+        return "one unit of the last place"
+    return "decides classes: larger changes may go unseen until one changes" if probe.decides else ""

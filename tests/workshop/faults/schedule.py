@@ -1,0 +1,231 @@
+"""Faults planted one by one, several at a time, each until cases of two files see it."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from lammps_cases.comparison.store import Store
+from lammps_cases.engine import forkserver
+from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.pool import OrderedPool
+from lammps_cases.engine.workers import Failure
+from lammps_cases.records.progress import Progress
+from lammps_cases.records.run_record import EngineRecord
+from lammps_cases.run.prepared_case import prepare
+from lammps_cases.scene.casefile import Case
+from tests.workshop.faults import substitute, tasks
+from tests.workshop.faults.fault import Detection, Fault, files
+from tests.workshop.faults.perturbed import JudgingWorkers
+from tests.workshop.faults.substitute import Substitution
+from tests.workshop.faults.tasks import Control
+
+WITNESSES = 2  # case files that a fault is looked for in, unless all cases are put to it
+LIMIT = 300.0  # seconds that some cases with one fault may take
+CASE_LIMIT = 30.0  # seconds of the processor that a mistaken reference may take for a case
+TOGETHER = 12  # cases given to a worker at a time
+ENOUGH = 3  # answers that a mistaken reference changes, judged before it goes on
+EXCLUDED_TAGS = {"long", "open", "crash"}  # of cases that are not used
+
+T = TypeVar("T")
+Detecting = Generator[Future[Any], Any, list[Detection]]
+
+
+def in_order(cases: Sequence[Case]) -> list[Case]:
+    """Return the cases that can see faults: quick ones first, small ones first, one of every file in turn."""
+    turn: dict[str, int] = {}
+
+    def place(case: Case) -> tuple[bool, bool, int, int, str]:
+        group = case.name.partition(".")[0]
+        turn[group] = turn.get(group, -1) + 1
+        return "quick" not in case.tags, case.scene.twin is not None, turn[group], _cost(case), case.name
+
+    usable = [case for case in cases if not EXCLUDED_TAGS & set(case.tags) and case.scene.engine.ranks == 1]
+    return sorted(sorted(usable, key=lambda case: (_cost(case), case.name)), key=place)
+
+
+def _cost(case: Case) -> int:
+    """Return the particles times evaluations, as far as the scene says."""
+    n = math.prod(getattr(case.scene.positions, "cells", (10, 10)))
+    return n * (1 + (case.scene.evolve.steps if case.scene.evolve else 0)) * (10 if case.scene.whole_model else 1)
+
+
+class MutationPool:
+    """Workers, and the answers without a fault in a folder of their own; a context manager."""
+
+    def __init__(self, engine: Engine, jobs: int, store: Store | None, every: bool = False) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-power-")
+        self.folder = Path(self._folder.name)
+        context = forkserver.context()
+        self._workers = JudgingWorkers(engine, jobs, store, LIMIT)
+        self._substitutes = OrderedPool(
+            max_workers=jobs, max_tasks=1, context=context, initializer=substitute.prepare, initargs=(os.getpid(),)
+        )
+        self._workers.check_shared(self.folder)
+        self.jobs, self.every = self._workers.count, every
+        self.answered: list[str] = []
+        self.played: list[str] = []
+        self.manual: list[str] = []
+        self.quick: set[str] = set()
+
+    @property
+    def engine(self) -> EngineRecord:
+        """Return the LAMMPS of the workers.
+
+        Raises
+        ------
+        EngineMissing
+        """
+        return self._workers.judge.engine
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._substitutes.stop()
+        self._substitutes.join()
+        self._workers.__exit__(kind, value, trace)
+        self._folder.cleanup()
+
+    # --- without a fault
+
+    def prepare(self, cases: Sequence[Case], progress: Progress) -> list[Control]:
+        """Have every case answered by both sides without a fault; only those as expected are used for faults."""
+        controls: list[Control] = []
+        for control in self._together([self._control(case) for case in cases]):
+            controls.append(control)
+            progress.advance(len(controls), len(cases), f"without a fault: {control.case}")
+        by_case = {c.case: c for c in controls}
+        order = [by_case[case.name] for case in cases]
+        self.answered = [c.case for c in order if c.answered]
+        self.played = [c.case for c in order if c.answered and c.played]
+        self.manual = [c.case for c in order if c.answered and c.manual]
+        self.quick = {case.name for case in cases if "quick" in case.tags}
+        return order
+
+    def _control(self, case: Case) -> Generator[Future[Any], Any, Control]:
+        ready = prepare(case.by(self.engine.manual))
+        outcome: Control | Failure = yield self._judging(tasks.answer_case, ready)
+        if isinstance(outcome, Failure):
+            outcome = yield self._judging(tasks.answer_case, ready, outcome.message)
+        if isinstance(outcome, Failure):
+            return Control(case.name, False, None, (f"{outcome.verdict}: {outcome.message}",))
+        return outcome
+
+    def _judging(self, task: Callable[..., T], *arguments: Any) -> Future[T]:
+        return self._workers.judging(task, self.folder, *arguments)
+
+    # --- faults
+
+    def plant(self, faults: Sequence[Fault]) -> Iterator[tuple[Fault, tuple[Detection, ...]]]:
+        """Plant faults; yield each, as it is done, with its detections: until there are enough of them, or all."""
+
+        def planted(fault: Fault) -> Generator[Future[Any], Any, tuple[Fault, tuple[Detection, ...]]]:
+            by_lammps = fault.family in ("told", "read")
+            detections = yield from (self._ask_lammps(fault) if by_lammps else self._ask_substitute(fault))
+            return fault, tuple(detections)
+
+        return self._together([planted(fault) for fault in faults])
+
+    def _together(self, asking: Sequence[Generator[Future[Any], Any, Any]]) -> Generator[Any, None, None]:
+        """Advance several generators, each of which waits for one future at a time; results as they come."""
+        ahead = list(reversed(asking))
+        waiting: dict[Future[Any], Generator[Future[Any], Any, Any]] = {}
+        ready: list[tuple[Generator[Future[Any], Any, Any], Any]] = []
+        while ahead or waiting or ready:
+            while ahead and len(waiting) + len(ready) < 2 * self.jobs:
+                ready.append((ahead.pop(), None))
+            while ready:
+                one, value = ready.pop()
+                try:
+                    waiting[one.send(value)] = one
+                except StopIteration as end:
+                    yield end.value
+            if waiting:
+                done = wait(waiting, return_when=FIRST_COMPLETED).done
+                ready.extend((waiting.pop(future), self._workers.outcome(future)) for future in done)
+
+    def _groups(self, names: Sequence[str]) -> list[list[str]]:
+        """Return the names in groups, quick ones by themselves."""
+        quick = [name for name in names if name in self.quick]
+        others = [name for name in names if name not in self.quick]
+        return [part[k : k + TOGETHER] for part in (quick, others) for k in range(0, len(part), TOGETHER)]
+
+    def _ask_lammps(self, fault: Fault) -> Detecting:
+        """Put cases to a fault in what LAMMPS is given, or in what is read from it."""
+        detections: list[Detection] = []
+        ahead = self._groups(self.answered)
+        while ahead and not self._enough(detections):
+            names = ahead.pop(0)
+            left = None if self.every else WITNESSES - len(files(detections))
+            outcome = yield self._judging(tasks.detect, fault.id, names, left)
+            if not isinstance(outcome, Failure):
+                detections += outcome
+            elif len(names) > 1:
+                ahead[:0] = [[name] for name in names]  # which of them took the worker with it?
+            else:
+                detections += yield from self._ended(names[0], outcome)
+        return detections
+
+    def _enough(self, detections: Sequence[Detection]) -> bool:
+        """Return whether no further case has to be put to a fault."""
+        return not self.every and len(files(detections)) >= WITNESSES
+
+    def _ended(self, name: str, failure: Failure) -> Detecting:
+        """Judge that LAMMPS, or what stands in for it, did not answer; any other failure is this program's."""
+        if failure.verdict == "error":
+            raise RuntimeError(f"{name}: {failure.message}")
+        outcome = yield self._judging(tasks.judge_failure, name, failure)
+        return [outcome] if isinstance(outcome, Detection) else []
+
+    def _ask_substitute(self, fault: Fault) -> Detecting:
+        """Have the mistaken reference answer in place of LAMMPS; then of one without findings, which hide mistakes."""
+        detections = yield from self._ask_in_place(fault, self.played, self.engine.distribution, [])
+        if not self._enough(detections):
+            detecting = {one.case for one in detections}
+            others = [name for name in self.manual if name not in detecting]
+            detections = yield from self._ask_in_place(fault, others, None, detections)
+        return detections
+
+    def _ask_in_place(self, fault: Fault, cases: list[str], engine: str | None, before: list[Detection]) -> Detecting:
+        """Have the mistaken reference answer cases, judge the answers that differ; return what is detected by now."""
+        enough = len(cases) if self.every else ENOUGH
+        detections = list(before)
+        quick = [name for name in cases if name in self.quick]
+        ahead = [part for part in (quick, cases[len(quick) :]) if part]
+        while ahead and not self._enough(detections):
+            names = ahead.pop(0)
+            played = yield self._call_substitute(fault, names, engine, enough)
+            if isinstance(played, Failure):
+                if len(names) > 1:
+                    ahead[:0] = [[name] for name in names]
+                else:
+                    detections += yield from self._ended(names[0], played)
+                continue
+            for one in played:
+                outcome = yield self._judging(tasks.judge_substitution, one)
+                detections += [outcome] if isinstance(outcome, Detection) else []
+                if self._enough(detections):
+                    break
+            if len(played) >= enough:
+                rest = names[names.index(played[-1].case) + 1 :]
+                ahead[:0] = [rest] if rest else []
+        return detections
+
+    def _call_substitute(
+        self, fault: Fault, names: list[str], engine: str | None, enough: int
+    ) -> Future[list[Substitution]]:
+        future: Future[list[Substitution]] = self._substitutes.schedule(
+            substitute.answer_cases,
+            args=(fault, self.folder, names, engine, enough, CASE_LIMIT),
+            timeout=60.0 + CASE_LIMIT * len(names),
+        )
+        return future

@@ -1,0 +1,116 @@
+"""Changes of the source are addressed by syntax tree; made in a process, they are made everywhere and taken back."""
+
+from __future__ import annotations
+
+import ast
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import EOS, InputError
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.kernels import quintic
+from eos_ref.model import interactions
+from eos_ref.model.parameters import Model
+from tests.support.roundings import rounded
+from tests.workshop.faults import formula
+
+MADE = formula.edits()
+TEXT = """
+class Law:
+    def pressure(self, rho):
+        # a comment
+        total = (rho +
+                 1)
+        total = total * 2
+        if rho > 0:
+            self.log()
+        return total + rho + 1
+"""
+
+
+def _edit(name: str, replace: str, by: str, at: int | None = None) -> formula.SourceFault:
+    return formula.SourceFault("here", "constant", "", f"eos_ref.eos.laws:{name}", replace, by, at)
+
+
+@pytest.mark.parametrize(
+    ("name", "replace", "by", "at", "line"),
+    [
+        ("Law.pressure", "rho+1", "rho - 1", None, "        total = rho - 1"),
+        ("Law.pressure", "2", "3", None, "        total = total * 3"),
+        ("Law.pressure", "rho", "x", 3, "        return total + x + 1"),
+        ("Law.pressure", "self.log()", "", None, "            pass"),
+        ("Law.pressure", "total = rho + 1; total = total * 2", "total = 0", None, "        total = 0"),
+        ("Law.pressure", "total = rho + 1", "if rho:\n    total = rho", None, "            total = rho"),
+    ],
+)
+def test_one_place_is_changed(name: str, replace: str, by: str, at: int | None, line: str) -> None:
+    before = ast.unparse(ast.parse(TEXT)).splitlines()
+    after = formula.edited(TEXT, _edit(name, replace, by, at)).splitlines()
+    assert [text for text in after if text not in before][-1] == line
+
+
+def test_a_statement_left_out_beside_others_leaves_nothing() -> None:
+    after = formula.edited(TEXT, _edit("Law.pressure", "total = total * 2", ""))
+    assert after == ast.unparse(ast.parse(TEXT)).replace("        total = total * 2\n", "")
+
+
+@pytest.mark.parametrize(
+    ("name", "replace", "at", "message"),
+    [
+        ("Law.density", "rho", None, r"^name: must be that of a definition .*'Law.density' \(here\)"),
+        ("Law.pressure", "rho * 7", None, r"'rho \* 7'.*must be in Law.pressure once, found '0 times' \(here\)"),
+        ("Law.pressure", "rho", None, r"must be in Law.pressure once, found '3 times'"),
+        ("Law.pressure", "rho", 4, r"at least 4 times, found '3 times'"),
+        ("Law.pressure", "rho +", None, r"must be Python .*'rho \+' \(here\)"),
+    ],
+)
+def test_what_is_not_there_is_an_error(name: str, replace: str, at: int | None, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        formula.edited(TEXT, _edit(name, replace, "1", at))
+
+
+# --- made in this process
+
+
+def test_a_function_is_mistaken_wherever_it_is_known() -> None:
+    held = quintic.QUINTIC.slope  # bound before the mistake
+    right = float(held(np.array(0.5)))
+    with formula.made(MADE["formula.slope-without-five"]):
+        assert float(held(np.array(0.5))) == rounded(right / 5, 3)  # two factors, and the quotient
+        with formula.made(MADE["formula.viscous-sign"]):
+            assert interactions.viscous_term(1.0, 1.0, 1.0, 1.0) == -2.0
+        assert interactions.viscous_term(1.0, 1.0, 1.0, 1.0) == 2.0
+    assert float(held(np.array(0.5))) == right
+
+
+def test_methods_and_properties_are_mistaken_too() -> None:
+    law = EOS("linear", 1.2, 3.0, None, 0.5)
+    with formula.made(MADE["formula.background-dropped"]):
+        assert law.evaluate(1.2) == 0.0
+    assert law.evaluate(1.2) == 0.5
+    order: Any = Model.order
+    before = order.fget.__code__
+    with formula.made(MADE["formula.rk0-corrected"]):
+        assert order.fget.__code__ is not before
+    assert order.fget.__code__ is before
+
+
+def test_a_mistake_is_taken_back_after_an_exception() -> None:
+    before = ArrayEvaluator.correct.__code__
+    with pytest.raises(ZeroDivisionError), formula.made(MADE["formula.zmin-ignored"]):
+        raise ZeroDivisionError
+    assert ArrayEvaluator.correct.__code__ is before
+
+
+def test_what_is_no_function_cannot_be_mistaken() -> None:
+    constant = formula.SourceFault("here", "constant", "", "eos_ref.model.units:_GRAM", "0.602214129", "1.0")
+    with pytest.raises(InputError, match="name: must be"), formula.made(constant):
+        pass
+
+
+def test_every_mistake_can_be_made() -> None:
+    for fault in formula.edits().values():
+        with formula.made(fault):
+            pass

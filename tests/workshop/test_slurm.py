@@ -1,0 +1,116 @@
+"""The kit for Slurm, on a Slurm: job array and allocation give the report of a local run, whatever happens to them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.same_reports import assert_same
+from tests.workshop import slurm
+from tests.workshop.slurm import PATIENCE, PAUSE, Slurm
+
+pytestmark = [pytest.mark.slurm, pytest.mark.lammps]
+
+SHARDS = 3
+# Laws, a case that LAMMPS refuses, neighbours, two ranks under a launcher of their own.
+CASES = ("ranges", "near-rho0.linear", "refused.range-two-stars", "walls.stored.damped", "virials.rest.two-ranks")
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Slurm]:
+    with slurm.running() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of an undivided run."""
+    out = tmp_path_factory.mktemp("local") / "report"
+    assert _eos_ref("run", *CASES, "--out", str(out)).returncode == 0
+    return out
+
+
+@pytest.fixture
+def kit(tmp_path: Path, local: Path) -> Path:
+    """The kit in a folder whose name needs quotes; its costs are those of the local run."""
+    folder = tmp_path / "my campaign"
+    done = _eos_ref("kit", "slurm", "--shards", str(SHARDS), "--run", " ".join(CASES), "--out", str(folder))
+    assert done.returncode == 0, done.stderr
+    assert "3 shards of " in done.stderr and done.stderr.endswith("measured\n") and " 0 of" not in done.stderr
+    return folder
+
+
+def _eos_ref(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lammps_cases.cli.main", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def _array(cluster: Slurm, kit: Path, *tasks: str) -> tuple[str, str]:
+    """Submit the array, and return its job and that of the merge."""
+    words = cluster.call("bash", kit / "array.sh", *tasks).split()
+    return words[1].rstrip(","), words[3].rstrip(":")
+
+
+def _exit_code(keys: dict[str, str]) -> int:
+    return int(keys["ExitCode"].partition(":")[0])
+
+
+def test_job_array(cluster: Slurm, kit: Path, local: Path) -> None:
+    array, merge = _array(cluster, kit)
+    assert _exit_code(cluster.wait(merge)) == 0, (kit / "log" / "merge.txt").read_text()
+    assert_same(local, kit / "report")
+    assert {path.name for path in (kit / "shards").iterdir()} == {f"{k}.tar" for k in range(1, SHARDS + 1)}
+    assert "KNOWN BUGS" in (kit / "log" / "merge.txt").read_text()
+    assert {_exit_code(cluster.wait(f"{array}_{k}")) for k in range(1, SHARDS + 1)} == {0}
+
+
+def test_one_allocation_requeued_when_a_shard_is_done(cluster: Slurm, kit: Path, local: Path) -> None:
+    """What is done is not done again."""
+    job = cluster.call("bash", kit / "allocation.sh").split()[-1]
+    until = time.monotonic() + PATIENCE
+    while not (done := [*(kit / "shards").glob("*.tar")]):
+        assert time.monotonic() < until, (kit / "log" / "allocation.txt").read_text()
+        time.sleep(PAUSE / 10)
+    first = done[0].stat().st_mtime_ns
+    cluster.call("scontrol", "requeue", job)
+    keys = cluster.wait(job, "COMPLETED", "FAILED")
+    said = (kit / "log" / "allocation.txt").read_text()
+    assert (_exit_code(keys), keys["Restarts"]) == (0, "1"), said
+    assert f"shard {done[0].stem} is done: {done[0]}" in said and "KNOWN BUGS" in said
+    assert done[0].stat().st_mtime_ns == first
+    assert_same(local, kit / "report")
+
+
+def test_tasks_that_are_killed_and_requeued(cluster: Slurm, kit: Path, local: Path) -> None:
+    """What was requeued begins again; what was killed is named, leaves nothing behind and can be made up for."""
+    array, merge = _array(cluster, kit)
+    for k in (1, 2):
+        cluster.wait(f"{array}_{k}", "RUNNING")
+    cluster.call("scontrol", "requeue", f"{array}_1")
+    cluster.call("scancel", "--signal=KILL", "--full", f"{array}_2")
+    assert _exit_code(cluster.wait(merge)) == 2
+    assert cluster.wait(f"{array}_1")["Restarts"] == "1"
+    assert "must be complete to be merged; missing 2/3\n" in (kit / "log" / "merge.txt").read_text()
+    assert not (kit / "report").exists() and {path.name for path in (kit / "shards").iterdir()} == {"1.tar", "3.tar"}
+    _, merge = _array(cluster, kit, "2")
+    assert _exit_code(cluster.wait(merge)) == 0, (kit / "log" / "merge.txt").read_text()
+    assert_same(local, kit / "report")
+
+
+def test_shard_that_differs_fails_alone_and_the_whole_with_it(
+    cluster: Slurm, case_file: Callable[..., Path], tmp_path: Path
+) -> None:
+    refused = {"expect": {"refused": "no such text"}, "pressure": [{"types": "1-2", "style": "linear"}]}
+    file = case_file(matrix={"which": {"a": {}, "b": refused, "c": {}}})
+    assert _eos_ref("run", "--cases", str(file), "--out", str(tmp_path / "local")).returncode == 1
+    folder = tmp_path / "kit"
+    assert _eos_ref("kit", "slurm", "--shards", "3", "--run", f"--cases {file}", "--out", str(folder)).returncode == 0
+    array, merge = _array(cluster, folder)
+    assert _exit_code(cluster.wait(merge)) == 1
+    assert sorted(_exit_code(cluster.wait(f"{array}_{k}")) for k in (1, 2, 3)) == [0, 0, 1]
+    assert_same(tmp_path / "local", folder / "report")

@@ -13,8 +13,8 @@ from lammps_cases.cli.shared import json_option
 from lammps_cases.records.files import write_atomically
 
 if TYPE_CHECKING:
+    from lammps_cases.records.measure import ConfidenceInterval
     from lammps_cases.studies.benchmarks.bench import Ratio
-    from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
 
 PARTS = ("laws", "model", "peers", "runs")
 

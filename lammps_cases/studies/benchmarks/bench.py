@@ -20,7 +20,7 @@ import numpy as np
 from eos_ref import EOS, EOSTable, InputError
 from eos_ref.eos import bounds
 from eos_ref.eos.table import examples
-from lammps_cases.studies.benchmarks.measure import Call, ConfidenceInterval, Timing, in_turns
+from lammps_cases.records.measure import Call, ConfidenceInterval, Timing, in_turns
 
 IN_CACHES = 2**14  # densities, which lie with their pressures in the second-level cache
 EOS_REF = (sys.executable, "-m", "lammps_cases.cli.main")

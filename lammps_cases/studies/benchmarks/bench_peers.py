@@ -13,11 +13,11 @@ from timeit import timeit
 
 from lammps_cases.engine.ranks import Ranks
 from lammps_cases.engine.session import RunCommand
+from lammps_cases.records.measure import Timing, interval
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.benchmarks import pysph as pysph_peer
 from lammps_cases.studies.benchmarks.bench import Ratio, ratio
-from lammps_cases.studies.benchmarks.measure import Timing, interval
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.stepping import ReferenceFlow

@@ -14,9 +14,9 @@ from typing import Any
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine.installations import library_sha256
 from lammps_cases.records import wording
+from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.run import case_journal
-from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.benchmarks.pysph import version
 from lammps_cases.studies.chart import page, record
 from lammps_cases.studies.chart.record import Chart, Section

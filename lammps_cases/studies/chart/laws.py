@@ -18,7 +18,7 @@ from eos_ref import EOS
 from eos_ref.eos.table import examples
 from eos_ref.methods.laws import Evaluate, LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, Regime, worst_case
-from lammps_cases.studies.benchmarks.measure import Timing, in_turns
+from lammps_cases.records.measure import Timing, in_turns
 from lammps_cases.studies.chart import farmed
 from lammps_cases.studies.chart.engine_law import EngineLaw
 from lammps_cases.studies.chart.points import Crossing, Map, MethodPoint, Panel, bisected, measured

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing, verdict
+from lammps_cases.records.measure import ConfidenceInterval, Timing, verdict
 
 LAMMPS = "LAMMPS"
 ONE_BIT = 2.0  # factor between two worst errors below which neither method is the better one

@@ -18,9 +18,9 @@ from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model, PairRheo, Viscosity
 from eos_ref.model.state import State
 from eos_ref.syntax.fixes import FixRheo
+from lammps_cases.records import measure
+from lammps_cases.records.measure import ConfidenceInterval, Timing
 from lammps_cases.scene.atoms import seed
-from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing
 from lammps_cases.studies.chart.points import Crossing, MethodPoint, Panel, bisected, measured
 from lammps_cases.studies.chart.search_methods import METHODS, SearchMethod, truth, wrong
 from lammps_cases.studies.flows.layout import rows

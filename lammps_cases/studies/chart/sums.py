@@ -11,8 +11,8 @@ from eos_ref.compiled.neighbours import Neighbours
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model.box import Box
+from lammps_cases.records import measure
 from lammps_cases.scene.atoms import seed
-from lammps_cases.studies.benchmarks import measure
 from lammps_cases.studies.chart.points import MethodPoint, Panel, measured
 from lammps_cases.studies.chart.sum_methods import METHODS, Half, error, exact
 

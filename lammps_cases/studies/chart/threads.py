@@ -11,8 +11,8 @@ import numpy as np
 from eos_ref import EOS
 from eos_ref.eos.table import FloatArray
 from eos_ref.methods.laws import METHODS as LAW_METHODS
+from lammps_cases.records import measure
 from lammps_cases.scene.atoms import seed
-from lammps_cases.studies.benchmarks import measure
 from lammps_cases.studies.chart.points import Crossing, MethodPoint, Panel, bisected, measured
 from lammps_cases.studies.chart.prepared import STILL, prepared
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from lammps_cases.engine.session import EngineBroken, EngineRefused
+from lammps_cases.records import measure
+from lammps_cases.records.measure import ConfidenceInterval
 from lammps_cases.scene.atoms import seed
-from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
 from lammps_cases.studies.chart import threads
 from lammps_cases.studies.chart.points import ONE_PER_CENT, Crossing, Panel, bisected, measured
 from lammps_cases.studies.chart.prepared import opened

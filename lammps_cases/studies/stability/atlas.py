@@ -13,8 +13,8 @@ from pathlib import Path
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine.installations import library_sha256
 from lammps_cases.engine.workers import Workers
+from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.stability import lines, probe, record
 from lammps_cases.studies.stability.model import (
     ENGINES,

@@ -20,9 +20,9 @@ from lammps_cases.engine import installations
 from lammps_cases.engine.installations import library_sha256
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings.entry import Finding
+from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
-from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.flows.converge import FlowResult, by_reference, in_worker
 from lammps_cases.studies.flows.flow import Snapshot, Start
 from lammps_cases.studies.validation import lost, page, record

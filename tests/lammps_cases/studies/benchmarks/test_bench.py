@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
+from lammps_cases.records.measure import ConfidenceInterval
 from lammps_cases.studies.benchmarks import bench, bench_model, bench_peers, speed_history
 from lammps_cases.studies.benchmarks.bench import Ratio, against, laws_against_copy
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
 from tests.support.outcome import Outcome
 
 pytestmark = pytest.mark.slow

@@ -17,7 +17,7 @@ from eos_ref import InputError
 from eos_ref.methods.laws import METHODS as LAW_METHODS
 from lammps_cases.pages.figures import RED
 from lammps_cases.records.documents import SCHEMAS
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing
+from lammps_cases.records.measure import ConfidenceInterval, Timing
 from lammps_cases.studies.chart import collect, draw, flows, page, record, search_methods, sum_methods
 from lammps_cases.studies.chart.points import Map, MethodPoint, Panel, compared, frontier, point
 from lammps_cases.studies.chart.record import Chart, Section

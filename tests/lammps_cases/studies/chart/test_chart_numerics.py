@@ -13,8 +13,8 @@ import pytest
 
 from eos_ref.compiled import evaluator
 from lammps_cases.engine import session
-from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.benchmarks.measure import Call, Timing
+from lammps_cases.records import measure
+from lammps_cases.records.measure import Call, Timing
 from lammps_cases.studies.chart import kernels, searches, sums, threads, timestep
 from lammps_cases.studies.chart import search_methods as search_methods
 from lammps_cases.studies.chart import sum_methods as sum_methods

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import quantile_test
 
-from lammps_cases.studies.benchmarks.measure import (
+from lammps_cases.records.measure import (
     CONFIDENCE,
     ConfidenceInterval,
     Timing,

@@ -12,11 +12,10 @@ import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from statistics import median
 from timeit import timeit
 from typing import Literal
-
-from lammps_cases.comparison.prediction_keys import cpuinfo
 
 Call = Callable[[], object]
 Answer = Literal["faster", "slower", "cannot tell"]
@@ -123,6 +122,18 @@ def _calibrated(call: Call, at_least: float) -> int:
 def verdict(ratio: ConfidenceInterval) -> Answer:
     """Compare two times by their ratio: an interval that holds 1 decides nothing."""
     return "faster" if ratio.high < 1 else "slower" if ratio.low > 1 else "cannot tell"
+
+
+def cpuinfo() -> dict[str, str]:
+    """Return what Linux says of the first processor, by key; nothing on other systems."""
+    facts: dict[str, str] = {}
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
+            key, _, value = line.partition(":")
+            facts.setdefault(key.strip(), value.strip())
+    except OSError:
+        pass
+    return facts
 
 
 def machine() -> dict[str, str | float | int]:

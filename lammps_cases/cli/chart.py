@@ -11,7 +11,7 @@ from lammps_cases.cli import completion
 from lammps_cases.cli.shared import cluster_option_with, json_option, launcher_option, page_folder, resume_option
 from lammps_cases.records.progress import Bar
 
-SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows", "codes")
+SECTIONS = ("laws", "kernels", "timestep", "flows", "codes")
 
 
 @click.command("chart")
@@ -45,7 +45,7 @@ def chart_command(
 ) -> int:
     """Measure how accurate and how fast LAMMPS, the reference and its alternative methods are, and draw it.
 
-    SECTIONS: laws, sums, kernels, searches, timestep, flows, codes; all by default. Writes report.html, chart.json,
+    SECTIONS: laws, kernels, timestep, flows, codes; all by default. Writes report.html, chart.json,
     points.csv, convergence.csv and figures/ as SVG and PNG; an interrupted chart is resumed, section by section. For
     several engines the figures overlay the frontiers; each but the first has its own chart in a subfolder.
 

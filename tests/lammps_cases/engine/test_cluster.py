@@ -25,7 +25,7 @@ from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Workers, limited
 from lammps_cases.records.progress import SILENT
 from lammps_cases.scene import casefile
-from lammps_cases.studies.chart import farmed, flows, laws
+from lammps_cases.studies.chart import flows, laws
 from lammps_cases.studies.mutation.schedule import MutationPool
 from tests.support import dask_cluster
 from tests.support.dask_cluster import PAUSE, DaskCluster
@@ -145,12 +145,12 @@ def _timeless(document: Any) -> Any:
 
 def test_worst_errors_of_a_chart_are_searched_there(steady: DaskCluster) -> None:
     tasks = [(laws.LAWS[1], method, laws.REGIMES[2], 64) for method in ("textbook", "numpy")]
-    here = farmed.each(laws.worst_of, tasks)
+    here = laws.each(laws.worst_of, tasks)
     with cluster.used(steady.address):
-        assert farmed.each(laws.worst_of, tasks) == here
-        assert farmed.each(process, [()]) != [os.getpid()]
+        assert laws.each(laws.worst_of, tasks) == here
+        assert laws.each(process, [()]) != [os.getpid()]
         with pytest.raises(EngineMissing, match="a worker of the cluster failed: out of memory"):
-            farmed.each(raise_memory_error, [()])
+            laws.each(raise_memory_error, [()])
 
 
 def process(site: str | None) -> int:

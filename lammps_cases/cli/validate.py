@@ -35,7 +35,8 @@ def validate_command(names: tuple[str, ...], quick: bool, out: Path, resume: boo
 
     from eos_ref.errors import InputError, nearest
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.studies.validation import VALIDATIONS, record, run
+    from lammps_cases.studies.flows import record, run
+    from lammps_cases.studies.flows.catalogue import VALIDATIONS
 
     for name in names:
         if name not in VALIDATIONS:
@@ -53,9 +54,9 @@ def validate_command(names: tuple[str, ...], quick: bool, out: Path, resume: boo
 
 
 def _show(validated: Any, out: Path) -> None:
-    from lammps_cases.studies.validation import VALIDATIONS
-    from lammps_cases.studies.validation.page import stopped
-    from lammps_cases.studies.validation.record import LAMMPS, REFERENCE
+    from lammps_cases.studies.flows.catalogue import VALIDATIONS
+    from lammps_cases.studies.flows.page import stopped
+    from lammps_cases.studies.flows.record import LAMMPS, REFERENCE
 
     for name in validated.flows:
         for panel in VALIDATIONS[name].panels:

@@ -18,7 +18,7 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.benchmarks import pysph as pysph_peer
 from lammps_cases.studies.benchmarks.bench import Ratio, ratio
-from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.stepping import ReferenceFlow
 

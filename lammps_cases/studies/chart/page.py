@@ -17,7 +17,7 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.chart import codes, draw
 from lammps_cases.studies.chart.points import LAMMPS, MethodPoint, Panel, frontier
 from lammps_cases.studies.chart.record import Chart, Section
-from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.converge import Convergence
 from lammps_cases.studies.flows.flow import Flow
 
@@ -131,7 +131,7 @@ def _flows(section: Section, figures: Path) -> Iterator[FlowView]:
 
 
 def _codes(section: Section, figures: Path) -> dict[str, Any]:
-    about = {case.title: case.about for case, _ in codes.compared(section.codes)}
+    about = {case.flow.title: case.about for case, _ in codes.compared(section.codes)}
     picture = saved(draw.codes_figure(section.codes), figures, section.name)
     return {"picture": picture, "about": about, "rows": list(codes.rows(section.codes))}
 

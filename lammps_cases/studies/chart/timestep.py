@@ -18,10 +18,9 @@ from lammps_cases.records.measure import ConfidenceInterval
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.chart.points import ONE_PER_CENT, Crossing, Panel, bisected, measured
 from lammps_cases.studies.chart.prepared import opened
-from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.converge import Fit, fit
-from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
-from lammps_cases.studies.flows.layout import relative
+from lammps_cases.studies.flows.flow import Flow, Snapshot, Start, relative
 from lammps_cases.studies.flows.stepping import FlowRun, LammpsFlow, ReferenceFlow
 
 FRACTIONS = (1.0, 1 / 2, 1 / 4, 1 / 8)  # of the flow's limit

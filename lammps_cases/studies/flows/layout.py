@@ -128,8 +128,3 @@ def _scene(
             "rheo": {**rheo, **scene.get("rheo", {})},
         }
     )
-
-
-def relative(error_n: FloatArray, scale_n: FloatArray) -> float:
-    """Return the root mean square of an error over that of its scale."""
-    return float(np.sqrt(np.mean(np.square(error_n)) / np.mean(np.square(scale_n))))

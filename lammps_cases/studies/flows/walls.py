@@ -19,8 +19,8 @@ from eos_ref.eos.registry import Style
 from eos_ref.eos.table import EOS, FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.walls import WALL_VELOCITY_LOST
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
-from lammps_cases.studies.flows.layout import fluid, relative, rows, start, time_step
+from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, relative
+from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
 
 WIDTH = 8  # of a strip along the walls, periodic
 

@@ -12,9 +12,9 @@ from lammps_cases.engine import session
 from lammps_cases.examples import collect as examples_collect
 from lammps_cases.studies.chart import collect as chart_collect
 from lammps_cases.studies.chart.record import DOCUMENT, Section
+from lammps_cases.studies.flows import run
 from lammps_cases.studies.mutation import collect
 from lammps_cases.studies.stability import atlas
-from lammps_cases.studies.validation import run
 from tests.support.outcome import Outcome
 
 COMMANDS = {

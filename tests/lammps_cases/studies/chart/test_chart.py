@@ -21,7 +21,7 @@ from lammps_cases.records.measure import ConfidenceInterval, Timing
 from lammps_cases.studies.chart import collect, draw, flows, page, record
 from lammps_cases.studies.chart.points import Map, MethodPoint, Panel, compared, frontier, point
 from lammps_cases.studies.chart.record import Chart, Section
-from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.converge import Convergence
 from lammps_cases.studies.flows.flow import Options
 from tests.support.outcome import Outcome

@@ -18,10 +18,20 @@ from scipy.integrate import solve_ivp
 from eos_ref.analytic import waves
 from eos_ref.eos.table import FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
-from lammps_cases.studies.flows.flow import Body, Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.flow import (
+    Body,
+    Curve,
+    Flow,
+    FlowPanel,
+    FlowQuantity,
+    Options,
+    Snapshot,
+    Start,
+    line,
+    misfits,
+)
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
 from lammps_cases.studies.flows.surfaces import INTERFACE, disc, radius_of
-from lammps_cases.studies.validation.model import Curve, FlowPanel, FlowQuantity, Validation, line, misfits
 
 ARTIFICIAL, DAMPING = 0.1, 0.1  # artificial viscosity; density diffusion over h c
 NO_TENSION = (
@@ -90,28 +100,26 @@ ENERGY = FlowPanel(
 SPIN = FlowPanel(
     "angular momentum", "angle turned (radians)", "angular momentum / its first", (_KEPT,), partial(_kept, angular=True)
 )
-PATCH = Validation(
-    Flow(
-        "patch",
-        "A square of fluid in empty space rotates as a solid body at first; its corners go out. It starts with the "
-        "pressure of the series of sines, which is negative. c = 10 corner speeds, artificial viscosity "
-        f"{ARTIFICIAL:g}, rho/damp {DAMPING:g} h c, no shift.",
-        _KEPT.source,
-        (20, 28, 40),
-        "1: artificial viscosity falls with the spacing",
-        _patch,
-        misfits((ENERGY, SPIN)),
-        quick=(16,),
-    ),
-    "Rotating square patch",
-    (ENERGY, SPIN),
-    (
+PATCH = Flow(
+    "patch",
+    "A square of fluid in empty space rotates as a solid body at first; its corners go out. It starts with the "
+    "pressure of the series of sines, which is negative. c = 10 corner speeds, artificial viscosity "
+    f"{ARTIFICIAL:g}, rho/damp {DAMPING:g} h c, no shift.",
+    _KEPT.source,
+    (20, 28, 40),
+    "1: artificial viscosity falls with the spacing",
+    _patch,
+    misfits((ENERGY, SPIN)),
+    quick=(16,),
+    title="Rotating square patch",
+    panels=(ENERGY, SPIN),
+    quantities=(
         FlowQuantity(
             "kinetic energy after two radians, over the first", lambda *of: ENERGY.read(*of)[1][-1], 1.0, "kept"
         ),
     ),
-    (FORCE_PER_VOLUME,),
-    "Shapes and pressures at later times are published as figures of other codes, whose numbers could not be "
+    findings=(FORCE_PER_VOLUME,),
+    left_out="Shapes and pressures at later times are published as figures of other codes, whose numbers could not be "
     "confirmed.",
 )
 
@@ -190,22 +198,20 @@ AXIS = FlowPanel(
     (line("ellipse", _T, _ellipse(_T), "Monaghan & Rafiee (2013): the equations of the ellipse, integrated"),),
     _axis,
 )
-DROP = Validation(
-    Flow(
-        "oscillating-drop",
-        f"A round drop, stretched at {STRETCH:g} B, swings under a force −B² r to its middle, which fix addforce "
-        f"makes of atom-style variables. c = {DROP_SOUND:g} B R, artificial viscosity {ARTIFICIAL:g}, rho/damp "
-        f"{DAMPING:g} h c. About 1 % of error stays as the spacing falls; with c = 25 B R noise makes it larger.",
-        AXIS.known[0].source,
-        (16, 22, 30),
-        "none: the Mach number stays, and with it what the fluid is compressed by",
-        _drop,
-        misfits((AXIS,)),
-        quick=(12,),
-    ),
-    "Oscillating drop",
-    (AXIS,),
-    (
+DROP = Flow(
+    "oscillating-drop",
+    f"A round drop, stretched at {STRETCH:g} B, swings under a force −B² r to its middle, which fix addforce "
+    f"makes of atom-style variables. c = {DROP_SOUND:g} B R, artificial viscosity {ARTIFICIAL:g}, rho/damp "
+    f"{DAMPING:g} h c. About 1 % of error stays as the spacing falls; with c = 25 B R noise makes it larger.",
+    AXIS.known[0].source,
+    (16, 22, 30),
+    "none: the Mach number stays, and with it what the fluid is compressed by",
+    _drop,
+    misfits((AXIS,)),
+    quick=(12,),
+    title="Oscillating drop",
+    panels=(AXIS,),
+    quantities=(
         FlowQuantity(
             "period times B",
             lambda *of: _period(*_axis(*of)),
@@ -213,8 +219,8 @@ DROP = Validation(
             "ellipse",
         ),
     ),
-    (FORCE_PER_VOLUME,),
-    NO_TENSION + "The drop swings under a central force instead.",
+    findings=(FORCE_PER_VOLUME,),
+    left_out=NO_TENSION + "The drop swings under a central force instead.",
 )
 
 
@@ -256,18 +262,16 @@ def _jump(n: int, options: Options, snapshots: Sequence[Snapshot]) -> float:
     return float(p[r < 1].mean() - p[r > 1].mean())
 
 
-BUBBLE = Validation(
-    Flow(
-        "bubble",
-        f"{INTERFACE.about} Particles of the two phases may not gain a difference of pressure by themselves.",
-        JUMP.known[0].source,
-        (16, 24, 36),
-        INTERFACE.expected,
-        INTERFACE.start,
-        misfits((JUMP,)),
-        INTERFACE.options,
-        (16,),
-    ),
+BUBBLE = Flow(
+    "bubble",
+    f"{INTERFACE.about} Particles of the two phases may not gain a difference of pressure by themselves.",
+    JUMP.known[0].source,
+    (16, 24, 36),
+    INTERFACE.expected,
+    INTERFACE.start,
+    misfits((JUMP,)),
+    INTERFACE.options,
+    (16,),
     "Static bubble of two phases",
     (JUMP,),
     (FlowQuantity("jump of the pressure over the background", _jump, 0.0, "Laplace"),),

@@ -1,6 +1,6 @@
-"""Whole codes, in docs/accuracy.md: ``python -m lammps_cases.studies.chart.summary [FOLDER]``.
+"""Whole codes, in docs/accuracy.md: ``python -m tests.workshop.tables_codes [FOLDER]``.
 
-Of the chart in FOLDER the codes are kept as ``codes.json``; the document has their table.
+Of the chart in FOLDER the codes are kept as ``tables_codes.json``; the document has their table.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from pathlib import Path
 from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.chart.codes import rows, without
 from lammps_cases.studies.chart.record import DOCUMENT, Chart
-from lammps_cases.studies.validation.summary import placed
+from tests.workshop.tables_validation import placed
 
-MEASURED = Path(__file__).parent / "codes.json"
+MEASURED = Path(__file__).with_suffix(".json")
 
 
 def kept(chart: Chart) -> Chart:
@@ -53,7 +53,7 @@ def main(folders: Sequence[str]) -> None:
     """Keep what was measured, and write the table."""
     for folder in folders:
         DOCUMENT.write(MEASURED, kept(DOCUMENT.read(Path(folder) / "chart.json")))
-    path = Path(__file__).parents[3] / "docs" / "accuracy.md"
+    path = Path(__file__).parents[2] / "docs" / "accuracy.md"
     write_atomically(path, placed(path.read_text(encoding="utf-8"), table(DOCUMENT.read(MEASURED))))
 
 

@@ -11,7 +11,7 @@ from lammps_cases.records.documents import INFINITE, SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.records.journal import Parts
 from lammps_cases.studies.flows.converge import Fit, fit
-from lammps_cases.studies.validation.model import Curve
+from lammps_cases.studies.flows.flow import Curve
 
 REFERENCE, LAMMPS, UNIT = "reference", "LAMMPS", "LAMMPS in another unit of length"
 

@@ -16,27 +16,17 @@ from lammps_cases.engine import session
 from lammps_cases.engine.session import EngineRefused
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.variants import Variant
+from lammps_cases.studies.flows import cavity, channel, convection, drops, page, record, run
+from lammps_cases.studies.flows.catalogue import VALIDATIONS
 from lammps_cases.studies.flows.converge import FlowResult, by_reference
-from lammps_cases.studies.flows.flow import Snapshot, Start
+from lammps_cases.studies.flows.flow import DATA, Flow, ReferenceCurve, Snapshot, Start, table
+from lammps_cases.studies.flows.page import Effect
+from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
 from lammps_cases.studies.flows.stepping import LammpsFlow, ReferenceFlow
-from lammps_cases.studies.validation import (
-    VALIDATIONS,
-    cavity,
-    channel,
-    convection,
-    lost,
-    page,
-    record,
-    run,
-    summary,
-    surfaces,
-)
-from lammps_cases.studies.validation.model import DATA, ReferenceCurve, Validation, table
-from lammps_cases.studies.validation.page import Effect
-from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
 from tests.support.flow_faults import Plant, of_gravity, of_types
 from tests.support.outcome import Outcome
 from tests.support.roundings import rounded
+from tests.workshop import tables_validation
 
 Run = Callable[..., Outcome]
 THICK = channel.THICKENING
@@ -97,10 +87,10 @@ def test_points_are_met_where_they_are_and_solutions_where_the_run_is() -> None:
 # --- the reference
 
 
-def error(of: Validation, n: int, plant: Plant = lambda start: start) -> float:
-    options = of.flow.options
-    result = by_reference(plant(of.flow.start(n, options)))
-    return next(iter(of.flow.measures(n, options, result.snapshots).values()))
+def error(of: Flow, n: int, plant: Plant = lambda start: start) -> float:
+    options = of.options
+    result = by_reference(plant(of.start(n, options)))
+    return next(iter(of.measures(n, options, result.snapshots).values()))
 
 
 @pytest.mark.slow
@@ -125,7 +115,7 @@ def test_a_quick_flow_agrees_is_drawn_and_is_not_run_again(
     assert f"report: {tmp_path / 'report.html'}" in first.out
     validated = record.DOCUMENT.read(tmp_path / "validate.json")
     ours, theirs = (validated.of(THICK.name, side) for side in (REFERENCE, LAMMPS))
-    assert [of.n for of in ours] == [of.n for of in theirs] == list(THICK.flow.quick)
+    assert [of.n for of in ours] == [of.n for of in theirs] == list(THICK.quick)
     for one, other in zip(ours, theirs, strict=True):
         # Volumes, which LAMMPS' forces lack, are 1 but for 2e-6: of an error of 0.03, less than a thousandth.
         assert other.errors["velocity"] == pytest.approx(one.errors["velocity"], rel=1e-3)
@@ -133,7 +123,7 @@ def test_a_quick_flow_agrees_is_drawn_and_is_not_run_again(
     assert THICK.title in html
     assert "<svg" in html
     assert (tmp_path / "figures" / f"{THICK.name}.png").stat().st_size
-    assert len((tmp_path / "curves.csv").read_text().splitlines()) == 1 + 2 * sum(THICK.flow.quick)
+    assert len((tmp_path / "curves.csv").read_text().splitlines()) == 1 + 2 * sum(THICK.quick)
 
     def not_again(*_: object) -> None:
         raise AssertionError("run again")
@@ -207,7 +197,7 @@ def test_a_side_that_stopped_is_said_with_what_it_did_before_and_the_table_has_n
     of = validated(made(REFERENCE, 1.0), replace(made(REFERENCE, 1.0), n=12), ended, stopped)
     assert [row.n for row in page.effects(of, THICK)] == [8]
     assert list(page.stops(of, THICK)) == ["LAMMPS stopped at 12 particles: Lost atoms"]
-    lines = summary.table(of).splitlines()
+    lines = tables_validation.table(of).splitlines()
     assert lines[2] == f"| {THICK.name} | velocity | 12 | 0.1 | stopped | 0.0 |  |"
     assert lines[-3:] == [
         f"| {THICK.name} | LAMMPS | 8 | velocity in the middle | 0.5 | 1 | -50 % | 1 |",
@@ -244,7 +234,7 @@ def lost_at(step: int) -> Callable[[Start], FlowResult]:
 def test_the_findings_that_lose_particles_are_tried_alone_then_together(
     losing: dict[tuple[str, ...], int], told: Lost, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    start = THICK.flow.start(8, THICK.flow.options)
+    start = THICK.start(8, THICK.options)
 
     class Losing:
         """Keeps all particles up to a step that depends on what it is made of."""
@@ -258,24 +248,24 @@ def test_the_findings_that_lose_particles_are_tried_alone_then_together(
         def snapshot(self) -> bool:
             return self.step > self.until
 
-    monkeypatch.setattr(lost, "ReferenceFlow", Losing)
-    monkeypatch.setattr(lost, "gone", lambda begin, shot: shot)
+    monkeypatch.setattr(run, "ReferenceFlow", Losing)
+    monkeypatch.setattr(run, "gone", lambda begin, shot: shot)
     named = [
         replace(FORCE_PER_VOLUME, id=name, model_variant=Variant(lambda problem: True, type(name, (), {})))
         for name in "ab"
     ]
-    assert lost.explain(start, lost_at(85), named) == told
+    assert run.explain(start, lost_at(85), named) == told
 
 
 def test_particles_are_gone_beyond_an_end_of_the_box_or_nowhere() -> None:
-    start = THICK.flow.start(8, THICK.flow.options)
+    start = THICK.start(8, THICK.options)
     x_nc = start.atoms.x_nc[:, :2]
     for axis, value, expected in ((1, 99.0, True), (0, 99.0, False), (0, np.nan, True), (1, 0.0, False)):
         moved_nc = x_nc.copy()
         moved_nc[3, axis] = value
         zero_n = np.zeros(len(x_nc))
         shot = Snapshot(0.0, moved_nc, np.zeros_like(x_nc), zero_n, None, zero_n, None)
-        assert lost.gone(start, shot) is expected
+        assert run.gone(start, shot) is expected
 
 
 @pytest.mark.lammps
@@ -297,9 +287,9 @@ def test_lost_atoms_are_told_and_are_no_failure(
 
 
 @pytest.mark.parametrize("of", VALIDATIONS.values(), ids=list(VALIDATIONS))
-def test_every_start_reaches_a_worker(of: Validation) -> None:
+def test_every_start_reaches_a_worker(of: Flow) -> None:
     """In one piece: what is sent can be read again."""
-    start = of.flow.start(12, of.flow.options)
+    start = of.start(12, of.options)
     again = pickle.loads(pickle.dumps(start))
     assert again.case == start.case
     assert (again.atoms.x_nc == start.atoms.x_nc).all()
@@ -310,7 +300,7 @@ def test_quick_leaves_out_flows_without_a_quick_form_unless_named(
 ) -> None:
     asked: list[list[str]] = []
 
-    def note(chosen: list[Validation], *_: object, **__: object) -> Validated:
+    def note(chosen: list[Flow], *_: object, **__: object) -> Validated:
         asked.append([of.name for of in chosen])
         return validated()
 
@@ -322,8 +312,8 @@ def test_quick_leaves_out_flows_without_a_quick_form_unless_named(
 
 def test_every_flow_has_what_its_page_needs() -> None:
     for name, of in VALIDATIONS.items():
-        assert name == of.flow.name
-        assert len(of.flow.resolutions) == 3
+        assert name == of.name
+        assert len(of.resolutions) == 3
         assert of.panels
         assert all(panel.known for panel in of.panels)
         assert all(finding.model_variant and finding.model_variant.stages for finding in of.findings)
@@ -334,33 +324,33 @@ def test_every_flow_has_what_its_page_needs() -> None:
 
 def test_the_first_pressure_of_the_square_solves_its_equation() -> None:
     """Its middle is that of a twisted bar (Timoshenko): 0.0737 of a side squared, twice; the edges have none."""
-    middle, step = surfaces.patch_pressure(np.zeros((1, 2)), 1.0, 200)[0], 0.05
+    middle, step = drops.patch_pressure(np.zeros((1, 2)), 1.0, 200)[0], 0.05
     assert middle == pytest.approx(-2 * 0.07367, abs=2 * 0.5e-5)  # of five digits
     around = step * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
     # Of second order in the step: a twelfth of both fourth derivatives, which are about 10.
-    laplacian = (surfaces.patch_pressure(around, 1.0, 200).sum() - 4 * middle) / step**2
+    laplacian = (drops.patch_pressure(around, 1.0, 200).sum() - 4 * middle) / step**2
     assert laplacian == pytest.approx(2, abs=step**2 / 12 * 2 * 10)
     edge = np.array([[0.5, 0.1], [-0.2, 0.5]])
     # Sines of multiples of pi, up to 40, are rounded as these are; weights add up to less than 1.
-    assert np.abs(surfaces.patch_pressure(edge, 1.0)).max() < 40 * np.pi * 2.0**-52
+    assert np.abs(drops.patch_pressure(edge, 1.0)).max() < 40 * np.pi * 2.0**-52
 
 
 def test_the_ellipse_keeps_its_energy() -> None:
     """Kinetic and potential: (A^2 + B^2)(a^2 + b^2)."""
     times = np.linspace(0.01, 9, 9001)
-    a = surfaces._ellipse(times)
+    a = drops._ellipse(times)
     rate = np.gradient(np.log(a), times, edge_order=2)[2:-2]
     energy = (rate**2 + 1) * (a**2 + 1 / a**2)[2:-2]
     # Central differences miss a sixth of the third one; the energy has twice that times the rate, which 0.4 bounds.
     third = np.abs(np.diff(np.log(a), 3)).max() / (times[1] - times[0])
-    assert energy == pytest.approx(2 * (surfaces.STRETCH**2 + 1), rel=2 * surfaces.STRETCH * third / 6)
+    assert energy == pytest.approx(2 * (drops.STRETCH**2 + 1), rel=2 * drops.STRETCH * third / 6)
 
 
 @pytest.mark.lammps
-@pytest.mark.parametrize("of", [surfaces.DROP, convection.CONVECTION], ids=lambda of: of.name)
-def test_a_body_pulls_on_both_sides_alike(of: Validation) -> None:
+@pytest.mark.parametrize("of", [drops.DROP, convection.CONVECTION], ids=lambda of: of.name)
+def test_a_body_pulls_on_both_sides_alike(of: Flow) -> None:
     """What it adds to the forces of the set-up is what its formula says, on fluid alone, but for rounding."""
-    start, lmp = of.flow.start(10, of.flow.options), session.open_lammps()
+    start, lmp = of.start(10, of.options), session.open_lammps()
     body, atoms = start.body, start.atoms
     assert body
 
@@ -383,7 +373,7 @@ def test_a_body_pulls_on_both_sides_alike(of: Validation) -> None:
 
 @pytest.mark.lammps
 def test_no_fix_of_lammps_has_a_surface_tension() -> None:
-    assert "RHEO has no surface tension" in surfaces.NO_TENSION
+    assert "RHEO has no surface tension" in drops.NO_TENSION
     styles = session.open_lammps().available_styles("fix")
     assert "rheo/viscosity" in styles
     assert not [style for style in styles if "tension" in style]
@@ -394,14 +384,14 @@ def test_no_fix_of_lammps_has_a_surface_tension() -> None:
 
 def test_the_document_has_the_table_that_was_measured() -> None:
     path = Path(__file__).parents[4] / "docs" / "validation.md"
-    measured, text = record.DOCUMENT.read(summary.MEASURED), path.read_text(encoding="utf-8")
-    assert summary.document(text, measured) == text
+    measured, text = record.DOCUMENT.read(tables_validation.MEASURED), path.read_text(encoding="utf-8")
+    assert tables_validation.document(text, measured) == text
     assert not measured.quick
 
 
 def test_parts_are_put_together_in_the_order_of_the_flows() -> None:
     later = replace(made(REFERENCE, 1.0), flow="bingham")
-    both = summary.joined(
+    both = tables_validation.joined(
         [validated(later, replace(later, side=LAMMPS)), validated(made(REFERENCE, 1), made(LAMMPS, 1))]
     )
     assert both.flows == [THICK.name, "bingham"]

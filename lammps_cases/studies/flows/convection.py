@@ -17,9 +17,20 @@ from scipy.interpolate import griddata
 
 from eos_ref.eos.table import FloatArray
 from lammps_cases.findings.thermal import HEAT_IS_TEMPERATURE_RATE
-from lammps_cases.studies.flows.flow import Body, Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.flow import (
+    Body,
+    Curve,
+    Flow,
+    FlowPanel,
+    FlowQuantity,
+    Options,
+    Snapshot,
+    Start,
+    curve,
+    misfits,
+    table,
+)
 from lammps_cases.studies.flows.layout import rows, start, time_step
-from lammps_cases.studies.validation.model import Curve, FlowPanel, FlowQuantity, Validation, curve, misfits, table
 
 RAYLEIGH, PRANDTL = 1e4, 0.71
 FASTEST = 20.0  # speeds are in units of diffusivity over side; sound has ten times the fastest
@@ -113,24 +124,22 @@ V = FlowPanel(
     partial(_along, axis=0),
 )
 SOURCE = "de Vahl Davis"
-CONVECTION = Validation(
-    Flow(
-        "convection",
-        f"Fluid between a warm and a cold wall, Ra = {RAYLEIGH:g}, Pr = {PRANDTL:g}. RHEO has no buoyancy of its own: "
-        "fix addforce gives Boussinesq's, by an atom-style variable of the temperature. Side walls keep "
-        "their temperature by a specific heat a million times the fluid's.",
-        U.known[0].source,
-        (16, 22, 30),
-        "1: walls have their temperature throughout, so that it is met about half a spacing behind their faces",
-        _start,
-        misfits((U, V)),
-    ),
-    "Natural convection",
-    (U, V),
-    (
+CONVECTION = Flow(
+    "convection",
+    f"Fluid between a warm and a cold wall, Ra = {RAYLEIGH:g}, Pr = {PRANDTL:g}. RHEO has no buoyancy of its own: "
+    "fix addforce gives Boussinesq's, by an atom-style variable of the temperature. Side walls keep "
+    "their temperature by a specific heat a million times the fluid's.",
+    U.known[0].source,
+    (16, 22, 30),
+    "1: walls have their temperature throughout, so that it is met about half a spacing behind their faces",
+    _start,
+    misfits((U, V)),
+    title="Natural convection",
+    panels=(U, V),
+    quantities=(
         FlowQuantity("mean Nusselt number", _nusselt, 2.243, SOURCE),
         FlowQuantity("fastest upward flow", lambda *of: max(V.read(*of)[1]), 19.617, SOURCE),
     ),
-    (HEAT_IS_TEMPERATURE_RATE,),
+    findings=(HEAT_IS_TEMPERATURE_RATE,),
 )
 VALIDATIONS = (CONVECTION,)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import inspect
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from types import ModuleType
 from typing import Any
+
+import numpy as np
 
 from eos_ref import InputError
 from lammps_cases.comparison import prediction_keys
@@ -23,21 +23,23 @@ from lammps_cases.findings.entry import Finding
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
+from lammps_cases.studies.flows import page, record
 from lammps_cases.studies.flows.converge import FlowResult, by_reference, in_worker
-from lammps_cases.studies.flows.flow import Snapshot, Start
-from lammps_cases.studies.validation import lost, page, record
-from lammps_cases.studies.validation.model import Validation
-from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Validated
+from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
+from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
+from lammps_cases.studies.flows.stepping import ReferenceFlow
 
 LIMIT = 3600.0  # seconds for one run
 SPACING = 0.75  # between particles, in another unit of length
+STRIDE = 10  # steps between looks
+PATIENCE = 1.25  # times as many steps as LAMMPS took are given to the reference
 
 
 @dataclass(frozen=True)
 class FlowTask:
     """A run to be done: a flow at a resolution, by one side; ``explained``: if LAMMPS loses atoms, it is said why."""
 
-    of: Validation
+    of: Flow
     n: int
     side: str
     solve: Callable[[Start], FlowResult]
@@ -45,7 +47,7 @@ class FlowTask:
 
 
 def validate(
-    chosen: Sequence[Validation],
+    chosen: Sequence[Flow],
     out: Path,
     command: str,
     *,
@@ -68,7 +70,7 @@ def validate(
         about["library_sha256"] = library_sha256(about.pop("library", ""))
         tasks = [task for of in chosen for task in _tasks(of, quick, workers)]
         for k, task in enumerate(tasks):
-            start = task.of.flow.start(task.n, task.of.flow.options)
+            start = task.of.start(task.n, task.of.options)
             key = _key(task, start, about)
             ran = kept.get(key)
             if ran is None:
@@ -83,16 +85,15 @@ def validate(
     return validated
 
 
-def _tasks(of: Validation, quick: bool, workers: Workers) -> Iterator[FlowTask]:
+def _tasks(of: Flow, quick: bool, workers: Workers) -> Iterator[FlowTask]:
     """Yield both sides at every resolution; in full also, at the coarsest, findings and another unit of length."""
-    flow = of.flow
-    resolutions = (flow.quick or flow.resolutions[:1]) if quick else flow.resolutions
+    resolutions = (of.quick or of.resolutions[:1]) if quick else of.resolutions
     lammps = partial(in_worker, workers=workers, time_limit=LIMIT)
     for n in resolutions:
         yield FlowTask(of, n, REFERENCE, by_reference)
         yield FlowTask(of, n, LAMMPS, lammps, n == resolutions[0])
     if not quick:
-        if flow.start(resolutions[0], flow.options).body is None:  # whose formulas are in the first unit
+        if of.start(resolutions[0], of.options).body is None:  # whose formulas are in the first unit
             yield FlowTask(of, resolutions[0], UNIT, partial(_in_another_unit, solve=lammps))
         for finding in of.findings:
             yield FlowTask(of, resolutions[0], finding.id, partial(_with, finding))
@@ -130,21 +131,17 @@ def _key(task: FlowTask, start: Start, about: dict[str, Any]) -> str:
     a, lammps = start.atoms, repr(sorted(about.items())) if task.side.startswith(LAMMPS) else ""
     arrays = (a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.low_c, a.high_c)
     problem = start.case.scene.model_dump_json(), start.steps, start.timestep, start.body.formulas if start.body else ()
-    of_flow = inspect.getmodule(getattr(task.of.flow.start, "func", task.of.flow.start))
-    return prediction_keys.fingerprint(_sources(of_flow), problem, task.side, SPACING, lammps, arrays)
+    return prediction_keys.fingerprint(_sources(), problem, task.side, SPACING, lammps, arrays)
 
 
 @functools.cache
-def _sources(of_flow: ModuleType) -> str:
+def _sources() -> str:
     """Hash the code that decides what is run and what is read off it, with the reference and its libraries."""
     digest = hashlib.sha256(prediction_keys.context().encode())
-    package, own = (
-        Path(__file__).parents[2],
-        [Path(str(of_flow.__file__)), *(Path(__file__).parent / f for f in ("model.py", "lost.py"))],
-    )
-    rooms = [path for room in ("scene", "setup", "engine", "studies/flows") for path in (package / room).glob("*.py")]
-    for path in (*sorted(rooms), *own):
-        digest.update(path.read_bytes())
+    package = Path(__file__).parents[2]
+    for room in ("scene", "setup", "engine", "studies/flows"):
+        for path in sorted((package / room).glob("*.py")):
+            digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
@@ -157,19 +154,64 @@ def _solved(task: FlowTask, start: Start) -> FlowResult:
 
 
 def _run(task: FlowTask, start: Start) -> FlowRecord:
-    of, n, options = task.of, task.n, task.of.flow.options
+    of, n, options = task.of, task.n, task.of.options
     result = _solved(task, start)
     about = (of.name, task.side, n, result.n, result.steps, result.seconds)
     if result.message:
         explained = task.explained and result.lost
         return FlowRecord(
-            *about, result.message, {}, {}, {}, lost.explain(start, task.solve, of.findings) if explained else None
+            *about, result.message, {}, {}, {}, explain(start, task.solve, of.findings) if explained else None
         )
     shots = result.snapshots
     return FlowRecord(
         *about,
         "",
         {panel.name: panel.read(n, options, shots) for panel in of.panels},
-        of.flow.measures(n, options, shots),
+        of.measures(n, options, shots),
         {quantity.name: quantity.read(n, options, shots) for quantity in of.quantities},
     )
+
+
+# --- particles that LAMMPS loses
+
+
+def explain(start: Start, lammps: Callable[[Start], FlowResult], findings: Sequence[Finding]) -> Lost:
+    """Return the last step that LAMMPS has all particles at, and the first findings with which the reference has not.
+
+    They are tried each alone, then all together.
+    """
+    looks = range(STRIDE, start.steps[-1] + 1, STRIDE)
+    step = lammps(replace(start, steps=tuple(looks))).steps
+    for entries in _sets(findings):
+        after = last_with_all(start, entries, min(int(PATIENCE * step), start.steps[-1]))
+        if after is not None:
+            return Lost(step, tuple(entry.id for entry in entries), after)
+    return Lost(step)
+
+
+def _sets(findings: Sequence[Finding]) -> Iterator[tuple[Finding, ...]]:
+    yield from ((entry,) for entry in findings)
+    if len(findings) > 1:
+        yield tuple(findings)
+
+
+def last_with_all(start: Start, findings: Sequence[Finding], steps: int) -> int | None:
+    """Return the last step that the reference with findings has all particles at; None if it keeps them."""
+    stages: list[Any] = [entry.model_variant.stages for entry in findings if entry.model_variant]
+    run = ReferenceFlow(start, type("Together", tuple(stages), {}) if stages else None)
+    with np.errstate(all="ignore"):
+        while run.step < steps:
+            run.advance(STRIDE)
+            if gone(start, run.snapshot()):
+                return run.step - STRIDE
+    return None
+
+
+def gone(start: Start, shot: Snapshot) -> bool:
+    """Return whether a particle is beyond the box, where it ends, or nowhere."""
+    d = shot.x_nc.shape[1]
+    fixed_c = ~np.array(start.atoms.periodic[:d])
+    low_c, high_c = np.array(start.atoms.low_c)[:d][fixed_c], np.array(start.atoms.high_c)[:d][fixed_c]
+    x_nc = shot.x_nc[:, fixed_c]
+    inside = (x_nc >= low_c) & (x_nc <= high_c)
+    return not (inside.all() and np.isfinite(shot.x_nc).all() and np.isfinite(shot.v_nc).all())

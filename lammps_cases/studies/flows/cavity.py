@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import griddata
@@ -15,9 +16,19 @@ from scipy.interpolate import griddata
 from eos_ref.eos.table import FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.walls import WALL_VELOCITY_LOST
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.flow import (
+    Curve,
+    Flow,
+    FlowPanel,
+    FlowQuantity,
+    Options,
+    Snapshot,
+    Start,
+    curve,
+    misfits,
+    table,
+)
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.validation.model import Curve, FlowPanel, FlowQuantity, Validation, curve, misfits, table
 
 REYNOLDS, MACH = 100.0, 0.1
 SIDE = 4  # spacings of a wall
@@ -94,31 +105,29 @@ ABOUT = (
 )
 
 
-def _flow(
-    name: str, about: str, expected: str, options: Options, coarsest: int = 16, quick: tuple[int, ...] = ()
-) -> Flow:
-    known, resolutions = U.known[0].source, (coarsest, 20, 28)
-    return Flow(name, about, known, resolutions, expected, _start, misfits((U, V)), options, quick)
-
-
-CAVITY = Validation(
-    _flow("cavity", ABOUT, "1: noise of the shift at the scale of a spacing, corners of the lid", Options(), 12),
-    "Lid-driven cavity, reconstructed walls",
-    (U, V),
-    QUANTITIES,
-    (WALL_VELOCITY_LOST, FORCE_PER_VOLUME),
+CAVITY = Flow(
+    "cavity",
+    ABOUT,
+    U.known[0].source,
+    (12, 20, 28),
+    "1: noise of the shift at the scale of a spacing, corners of the lid",
+    _start,
+    misfits((U, V)),
+    title="Lid-driven cavity, reconstructed walls",
+    panels=(U, V),
+    quantities=QUANTITIES,
+    findings=(WALL_VELOCITY_LOST, FORCE_PER_VOLUME),
 )
-STORED = Validation(
-    _flow(
-        "cavity-stored",
-        f"{ABOUT} Without interface/reconstruct, so that walls have the velocity and the density that they are given.",
-        "1: the velocity of the lid is met about half a spacing behind its face",
-        Options(extra={"walls": "stored"}),
-        quick=(12,),
-    ),
-    "Lid-driven cavity, walls as they are given",
-    (U, V),
-    QUANTITIES,
-    (FORCE_PER_VOLUME,),
+STORED = replace(
+    CAVITY,
+    name="cavity-stored",
+    about=f"{ABOUT} Without interface/reconstruct, so that walls have the velocity and the density that they are "
+    "given.",
+    resolutions=(16, 20, 28),
+    expected="1: the velocity of the lid is met about half a spacing behind its face",
+    options=Options(extra={"walls": "stored"}),
+    quick=(12,),
+    title="Lid-driven cavity, walls as they are given",
+    findings=(FORCE_PER_VOLUME,),
 )
 VALIDATIONS = (CAVITY, STORED)

@@ -12,9 +12,18 @@ from functools import partial
 import numpy as np
 
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.flow import (
+    Curve,
+    Flow,
+    FlowPanel,
+    FlowQuantity,
+    Options,
+    Snapshot,
+    Start,
+    misfits,
+    table,
+)
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.validation.model import Curve, FlowPanel, FlowQuantity, Validation, misfits, table
 
 FASTEST, SOUND = 2.0, 20.0  # over sqrt(g H)
 VISCOSITY = 1e-3  # over H sqrt(g H): walls drag, but the fluid far from them hardly
@@ -103,25 +112,23 @@ def _arrival(n: int, options: Options, snapshots: Sequence[Snapshot]) -> float:
     return float(np.interp(3.0, fronts, times))
 
 
-DAM = Validation(
-    Flow(
-        "dam-break",
-        "A column of width a, twice as high, collapses along a floor; c = 10 times the fastest fluid, viscosity "
-        f"{VISCOSITY:g} H √(gH), artificial viscosity {ARTIFICIAL:g}, rho/damp {DAMPING:g} h c. The experiment has "
-        "its zero of time where the front was first seen, and a wall that takes time to go: simulations run ahead.",
-        FRONT.known[0].source,
-        (16, 24, 32),
-        "none: an experiment has no error that falls with the spacing",
-        partial(_start, tank=NARROW),
-        misfits((FRONT,)),
-        quick=(12,),
-    ),
-    "Dam break: the front",
-    (FRONT,),
-    (FlowQuantity("time to run three widths", _arrival, 2.51, "Martin & Moyce, table 2"),),
-    (FORCE_PER_VOLUME,),
-    "The pressure on a wall opposite (Buchner 2002): at these resolutions sound and particles that the impact throws "
-    "out outweigh it on both sides, and LAMMPS loses atoms.",
+DAM = Flow(
+    "dam-break",
+    "A column of width a, twice as high, collapses along a floor; c = 10 times the fastest fluid, viscosity "
+    f"{VISCOSITY:g} H √(gH), artificial viscosity {ARTIFICIAL:g}, rho/damp {DAMPING:g} h c. The experiment has "
+    "its zero of time where the front was first seen, and a wall that takes time to go: simulations run ahead.",
+    FRONT.known[0].source,
+    (16, 24, 32),
+    "none: an experiment has no error that falls with the spacing",
+    partial(_start, tank=NARROW),
+    misfits((FRONT,)),
+    quick=(12,),
+    title="Dam break: the front",
+    panels=(FRONT,),
+    quantities=(FlowQuantity("time to run three widths", _arrival, 2.51, "Martin & Moyce, table 2"),),
+    findings=(FORCE_PER_VOLUME,),
+    left_out="The pressure on a wall opposite (Buchner 2002): at these resolutions sound and particles that the impact "
+    "throws out outweigh it on both sides, and LAMMPS loses atoms.",
 )
 
 VALIDATIONS = (DAM,)

@@ -16,9 +16,18 @@ import numpy as np
 from eos_ref.analytic import waves
 from eos_ref.eos.table import FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.flow import (
+    Curve,
+    Flow,
+    FlowPanel,
+    FlowQuantity,
+    Options,
+    Snapshot,
+    Start,
+    line,
+    misfits,
+)
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.validation.model import Curve, FlowPanel, FlowQuantity, Validation, line, misfits
 
 # --- standing wave; units: depth H, sqrt(g H)
 
@@ -107,23 +116,21 @@ MODE = FlowPanel(
     ),
     _amplitude,
 )
-WAVE = Validation(
-    Flow(
-        "standing-wave",
-        f"A standing wave two depths long, slope {SLOPE:g}, Re = {REYNOLDS:g}, over a wall without slip (which adds "
-        "less than 1 % to the decay). Morris' form of the viscous force, which pair rheo documents, leaves a free "
-        "surface with another condition than no stress and dissipates half as much there as Lighthill's theory has it "
-        "(Colagrossi et al., Phys. Rev. E 84, 026705, 2011): its own rate is drawn beside.",
-        MODE.known[0].source,
-        (12, 16, 24),
-        "none: the decay goes to that of Morris' force, half of Lighthill's, as the spacing falls",
-        _wave,
-        misfits((MODE,)),
-        quick=(8,),
-    ),
-    "Standing wave",
-    (MODE,),
-    (
+WAVE = Flow(
+    "standing-wave",
+    f"A standing wave two depths long, slope {SLOPE:g}, Re = {REYNOLDS:g}, over a wall without slip (which adds "
+    "less than 1 % to the decay). Morris' form of the viscous force, which pair rheo documents, leaves a free "
+    "surface with another condition than no stress and dissipates half as much there as Lighthill's theory has it "
+    "(Colagrossi et al., Phys. Rev. E 84, 026705, 2011): its own rate is drawn beside.",
+    MODE.known[0].source,
+    (12, 16, 24),
+    "none: the decay goes to that of Morris' force, half of Lighthill's, as the spacing falls",
+    _wave,
+    misfits((MODE,)),
+    quick=(8,),
+    title="Standing wave",
+    panels=(MODE,),
+    quantities=(
         FlowQuantity("rate of decay over 2 nu k^2", lambda *of: _oscillation(*of)[0], 1.0, "Lighthill"),
         FlowQuantity(
             "frequency over that of linear theory",
@@ -133,7 +140,7 @@ WAVE = Validation(
             "no oscillation to fit",
         ),
     ),
-    (FORCE_PER_VOLUME,),
+    findings=(FORCE_PER_VOLUME,),
 )
 
 VALIDATIONS = (WAVE,)

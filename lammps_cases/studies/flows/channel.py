@@ -16,19 +16,21 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
-from lammps_cases.studies.flows.layout import rows, start, time_step
-from lammps_cases.studies.flows.walls import MACH, WIDTH
-from lammps_cases.studies.validation.model import (
+from lammps_cases.studies.flows.flow import (
     Curve,
+    Flow,
     FlowPanel,
     FlowQuantity,
+    Options,
     ReferenceCurve,
-    Validation,
+    Snapshot,
+    Start,
     curve,
     line,
     misfits,
 )
+from lammps_cases.studies.flows.layout import rows, start, time_step
+from lammps_cases.studies.flows.walls import MACH, WIDTH
 
 REYNOLDS = 0.1  # unit of speed times gap over K: rows pass each other by less than a spacing
 FINE = 1000  # spacings of the gap for which closed forms are drawn
@@ -161,10 +163,11 @@ def _of_channel(
     of: Callable[[int], PowerFluid],
     resolutions: tuple[int, ...] = (12, 16, 24),
     extra: tuple[ReferenceCurve, ...] = (),
-) -> Validation:
+) -> Flow:
     known = _known(of, "closed form")
     panel = FlowPanel("velocity", "y / gap", "velocity / nominal speed (Re = 0.1)", (known, *extra), _profile)
-    flow = Flow(
+    middle = FlowQuantity("velocity in the middle", _middle, max(known.y), "closed form")
+    return Flow(
         name,
         about + " It begins with the closed form and runs until it has its own. Option: wall (constant: walls have the "
         "viscosity of the fluid beside them; law: that of the fluid).",
@@ -175,9 +178,11 @@ def _of_channel(
         misfits((panel,)),
         Options(kernel="RK1"),
         (8, 12),
+        title,
+        (panel,),
+        (middle,),
+        (FORCE_PER_VOLUME,),
     )
-    middle = FlowQuantity("velocity in the middle", _middle, max(known.y), "closed form")
-    return Validation(flow, title, (panel,), (middle,), (FORCE_PER_VOLUME,))
 
 
 _Y = np.linspace(0, 1, 201)

@@ -1,6 +1,7 @@
-"""What was measured, in docs/validation.md: ``python -m lammps_cases.studies.validation.summary [FOLDER...]``.
+"""What was measured, in docs/validation.md: ``python -m tests.workshop.tables_validation [FOLDER...]``.
 
-Folders of validations are put together and kept as ``measured.json``, without their curves; the document has its table.
+Folders of validations are put together and kept as ``tables_validation.json``, without their curves; the document has
+their table.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from pathlib import Path
 
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.wording import brief, number
-from lammps_cases.studies.validation import VALIDATIONS, page
-from lammps_cases.studies.validation.record import DOCUMENT, LAMMPS, REFERENCE, FlowRecord, Validated
+from lammps_cases.studies.flows import page
+from lammps_cases.studies.flows.catalogue import VALIDATIONS
+from lammps_cases.studies.flows.record import DOCUMENT, LAMMPS, REFERENCE, FlowRecord, Validated
 
-MEASURED = Path(__file__).parent / "measured.json"
+MEASURED = Path(__file__).with_suffix(".json")
 BEGIN, END = "<!-- measured:begin -->", "<!-- measured:end -->"
 
 
@@ -102,7 +104,7 @@ def main(folders: Sequence[str]) -> None:
     """Put validations together, and write the table."""
     if folders:
         DOCUMENT.write(MEASURED, joined([DOCUMENT.read(Path(folder) / "validate.json") for folder in folders]))
-    path = Path(__file__).parents[3] / "docs" / "validation.md"
+    path = Path(__file__).parents[2] / "docs" / "validation.md"
     write_atomically(path, document(path.read_text(encoding="utf-8"), DOCUMENT.read(MEASURED)))
 
 

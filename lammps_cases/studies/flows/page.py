@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.figure import Figure
 
 from lammps_cases.pages import frame
-from lammps_cases.pages.figures import saved
+from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, saved
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.wording import brief, number
-from lammps_cases.studies.validation import VALIDATIONS, draw
-from lammps_cases.studies.validation.model import Validation
-from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, Validated, called
+from lammps_cases.studies.flows.catalogue import VALIDATIONS
+from lammps_cases.studies.flows.flow import Flow, FlowPanel, ReferenceCurve
+from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, Validated, called
 
+_COLOURS = {REFERENCE: BLUE, LAMMPS: RED, UNIT: RED}
+_FINDING = "#d98200"
+_MARKS = ("o", "^", "s", "D")
 ASSETS = Path(__file__).parent / "assets"
 
 
@@ -31,7 +39,7 @@ def write(validated: Validated, folder: Path) -> None:
         validated=validated,
         flows=flows,
         facts=_facts(validated),
-        pictures={of.name: saved(draw.figure(validated, of), figures, of.name) for of in flows},
+        pictures={of.name: saved(figure(validated, of), figures, of.name) for of in flows},
         stops={of.name: list(stops(validated, of)) for of in flows},
         effects={of.name: list(effects(validated, of)) for of in flows},
         value=lambda value: brief(value) if math.isfinite(value) else "",
@@ -68,7 +76,7 @@ class Effect:
     published: str
 
 
-def effects(validated: Validated, of: Validation) -> Iterator[Effect]:
+def effects(validated: Validated, of: Flow) -> Iterator[Effect]:
     """Yield what LAMMPS, and each of its findings alone, makes of the quantities of a flow, at its finest resolution.
 
     Of a side that stopped, at the finest at which it did not.
@@ -108,7 +116,7 @@ def order(value: float) -> str:
     return f"{round(value, 1) + 0.0:.1f}" if math.isfinite(value) else ""
 
 
-def stops(validated: Validated, of: Validation) -> Iterator[str]:
+def stops(validated: Validated, of: Flow) -> Iterator[str]:
     """Yield why sides stopped at their finest resolution."""
     for side in validated.sides(of.name):
         if side != REFERENCE and validated.of(of.name, side)[-1].message:
@@ -126,3 +134,52 @@ def stopped(validated: Validated, flow: str, side: str) -> str:
     too = f"so does the reference with {names} {how}, after step {run.lost.after}"
     none = "the reference does not, with none of the findings tried"
     return f"loses atoms after step {run.lost.step}, at {run.n} particles; {too if names else none}"
+
+
+# --- pictures
+
+
+def figure(validated: Validated, of: Flow) -> Figure:
+    """Draw every panel of a flow; the finest resolution of a side is thick, coarser ones are faint."""
+    with matplotlib.rc_context(STYLE):
+        count = len(of.panels)
+        drawn = Figure(figsize=(3.6 * count + 2.3, 3.2), layout="constrained")
+        axes = drawn.subplots(1, count, squeeze=False).ravel()
+        for axis, panel in zip(axes, of.panels, strict=True):
+            for side in validated.sides(of.name):
+                _draw_side(axis, validated, of.name, side, panel)
+            for known, mark in zip(panel.known, _MARKS, strict=False):
+                _draw_known(axis, known, mark)
+            axis.set(xlabel=panel.x, ylabel=panel.y)
+        labels: dict[str, Any] = {}
+        for axis in axes:
+            labels |= {label: handle for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+        drawn.legend(list(labels.values()), list(labels), loc="outside right center", frameon=False, fontsize=8)
+        return drawn
+
+
+def _draw_side(axis: Any, validated: Validated, flow: str, side: str, panel: FlowPanel) -> None:
+    runs = [run for run in validated.of(flow, side) if panel.name in run.curves]
+    for run in runs:
+        last = run is runs[-1]
+        style: dict[str, Any] = {
+            "color": _COLOURS.get(side, _FINDING),
+            "lw": 1.6 if last else 0.8,
+            "alpha": 0.95 if last else 0.45,
+            "ls": "-" if side == REFERENCE else "--" if side == LAMMPS else ":",
+            "zorder": 3 if side == REFERENCE else 4,
+        }
+        axis.plot(*run.curves[panel.name], label=_label(side, run.n) if last else None, **style)
+
+
+def _label(side: str, n: int) -> str:
+    """Return a side and its resolution, in lines of a legend."""
+    return textwrap.fill(f"{called(side)}, N\u00a0=\u00a0{n}", 22, break_on_hyphens=False)
+
+
+def _draw_known(axis: Any, known: ReferenceCurve, mark: str) -> None:
+    if known.marks:
+        style: dict[str, Any] = {"ls": "none", "marker": mark, "ms": 4.5, "mfc": "white", "mec": "black", "mew": 1}
+    else:
+        style = {"color": "black" if mark == _MARKS[0] else GREY, "lw": 1.0, "ls": "-" if mark == _MARKS[0] else "-."}
+    axis.plot(known.x, known.y, label=known.label, zorder=5 if known.marks else 2, **style)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from lammps_cases.cli.shared import json_option
-from lammps_cases.records.files import write_atomically
 
 if TYPE_CHECKING:
     from lammps_cases.records.measure import ConfidenceInterval
-    from lammps_cases.studies.benchmarks.bench import Ratio
+    from lammps_cases.studies.chart.bench import Ratio
 
 PARTS = ("laws", "model", "peers", "runs")
 
@@ -32,11 +30,6 @@ PARTS = ("laws", "model", "peers", "runs")
     help="File in which every measurement is stored.",
 )
 @click.option("--label", default="", help="A name by which --compare finds this measurement.")
-@click.option(
-    "--benchmark-json",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Write the measurement in the format of pytest-benchmark, too.",
-)
 @click.option("--compare", nargs=2, metavar="A B", help="Measure nothing: compare two stored measurements.")
 @json_option
 def bench_command(
@@ -46,7 +39,6 @@ def bench_command(
     pysph: str | None,
     history: Path,
     label: str,
-    benchmark_json: Path | None,
     compare: tuple[str, str] | None,
     as_json: bool,
 ) -> int:
@@ -62,19 +54,17 @@ def bench_command(
     """
     if compare:
         return _compare(history, compare, as_json)
+    from lammps_cases.studies.chart import bench, speed_history
+
     ratios: list[Ratio] = []
     memory: dict[str, float] = {}
     for part in parts or PARTS:
-        for ratio in _measured(part, states, repeats, pysph):
+        for ratio in bench.measured(part, states, repeats, pysph):
             ratios.append(ratio)
             if not as_json:
                 _show(ratio)
         memory |= _memory(part)
-    from lammps_cases.studies.benchmarks import pytest_benchmark, speed_history
-
-    entry = speed_history.append(history, label, ratios)
-    if benchmark_json:
-        write_atomically(benchmark_json, json.dumps(pytest_benchmark.document(entry), indent=1) + "\n")
+    speed_history.append(history, label, ratios)
     if as_json:
         click.echo(json.dumps({"ratios": [_row(r) for r in ratios], "bytes_per_particle": memory}, indent=1))
         return 0
@@ -92,7 +82,7 @@ def _row(r: Ratio) -> dict[str, object]:
 def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
     from dataclasses import asdict
 
-    from lammps_cases.studies.benchmarks import speed_history
+    from lammps_cases.studies.chart import speed_history
 
     entries = speed_history.read(history)
     before, after = (speed_history.pick(entries, name, history) for name in names)
@@ -109,30 +99,8 @@ def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
     return 0
 
 
-def _measured(part: str, states: int, repeats: int, pysph: str | None) -> Iterator[Ratio]:
-    from lammps_cases.studies.benchmarks import bench, bench_model, bench_peers
-
-    if part == "laws":
-        yield from bench.laws_against_copy(states, repeats)
-        yield bench.power_without_memory(states, repeats)
-        yield bench.table_against_copy(states, repeats)
-    elif part == "model":
-        yield from bench_model.against_lammps((2, 3), repeats)
-        yield from bench_model.growth()
-        yield bench_model.full_model_for_pressure()
-        yield bench_model.vectors_against_components(repeats)
-    elif part == "peers":
-        yield from bench_peers.taylor_green(repeats, pysph)
-    else:
-        for jobs in (1, 2):
-            yield bench.run_against_lammps(repeats, jobs)
-        yield bench.worker_against_python(repeats)
-        yield bench.help_against_python(repeats)
-        yield from bench.completion_against_python(repeats)
-
-
 def _memory(part: str) -> dict[str, float]:
-    from lammps_cases.studies.benchmarks import bench, bench_model
+    from lammps_cases.studies.chart import bench, bench_model
 
     if part == "laws":
         return {"pressures of four laws": bench.bytes_per_particle()}

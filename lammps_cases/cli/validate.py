@@ -41,7 +41,7 @@ def validate_command(names: tuple[str, ...], quick: bool, out: Path, resume: boo
     for name in names:
         if name not in VALIDATIONS:
             raise InputError("flow", f"must be one of {', '.join(VALIDATIONS)}{nearest(name, VALIDATIONS)}", name)
-    short = [name for name, of in VALIDATIONS.items() if of.flow.quick or not quick]
+    short = [name for name, of in VALIDATIONS.items() if of.quick or not quick]
     chosen = [VALIDATIONS[name] for name in dict.fromkeys(names or short)]
     page_folder(out)
     with record.runs(out).resumed(resume), Bar(quiet=as_json) as bar:

@@ -12,7 +12,7 @@ import numpy as np
 
 from eos_ref import InputError
 from lammps_cases.probes.reaction import said
-from lammps_cases.studies.benchmarks import pysph as peer
+from lammps_cases.studies.chart import pysph as peer
 from lammps_cases.studies.chart.record import Chart
 from lammps_cases.studies.flows.cavity import CAVITY, STORED
 from lammps_cases.studies.flows.converge import Convergence, FlowResult, converge
@@ -64,7 +64,7 @@ SWIRL = replace(
     quick=(12,),
     title="Vortices of Taylor and Green",
 )
-_SIZES = {"resolutions": (12, 16, 24), "quick": (12,)}
+_SIZES: dict[str, Any] = {"resolutions": (12, 16, 24), "quick": (12,)}
 COMPARED = (
     Compared(SWIRL, "profile", "taylor_green", ("tvf", "edac"), lambda n: REYNOLDS / n),
     # PySPH has walls of its own in both cavities.

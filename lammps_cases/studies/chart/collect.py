@@ -17,8 +17,8 @@ from lammps_cases.records import wording
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.run import case_journal
-from lammps_cases.studies.benchmarks.pysph import version
 from lammps_cases.studies.chart import page, record
+from lammps_cases.studies.chart.pysph import version
 from lammps_cases.studies.chart.record import Chart, Section
 
 # Title and content of every section: a module with ``panels(quick, lmp)``, ``maps(quick)``, ``flows(quick, site)`` or

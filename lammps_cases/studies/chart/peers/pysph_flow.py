@@ -1,6 +1,6 @@
 """One of PySPH's own examples, run to its end: its fluid particles at some times, and the seconds of one core.
 
-``PYTHON lammps_cases/studies/benchmarks/peers/pysph_flow.py EXAMPLE SCHEME N TIME...`` runs under a Python that has
+``PYTHON lammps_cases/studies/chart/peers/pysph_flow.py EXAMPLE SCHEME N TIME...`` runs under a Python that has
 PySPH (pip install pysph) and needs nothing of this package. Options but for the resolution are the example's own. The
 last line that it prints is one JSON document: particles, steps, seconds of processor time that the steps took, and for
 every time the fluid's x, y, u, v. Lengths are in units of the edge of the box or the height of the column, speeds in

@@ -10,7 +10,7 @@ from pathlib import Path
 from eos_ref.errors import InputError
 from lammps_cases.records.journal import Journal
 from lammps_cases.records.measure import Answer, ConfidenceInterval, machine, verdict
-from lammps_cases.studies.benchmarks.bench import Ratio
+from lammps_cases.studies.chart.bench import Ratio
 
 
 @dataclass(frozen=True)

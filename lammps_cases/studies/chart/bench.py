@@ -4,25 +4,35 @@ from __future__ import annotations
 
 import os
 import pickle
-import platform
-import re
 import shlex
 import subprocess
 import sys
 import tempfile
 import tracemalloc
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from timeit import timeit
 
 import numpy as np
 
-from eos_ref import EOS, EOSTable, InputError
+from eos_ref import EOS, EOSTable
 from eos_ref.eos import bounds
 from eos_ref.eos.table import examples
-from lammps_cases.records.measure import Call, ConfidenceInterval, Timing, in_turns
+from lammps_cases.engine.ranks import Ranks
+from lammps_cases.engine.session import RunCommand
+from lammps_cases.records.measure import Call, ConfidenceInterval, Timing, in_turns, interval
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.studies.chart import pysph
+from lammps_cases.studies.flows.catalogue import FLOWS
+from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.stepping import ReferenceFlow
 
-IN_CACHES = 2**14  # densities, which lie with their pressures in the second-level cache
+VORTICES = 100  # particles along the edge of the box
+STEPS = 20
+WARM = 3
 EOS_REF = (sys.executable, "-m", "lammps_cases.cli.main")
 # By style; the time of a power depends on its exponent.
 LAWS = {law.style + (f" {law.parameter:g}" if law.law.uses_powm1 else ""): law for law in examples(rho0=1.2, cs=3.4)}
@@ -33,7 +43,6 @@ class Ratio:
     """One measurement: nanoseconds per particle (or per run, for whole programs) of ours and of a peer.
 
     ``ratio`` is ours over peer, below 1 is faster; all three are medians with their intervals.
-    ``ours_ns_r`` are ours of every round.
     """
 
     scene: str
@@ -41,29 +50,36 @@ class Ratio:
     ours_ns: ConfidenceInterval
     peer_ns: ConfidenceInterval
     ratio: ConfidenceInterval
-    ours_ns_r: tuple[float, ...] = ()
 
 
-def ratio(scene: str, peer: str, ours: Timing, theirs: Timing, per: float, peer_per: float) -> Ratio:
-    """Return the ratio of two timings of the same rounds; a call of ours treats ``per`` particles (times steps)."""
-    ours_ns, peer_ns = ours.seconds.scaled(1e9 / per), theirs.seconds.scaled(1e9 / peer_per)
-    ours_ns_r = tuple(seconds * 1e9 / per for seconds in ours.seconds_r)
-    return Ratio(scene, peer, ours_ns, peer_ns, ours.against(theirs).scaled(peer_per / per), ours_ns_r)
+def ratio(scene: str, peer: str, ours: Timing, theirs: Timing, per: float) -> Ratio:
+    """Return the ratio of two timings of the same rounds; either call treats ``per`` particles (times steps)."""
+    ns = 1e9 / per
+    return Ratio(scene, peer, ours.seconds.scaled(ns), theirs.seconds.scaled(ns), ours.against(theirs))
 
 
 def against(
-    scene: str,
-    peer: str,
-    ours: Call,
-    theirs: Call,
-    repeats: int,
-    per: float = 1.0,
-    at_least: float = 0.02,
-    peer_per: float | None = None,
+    scene: str, peer: str, ours: Call, theirs: Call, repeats: int, per: float = 1.0, at_least: float = 0.02
 ) -> Ratio:
     """Time ours against a peer, in turns; see `ratio`."""
     timings = in_turns({"ours": ours, "peer": theirs}, repeats, at_least)
-    return ratio(scene, peer, timings["ours"], timings["peer"], per, peer_per or per)
+    return ratio(scene, peer, timings["ours"], timings["peer"], per)
+
+
+def measured(part: str, states: int, repeats: int, python: str | None) -> Iterator[Ratio]:
+    """Yield the ratios of a part of ``eos-ref bench``; ``python`` has PySPH, if it is given."""
+    if part == "laws":
+        yield from laws_against_copy(states, repeats)
+        yield table_against_copy(states, repeats)
+    elif part == "model":
+        from lammps_cases.studies.chart.bench_model import against_lammps
+
+        yield from against_lammps((2, 3), repeats)
+    elif part == "peers":
+        yield from taylor_green(repeats, python)
+    else:
+        yield from (run_against_lammps(repeats, jobs) for jobs in (1, 2))
+        yield from programs_against_python(repeats)
 
 
 def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
@@ -87,54 +103,6 @@ def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
 
         ratios.append(against(f"{name}, {n:,} states", "memory copy", ours, peer, repeats, n))
     return ratios
-
-
-def power_without_memory(n: int, repeats: int) -> Ratio:
-    """Time the law with a power on as many densities, but the same few again and again, which caches hold.
-
-    No order of reading and writing makes the law faster than this: it is what arithmetic takes.
-    """
-    from eos_ref.eos import compiled
-
-    few = min(n, IN_CACHES)
-    name, law = next((name, law) for name, law in LAWS.items() if law.law.uses_powm1)
-    rho_n, p_n, all_n, copy_n = np.random.default_rng(1).uniform(0.6, 1.8, few), np.empty(few), np.ones(n), np.empty(n)
-
-    def ours() -> None:
-        for _ in range(n // few):
-            compiled.pressure_of_one_type(rho_n, np.empty(0), *law.settings, p_n)
-
-    scene = f"{name}, {few:,} states {n // few:,} times"
-    return against(scene, "memory copy", ours, partial(np.copyto, copy_n, all_n), repeats, n // few * few, peer_per=n)
-
-
-def power_operations() -> tuple[int, int]:
-    """Return the vector operations on doubles that the law with a power takes as compiled here, and their lanes.
-
-    Divisions, which take several cycles each, count as one; moves between registers and memory, comparisons of bits and
-    operations on whole numbers do not count.
-
-    Raises
-    ------
-    InputError
-        A processor without the vector registers of x86-64.
-    """
-    import numba
-
-    from eos_ref.eos import compiled
-
-    law = next(law for law in LAWS.values() if law.law.uses_powm1)
-    anew = numba.njit(error_model="numpy")(compiled.pressure_of_one_type.py_func)  # code of a cache is not shown
-    anew(np.ones(8), np.empty(0), *law.settings, np.empty(8))
-    code = "".join(anew.inspect_asm().values())
-    with_division = [block for block in re.split(r"^\.L\w+:", code, flags=re.M) if "vdivpd" in block]
-    if not with_division:
-        raise InputError("machine code", "must have the vector registers of x86-64", platform.machine())
-    loop = max(with_division, key=lambda block: block.count("pd\t"))
-    counted = re.findall(r"\tv(?:add|sub|mul|div|max|min|f\w*(?:add|sub)\d+)pd\t.*%([yz])mm", loop)
-    lanes = 8 if "z" in counted else 4
-    stores = len(re.findall(r"\tvmovupd\t%[yz]mm\d+, \S*\(", loop))
-    return len(counted) // stores, lanes
 
 
 def table_against_copy(n: int, repeats: int) -> Ratio:
@@ -165,18 +133,6 @@ def bytes_per_particle(n: int = 1_000_000) -> float:
     return peak / n
 
 
-def lammps_alone(file: str) -> None:
-    """Run jobs from a file as the peer of a whole run: one process, one LAMMPS, and nothing else."""
-    from lammps_cases.engine import session
-
-    lmp = session.open_lammps()
-    for job in pickle.loads(Path(file).read_bytes()):
-        try:
-            session.run(lmp, job)
-        except session.EngineRefused:
-            continue
-
-
 def run_against_lammps(repeats: int, jobs: int) -> Ratio:
     """Time ``eos-ref run`` on the equations of state against LAMMPS alone on the same scenes, whole processes both.
 
@@ -184,8 +140,6 @@ def run_against_lammps(repeats: int, jobs: int) -> Ratio:
     """
     from lammps_cases.run import prepared_case
     from lammps_cases.scene import casefile
-    from lammps_cases.setup.commands import job
-    from lammps_cases.setup.plan import plan
 
     chosen = [case for case in casefile.select(casefile.load(), tag="eos") if "crash" not in case.tags]
     prepared = [prepared_case.prepare(case) for case in chosen]
@@ -193,31 +147,17 @@ def run_against_lammps(repeats: int, jobs: int) -> Ratio:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "jobs"
         file.write_bytes(pickle.dumps(lammps_jobs))
-        code = f"from lammps_cases.studies.benchmarks.bench import lammps_alone as run; run({str(file)!r})"
+        code = f"from lammps_cases.studies.chart.peers.lammps_alone import run; run({str(file)!r})"
         ours = [*EOS_REF, "run", "--tag", "eos", "--jobs", str(jobs), "--out", f"{folder}/run"]
         return _processes(f"eos-ref run --tag eos --jobs {jobs}", "LAMMPS alone", ours, code, repeats)
 
 
-def worker_against_python(repeats: int) -> Ratio:
-    """Time what every run begins with, a worker that has imported what it judges by and opened LAMMPS."""
-    from lammps_cases.engine import forkserver
-
-    code = f"import {', '.join((forkserver.OF_WORKERS, *forkserver.OF_JUDGING, forkserver.OF_PAIRS))}"
-    ours = [sys.executable, "-c", f"{code}; from lammps_cases.engine import session; session.open_lammps()"]
-    return _processes("imports of a worker, LAMMPS opened", "empty Python program", ours, "pass", repeats)
-
-
-def help_against_python(repeats: int) -> Ratio:
-    """Time ``eos-ref --help`` against an empty Python program."""
-    return _processes("eos-ref --help", "empty Python program", [*EOS_REF, "--help"], "pass", repeats)
-
-
-def completion_against_python(repeats: int) -> list[Ratio]:
-    """Time what a shell asks for on Tab (commands, cases, findings, tags) against an empty Python program."""
-    return [
-        _processes(f"completion of {words}", "empty Python program", [*EOS_REF], "pass", repeats, _asked(words))
-        for words in ("eos-ref r", "eos-ref run forces.", "eos-ref ledger f", "eos-ref run --tag q")
-    ]
+def programs_against_python(repeats: int) -> Iterator[Ratio]:
+    """Time ``eos-ref --help``, and what a shell asks for on Tab, against an empty Python program."""
+    yield _processes("eos-ref --help", "empty Python program", [*EOS_REF, "--help"], "pass", repeats)
+    for words in ("eos-ref r", "eos-ref run forces.", "eos-ref ledger f", "eos-ref run --tag q"):
+        what = f"completion of {words}"
+        yield _processes(what, "empty Python program", [*EOS_REF], "pass", repeats, _asked(words))
 
 
 def _asked(words: str) -> dict[str, str]:
@@ -244,3 +184,63 @@ def _process(command: list[str], environment: dict[str, str] | None = None) -> N
     done = subprocess.run(command, check=False, capture_output=True, text=True, env=environ)
     if done.returncode:
         raise RuntimeError(f"exit code {done.returncode} of {shlex.join(command)}:\n{done.stdout}{done.stderr}")
+
+
+# --- other codes
+
+
+def taylor_green(repeats: int, python: str | None) -> Iterator[Ratio]:
+    """Yield the time per particle and step of Taylor-Green vortices, ours against every other code at hand.
+
+    Codes that run as programs of their own cannot take turns step by step with ours; each of their runs is followed by
+    one of ours of about the same length, so that a drift of the machine meets both.
+
+    Parameters
+    ----------
+    python : str or None
+        A Python that has PySPH; None: without it.
+
+    Raises
+    ------
+    InputError
+        That Python cannot run PySPH.
+    """
+    from eos_ref.compiled.evaluator import CompiledEvaluator
+
+    start = FLOWS["taylor-green"].start(VORTICES, Options(kernel="quintic"))
+    with Ranks(None, 1) as one, Ranks(None, 2) as two:
+        peers: dict[str, Callable[[], list[float]]] = {
+            "LAMMPS": partial(_lammps, start, one),
+            "LAMMPS, 2 ranks": partial(_lammps, start, two),
+        }
+        if python:
+            peers["PySPH"] = partial(_pysph, python)
+        for threads in (1, 2):
+            flow = ReferenceFlow(start, partial(CompiledEvaluator, threads=threads))
+            flow.advance(WARM)
+            scene = f"Taylor-Green, {VORTICES**2:,} particles" + (f", {threads} threads" if threads > 1 else "")
+            for peer, steps in peers.items():
+                yield _against(scene, peer, partial(flow.advance, STEPS), steps, repeats)
+
+
+def _lammps(start: Start, ranks: Ranks) -> list[float]:
+    """Return the seconds of one step of LAMMPS on a number of ranks, after a few steps to warm up."""
+    lammps_job = job(start.case.scene, start.atoms, plan(start.case.scene))
+    runs = (RunCommand(f"run {WARM} post no", read=False), RunCommand(f"run {STEPS} pre no post no"))
+    answer = ranks.run(replace(lammps_job, runs=runs, ranks=ranks.count))
+    return [answer.run_seconds[-1] / STEPS]
+
+
+def _pysph(python: str) -> list[float]:
+    """Return the seconds of every step of PySPH's example."""
+    result = pysph.answer(python, str(pysph.SCRIPTS / "pysph_taylor_green.py"), str(VORTICES), str(STEPS))
+    assert result["particles"] == VORTICES**2
+    return [float(seconds) for seconds in result["seconds"]]
+
+
+def _against(scene: str, peer: str, ours: Callable[[], None], theirs: Callable[[], list[float]], repeats: int) -> Ratio:
+    own, other = [], []
+    for _ in range(repeats):
+        other.append(interval(tuple(theirs())).median)
+        own.append(timeit(ours, number=1) / STEPS)
+    return ratio(scene, peer, Timing(tuple(own), 1, own[0]), Timing(tuple(other), 1, other[0]), VORTICES**2)

@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 
 import eos_ref.jit  # noqa: F401  chooses the registers before anything is compiled
@@ -26,7 +25,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.benchmarks.bench import Ratio, against
+from lammps_cases.studies.chart.bench import Ratio, against
 from lammps_cases.studies.flows.layout import rows
 
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -84,37 +83,12 @@ def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 5) -> It
             )
 
 
-def growth(edges: tuple[int, ...] = (100, 316, 1000), steps: int = 4) -> Iterator[Ratio]:
-    """Yield the time per particle and step of a large scene against one of 10 000 particles."""
-    small, few = simulation(scene("quintic", 2, edges[0])), edges[0] ** 2
-    for edge in edges[1:]:
-        n, rounds = edge**2, max(1, edge**2 // few)
-        yield against(
-            f"2D quintic, {n:,} particles",
-            f"{few:,} particles",
-            partial(simulation(scene("quintic", 2, edge)).run, steps, TIMESTEP),
-            partial(small.run, steps * rounds, TIMESTEP),
-            3,
-            steps * n,
-            peer_per=steps * rounds * few,
-        )
-
-
-def full_model_for_pressure(edge: int = 300) -> Ratio:
-    """Time a scene that compares pressures alone, against all that the model could evaluate for it."""
-    case = scene("RK1", 2, edge)
-    alone = simulation(case, ("pressure",))
-    whole = simulation(case, ("coordination", "grad/v", "pressure", "viscosity", "f", "drho"))
-    n = edge**2
-    return against(f"pressure alone, {n:,} particles", "whole model", alone.evaluate, whole.evaluate, 3, n)
-
-
 # --- memory
 
 
 def bytes_per_particle(option: str = "RK1", edge: int = 1000) -> float:
     """Return the peak memory that a million particles add to a process that has everything loaded, per particle."""
-    code = f"from lammps_cases.studies.benchmarks.bench_model import grown; print(grown({option!r}, {edge}))"
+    code = f"from lammps_cases.studies.chart.bench_model import grown; print(grown({option!r}, {edge}))"
     process = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     return float(process.stdout.split()[-1]) / edge**2
 
@@ -145,58 +119,3 @@ def _run_lattice(option: str, edge: int) -> None:
     state = State(x_nc, v_nc, np.ones(n), np.ones(n, np.int32), np.zeros(n, bool), None)
     box = Box((0.0, 0.0), (float(edge), float(edge)), (True, True))
     Simulation(simulation(scene(option, 2, 10)).model, box, state, (), CompiledEvaluator).run(2, TIMESTEP)
-
-
-# --- vectors
-
-
-@numba.njit(error_model="numpy", nogil=True)
-def gradients_by_component(pairs: Any, volume_n: Any, v_nc: Any, out_nf: Any) -> None:
-    """Add the velocity gradients (n, 4) in 2D as `eos_ref.compiled.loops.gradients` does, but without vectors."""
-    for i in range(volume_n.size):
-        xx = xy = yx = yy = 0.0
-        for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
-            j, slope = pairs.j_p[p], pairs.slope_p[p]
-            g_x, g_y = slope * pairs.x_pc[p, 0], slope * pairs.x_pc[p, 1]
-            u, v = v_nc[j, 0] - v_nc[i, 0], v_nc[j, 1] - v_nc[i, 1]
-            volume_i, volume_j = volume_n[i], volume_n[j]
-            xx += volume_j * (u * g_x)
-            xy += volume_j * (u * g_y)
-            yx += volume_j * (v * g_x)
-            yy += volume_j * (v * g_y)
-            out_nf[j, 0] += volume_i * (u * g_x)
-            out_nf[j, 1] += volume_i * (u * g_y)
-            out_nf[j, 2] += volume_i * (v * g_x)
-            out_nf[j, 3] += volume_i * (v * g_y)
-        out_nf[i, 0] += xx
-        out_nf[i, 1] += xy
-        out_nf[i, 2] += yx
-        out_nf[i, 3] += yy
-
-
-def gradient_sums(edge: int) -> tuple[partial[None], partial[None]]:
-    """Return functions that add velocity gradients of a lattice to an array (n, 4): by vectors, and by components."""
-    from scipy.spatial import cKDTree
-
-    from eos_ref.compiled import loops
-
-    random, x_nc = np.random.default_rng(1), rows(0, edge, edge)
-    x_nc += random.uniform(-0.1, 0.1, x_nc.shape)
-    i_p, j_p = cKDTree(x_nc).query_pairs(3.0, output_type="ndarray").T
-    order_p = np.lexsort((j_p, i_p))
-    i_p, j_p = i_p[order_p], j_p[order_p]
-    # Unsigned, as in the reference: a signed index might count from the end, which costs plain loops a branch.
-    start_n = np.searchsorted(i_p, np.arange(len(x_nc) + 1)).astype(np.uint64)
-    w_p, slope_p = random.uniform(0.0, 1.0, (2, len(i_p)))
-    pairs = loops.Pairs(start_n, j_p.astype(np.uint32), x_nc[i_p] - x_nc[j_p], w_p, slope_p, None, None)
-    fields = pairs, random.uniform(0.9, 1.1, len(x_nc)), random.normal(size=x_nc.shape)
-    rest = None, None, None, None, 3.0, (1.0, 1.0), (0.0, 0.0)
-    return partial(loops.gradients, *fields, *rest), partial(gradients_by_component, *fields)
-
-
-def vectors_against_components(repeats: int, edge: int = 150) -> Ratio:
-    """Time velocity gradients by vectors in registers (`eos_ref.compiled.vectors`) against single components."""
-    out_nf = np.zeros((edge**2, 4))
-    by_vectors, by_component = (partial(add, out_nf) for add in gradient_sums(edge))
-    name = f"2D gradients, {edge**2:,} particles"
-    return against(name, "plain components", by_vectors, by_component, repeats, edge**2)

@@ -1,6 +1,6 @@
 """Times of PySPH's own Taylor-Green example: weakly compressible SPH, quintic spline, one core.
 
-``PYTHON lammps_cases/studies/benchmarks/peers/pysph_taylor_green.py NX STEPS`` runs under a Python that has PySPH
+``PYTHON lammps_cases/studies/chart/peers/pysph_taylor_green.py NX STEPS`` runs under a Python that has PySPH
 (pip install pysph; it compiles its equations with the system's compiler) and needs nothing of this package. The last
 line that it prints is one JSON document: particles and seconds per step.
 """

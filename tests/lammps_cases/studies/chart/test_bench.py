@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from eos_ref import InputError
 from lammps_cases.records.measure import ConfidenceInterval
-from lammps_cases.studies.benchmarks import bench, bench_model, bench_peers, speed_history
-from lammps_cases.studies.benchmarks.bench import Ratio, against, laws_against_copy
+from lammps_cases.studies.chart import bench, bench_model, speed_history
+from lammps_cases.studies.chart.bench import Ratio, against, laws_against_copy
 from tests.support.outcome import Outcome
 
 pytestmark = pytest.mark.slow
@@ -78,16 +76,6 @@ def test_a_ratio_is_per_particle_and_of_rounds() -> None:
     assert found.ours_ns.median > 0
 
 
-def test_the_power_is_timed_without_memory_and_its_operations_are_counted() -> None:
-    found = bench.power_without_memory(50_000, 2)
-    assert found.scene == "tait/general 1.4, 16,384 states 3 times"
-    assert found.ratio.median > 0
-    operations, lanes = bench.power_operations()
-    # Written out, the law has 27 fused multiply-adds and one division, and some twenty sums, products and limits.
-    assert lanes in (4, 8)
-    assert 40 <= operations <= 60
-
-
 def test_every_law_is_measured_and_a_run_is_kept(eos_ref_command: Run, tmp_path: Path) -> None:
     assert [r.scene.split(",")[0] for r in laws_against_copy(1000, 2)] == [
         "linear",
@@ -103,7 +91,7 @@ def test_every_law_is_measured_and_a_run_is_kept(eos_ref_command: Run, tmp_path:
         assert done.code == 0
         assert {"scene", "peer", "ours_ns", "peer_ns", "ratio"} <= set(json.loads(done.out)["ratios"][0])
     done = eos_ref_command("bench", "--compare", "a", "b", "--history", history, "--json")
-    assert len(json.loads(done.out)["changes"]) == 7
+    assert len(json.loads(done.out)["changes"]) == 6
     wrong = eos_ref_command("bench", "--compare", "a", "c", "--history", history)
     assert wrong.code == 2
     assert "must be a label" in wrong.err
@@ -118,42 +106,11 @@ def test_the_particle_model_is_measured_against_lammps(monkeypatch: pytest.Monke
     assert all(r.peer == "LAMMPS" and r.peer_ns.median > 0 for r in found)
 
 
-def test_a_measurement_in_the_format_of_pytest_benchmark(eos_ref_command: Run, tmp_path: Path) -> None:
-    file, history = tmp_path / "benchmark.json", tmp_path / "history.jsonl"
-    options = ["--states", "1000", "--repeats", "4", "--history", str(history), "--benchmark-json", str(file)]
-    assert eos_ref_command("bench", "laws", *options).code == 0
-    (entry,) = speed_history.read(history)
-    found = json.loads(file.read_text())
-    assert len(found["benchmarks"]) == len(entry.ratios) and found["machine_info"] == entry.machine
-    for benchmark, of in zip(found["benchmarks"], entry.ratios, strict=True):
-        stats = benchmark["stats"]
-        assert (benchmark["group"], stats["rounds"]) == (of.peer, 4) and of.scene in benchmark["name"]
-        assert stats["min"] <= stats["median"] <= stats["max"] and stats["data"] == [ns * 1e-9 for ns in of.ours_ns_r]
-        # The median of the scaled rounds is the scaled median: a rounding on either side.
-        assert stats["median"] == pytest.approx(of.ours_ns.median * 1e-9, rel=4 * 2.0**-53)
-        assert benchmark["extra_info"]["ratio"] == of.ratio.median
-    # pytest-benchmark reads it.
-    listed = subprocess.run(
-        [sys.executable, "-m", "pytest_benchmark", "compare", str(file)], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert listed.returncode == 0 and entry.ratios[0].scene in listed.stdout
-
-
-def test_vectors_and_components_add_the_same_numbers_in_the_same_order() -> None:
-    by_vectors_nf, by_component_nf = np.zeros((2, 144, 4))
-    by_vectors, by_component = bench_model.gradient_sums(12)
-    by_vectors(by_vectors_nf)
-    by_component(by_component_nf)
-    assert np.array_equal(by_vectors_nf, by_component_nf)
-    assert (by_vectors_nf != 0).all()
-    assert bench_model.vectors_against_components(3, 6).peer == "plain components"
-
-
 @pytest.mark.lammps
 def test_taylor_green_runs_on_one_and_two_ranks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench_peers, "EDGE", 16)
-    monkeypatch.setattr(bench_peers, "STEPS", 2)
-    found = list(bench_peers.taylor_green(1, None))
+    monkeypatch.setattr(bench, "VORTICES", 16)
+    monkeypatch.setattr(bench, "STEPS", 2)
+    found = list(bench.taylor_green(1, None))
     assert {r.peer for r in found} == {"LAMMPS", "LAMMPS, 2 ranks"}
     assert all(r.peer_ns.median > 0 and r.ours_ns.median > 0 for r in found)
 
@@ -161,7 +118,7 @@ def test_taylor_green_runs_on_one_and_two_ranks(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize("python", ["/nowhere/python", "false"])
 def test_a_python_without_pysph_is_refused(python: str) -> None:
     with pytest.raises(InputError, match="Python of PySPH"):
-        bench_peers._pysph(python)
+        bench._pysph(python)
 
 
 def test_completion_asks_what_a_shell_asks() -> None:

@@ -59,9 +59,9 @@ def stability_command(
     if cell is not None:
         return _one_cell(cell, out, installations.resolve(engine).site, as_json)
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.studies.stability import atlas, expected, limits, maps, page, record
+    from lammps_cases.studies.stability import atlas, limits, maps, page, record
 
-    by_id = maps.maps()
+    by_id = maps.MAPS
     chosen = maps.select(by_id, names, tag or ("quick" if quick and not names else None))
     site = installations.resolve(engine).site
     with record.cells(out).resumed(resume), Bar(quiet=as_json) as bar:
@@ -70,7 +70,7 @@ def stability_command(
     if save_limits:
         edges = [b for of in measured.maps for b in of.boundaries]
         limits.save(limits.measured(edges, by_id, measured.engine.get("distribution", "")))
-    unexplained = expected.unexplained(measured.disagreements)
+    unexplained = maps.unexplained(measured.disagreements)
     if as_json:
         click.echo(json.dumps(record.document(measured), indent=1))
     else:
@@ -91,17 +91,17 @@ def _show(atlas: Any, unexplained: int, out: Path) -> None:
 def _one_cell(name: str, out: Path, site: str | None, as_json: bool) -> int:
     """Run a cell on both engines."""
     from lammps_cases.engine.workers import Workers
-    from lammps_cases.studies.stability import expected, maps, page, probe
+    from lammps_cases.studies.stability import maps, page, probe
     from lammps_cases.studies.stability.model import MapCell
 
     cell = MapCell.parse(name)
-    of = maps.of_cell(maps.maps(), cell)
+    of = maps.of_cell(maps.MAPS, cell)
     with Workers(site, 1) as workers:
         ends = {side: probe.examine(of, cell, side, workers).outcome for side in reversed(of.engines(cell.layer))}
     out.mkdir(parents=True, exist_ok=True)
     deck = page.write_deck(of, cell, out)
     path = str(out / deck) if deck else ""
-    differ = len({outcome.kind for outcome in ends.values()}) > 1 and expected.expected_difference(cell) is None
+    differ = len({outcome.kind for outcome in ends.values()}) > 1 and maps.expected_difference(cell) is None
     if as_json:
         from dataclasses import asdict
 

@@ -28,7 +28,7 @@ from lammps_cases.studies.flows.flow import (
     misfits,
     table,
 )
-from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, forces, rows, smooth, start, time_step
 
 REYNOLDS, MACH = 100.0, 0.1
 SIDE = 4  # spacings of a wall
@@ -48,8 +48,8 @@ def _start(n: int, options: Options) -> Start:
     scene = {
         "types": [kind, solid, solid],
         "rheo": {"interface_reconstruct": options.word("walls", "reconstructed") == "reconstructed", "shift": True},
-        "pair": {"artificial_visc": ARTIFICIAL, "rho_damp": DAMPING * options.cut / 3 * cs},
-        "forces": [{"style": "setforce", "vector": (0.0, 0.0), "types": "2*3"}],
+        "pair": smooth(options, ARTIFICIAL, DAMPING, cs),
+        "forces": forces("2*3"),
     }
     return start(
         f"cavity-{n}",

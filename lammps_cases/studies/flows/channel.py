@@ -29,7 +29,7 @@ from lammps_cases.studies.flows.flow import (
     line,
     misfits,
 )
-from lammps_cases.studies.flows.layout import rows, start, time_step
+from lammps_cases.studies.flows.layout import forces, rows, start, time_step
 from lammps_cases.studies.flows.walls import MACH, WIDTH
 
 REYNOLDS = 0.1  # unit of speed times gap over K: rows pass each other by less than a spacing
@@ -119,10 +119,7 @@ def _start(n: int, options: Options, of: Callable[[int], PowerFluid]) -> Start:
         {
             "types": [{**kind, "viscosity": law}, {**kind, "viscosity": at_wall, "phase": "solid"}],
             "rheo": {"interface_reconstruct": True},
-            "forces": [
-                {"style": "gravity", "vector": (power.gravity, 0.0)},
-                {"style": "setforce", "vector": (0.0, 0.0), "types": "2"},
-            ],
+            "forces": forces(gravity=(power.gravity, 0.0)),
         },
         x_nc,
         (WIDTH, n + layers + 1.0),

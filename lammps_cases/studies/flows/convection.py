@@ -30,7 +30,7 @@ from lammps_cases.studies.flows.flow import (
     misfits,
     table,
 )
-from lammps_cases.studies.flows.layout import rows, start, time_step
+from lammps_cases.studies.flows.layout import forces, rows, smooth, start, time_step
 
 RAYLEIGH, PRANDTL = 1e4, 0.71
 FASTEST = 20.0  # speeds are in units of diffusivity over side; sound has ten times the fastest
@@ -64,12 +64,8 @@ def _start(n: int, options: Options) -> Start:
     scene = {
         "types": [kind, {**kind, "phase": "solid", "conductivity": NOTHING}, side, side],
         "rheo": {"interface_reconstruct": True},
-        "pair": {
-            "artificial_visc": ARTIFICIAL,
-            "rho_damp": DAMPING * options.cut / 3 * cs,
-            "harmonic_means": True,
-        },
-        "forces": [{"style": "setforce", "vector": (0.0, 0.0), "types": "2*4"}],
+        "pair": {**smooth(options, ARTIFICIAL, DAMPING, cs), "harmonic_means": True},
+        "forces": forces("2*4"),
     }
     return start(
         f"convection-{n}",

@@ -23,7 +23,7 @@ from lammps_cases.studies.flows.flow import (
     misfits,
     table,
 )
-from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, forces, rows, smooth, start, time_step
 
 FASTEST, SOUND = 2.0, 20.0  # over sqrt(g H)
 VISCOSITY = 1e-3  # over H sqrt(g H): walls drag, but the fluid far from them hardly
@@ -52,14 +52,8 @@ def _start(n: int, options: Options, tank: Tank) -> Start:
     scene = {
         "types": [kind, {**kind, "phase": "solid"}],
         "rheo": {"interface_reconstruct": True},
-        "pair": {
-            "artificial_visc": ARTIFICIAL,
-            "rho_damp": DAMPING * options.cut / 3 * SOUND,
-        },
-        "forces": [
-            {"style": "gravity", "vector": (0.0, -g)},
-            {"style": "setforce", "vector": (0.0, 0.0), "types": "2"},
-        ],
+        "pair": smooth(options, ARTIFICIAL, DAMPING, SOUND),
+        "forces": forces(gravity=(0.0, -g)),
     }
     return start(
         f"dam-{n}",

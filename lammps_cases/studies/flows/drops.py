@@ -30,7 +30,7 @@ from lammps_cases.studies.flows.flow import (
     line,
     misfits,
 )
-from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, rows, smooth, start, time_step
 from lammps_cases.studies.flows.surfaces import INTERFACE, disc, radius_of
 
 ARTIFICIAL, DAMPING = 0.1, 0.1  # artificial viscosity; density diffusion over h c
@@ -58,8 +58,7 @@ def patch_pressure(x_nc: FloatArray, side: float, terms: int = 40) -> FloatArray
 
 def _inviscid(sound: float, options: Options) -> dict[str, Any]:
     """Return the scene of a fluid with no viscosity but what keeps it smooth."""
-    smooth = {"artificial_visc": ARTIFICIAL, "rho_damp": DAMPING * options.cut / 3 * sound}
-    return {"types": [fluid(cs=sound, viscosity=0.0)], "pair": smooth}
+    return {"types": [fluid(cs=sound, viscosity=0.0)], "pair": smooth(options, ARTIFICIAL, DAMPING, sound)}
 
 
 def _patch(n: int, options: Options) -> Start:

@@ -27,7 +27,7 @@ from lammps_cases.studies.flows.flow import (
     line,
     misfits,
 )
-from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, forces, rows, start, time_step
 
 # --- standing wave; units: depth H, sqrt(g H)
 
@@ -59,10 +59,7 @@ def _wave(n: int, options: Options) -> Start:
         "types": [kind, {**kind, "phase": "solid"}],
         "rheo": {"interface_reconstruct": True},
         "pair": {"rho_damp": DAMPING * options.cut / 3 * SOUND},
-        "forces": [
-            {"style": "gravity", "vector": (0.0, -g)},
-            {"style": "setforce", "vector": (0.0, 0.0), "types": "2"},
-        ],
+        "forces": forces(gravity=(0.0, -g)),
     }
     return start(
         f"wave-{n}",

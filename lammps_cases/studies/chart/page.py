@@ -92,23 +92,19 @@ def methods(section: Section) -> list[tuple[list[str], str]]:
     return [(list(names), reason) for reason, names in said.items()]
 
 
-def _label(chart: Chart) -> str:
-    return chart.engine.get("distribution") or chart.engine.get("version_string", "")
-
-
 def _of_others(panel: Panel, others: Sequence[Chart]) -> list[tuple[str, Panel]]:
     """Return the same panel of other engines, by their versions."""
-    return [(_label(chart), theirs) for chart in others for theirs in chart.panels if theirs.id == panel.id]
+    return [(chart.label, theirs) for chart in others for theirs in chart.panels if theirs.id == panel.id]
 
 
 def _facts(chart: Chart, others: Sequence[Chart]) -> list[tuple[str, str]]:
-    machine = chart.machine
-    beside = f", and beside it, measured afterwards: {', '.join(map(_label, others))}" if others else ""
+    (_, lammps), (_, processor), took = chart.facts
+    beside = f", and beside it, measured afterwards: {', '.join(other.label for other in others)}" if others else ""
     return [
-        ("LAMMPS", f"{_label(chart)}{beside}"),
+        ("LAMMPS", f"{lammps}{beside}"),
         *([("PySPH", chart.engine["pysph"])] if "pysph" in chart.engine else []),
-        ("processor", f"{machine['processor']}, {machine['cores']} cores, load {machine['load']} at the start"),
-        ("took", f"{chart.seconds:.0f} s" + (" (quick)" if chart.quick else "")),
+        ("processor", f"{processor}, load {chart.machine['load']} at the start"),
+        took,
     ]
 
 

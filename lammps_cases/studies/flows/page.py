@@ -38,7 +38,7 @@ def write(validated: Validated, folder: Path) -> None:
         engine=validated.engine.get("distribution", ""),
         validated=validated,
         flows=flows,
-        facts=_facts(validated),
+        facts=validated.facts,
         pictures={of.name: saved(figure(validated, of), figures, of.name) for of in flows},
         stops={of.name: list(stops(validated, of)) for of in flows},
         effects={of.name: list(effects(validated, of)) for of in flows},
@@ -51,16 +51,6 @@ def write(validated: Validated, folder: Path) -> None:
         nan=math.nan,
     )
     write_atomically(folder / "report.html", html)
-
-
-def _facts(validated: Validated) -> list[tuple[str, str]]:
-    machine = validated.machine
-    engine = validated.engine
-    return [
-        ("LAMMPS", engine.get("distribution") or engine.get("version_string", "")),
-        ("processor", f"{machine['processor']}, {machine['cores']} cores"),
-        ("took", f"{validated.seconds:.0f} s" + (" (quick)" if validated.quick else "")),
-    ]
 
 
 @dataclass(frozen=True)

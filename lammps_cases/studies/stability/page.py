@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import math
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -96,7 +96,7 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap]) -> None:
         scripts=[frame.FILTER],
         atlas=atlas,
         colours={kind: colour for kind, (colour, _) in draw.MARKS.items()},
-        facts=list(_facts(atlas)),
+        facts=atlas.facts,
         maps=[_map(record, maps.get(record.id), folder) for record in atlas.maps],
         disagreements=[
             (record, line, expected_difference(line))
@@ -107,12 +107,6 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap]) -> None:
         along=along,
     )
     write_atomically(folder / "report.html", html)
-
-
-def _facts(atlas: Atlas) -> Iterator[tuple[str, str]]:
-    yield "LAMMPS", atlas.engine.get("distribution") or atlas.engine.get("version_string", "")
-    yield "processor", f"{atlas.machine['processor']}, {atlas.machine['cores']} cores"
-    yield "took", f"{atlas.seconds:.0f} s" + (" (quick)" if atlas.quick else "")
 
 
 def _map(record: MapRecord, of: StabilityMap | None, folder: Path) -> MapView:

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -136,7 +137,7 @@ class Threads:
         start, watch = faulty.start(cell), of.watch(cell)
 
         def work() -> None:
-            run = open_run(start, watch, "reference", Instance(None))
+            run = partial(open_run, start, watch, "reference", Instance(None))
             later.future.set_result(follow(run, kinds.subject(start), watch, start.steps[-1]))
 
         threading.Timer(float(self.random.uniform(0, 0.01)), work).start()

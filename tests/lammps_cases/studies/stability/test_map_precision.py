@@ -28,7 +28,6 @@ def test_all_of_it_is_float32() -> None:
     start = precision.STEP.start(cell)
     run = open_run(start, precision.STEP.watch(cell), "reference", living())
     assert isinstance(run, ReferenceRun)
-    run.begin()
     run.advance(3)
     simulation = run.simulation
     arrays: dict[str, Any] = {**vars(simulation.state), **simulation.fields, "p": simulation.output("pressure")}

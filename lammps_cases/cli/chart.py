@@ -14,7 +14,7 @@ from lammps_cases.cli.shared import page_folder
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 
-SectionName = Literal["laws", "sums", "kernels", "searches", "timestep", "flows", "codes"]
+SectionName = Literal["laws", "kernels", "timestep", "flows", "codes"]
 
 
 @command(LAUNCHER, cluster("search the worst errors of the laws; everything timed runs on this machine"))
@@ -32,7 +32,7 @@ def chart_command(
 ) -> int:
     """Measure how accurate and how fast LAMMPS, the reference and its alternative methods are, and draw it.
 
-    SECTIONS: laws, sums, kernels, searches, timestep, flows, codes; all by default. Writes report.html, chart.json,
+    SECTIONS: laws, kernels, timestep, flows, codes; all by default. Writes report.html, chart.json,
     points.csv, convergence.csv and figures/ as SVG and PNG; an interrupted chart is resumed, section by section. For
     several engines the figures overlay the frontiers; each but the first has its own chart in a subfolder.
 

@@ -46,12 +46,13 @@ def validate_command(
 
     from eos_ref.errors import InputError, nearest
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.studies.validation import VALIDATIONS, record, run
+    from lammps_cases.studies.flows import record, run
+    from lammps_cases.studies.flows.catalogue import VALIDATIONS
 
     for name in names:
         if name not in VALIDATIONS:
             raise InputError("flow", f"must be one of {', '.join(VALIDATIONS)}{nearest(name, VALIDATIONS)}", name)
-    short = [name for name, of in VALIDATIONS.items() if of.flow.quick or not quick]
+    short = [name for name, of in VALIDATIONS.items() if of.quick or not quick]
     chosen = [VALIDATIONS[name] for name in dict.fromkeys(names or short)]
     page_folder(out)
     with record.runs(out).resumed(resume), Bar(quiet=as_json) as bar:
@@ -64,9 +65,9 @@ def validate_command(
 
 
 def _show(validated: Any, out: Path) -> None:
-    from lammps_cases.studies.validation import VALIDATIONS
-    from lammps_cases.studies.validation.page import stopped
-    from lammps_cases.studies.validation.record import LAMMPS, REFERENCE
+    from lammps_cases.studies.flows.catalogue import VALIDATIONS
+    from lammps_cases.studies.flows.page import stopped
+    from lammps_cases.studies.flows.record import LAMMPS, REFERENCE
 
     for name in validated.flows:
         for panel in VALIDATIONS[name].panels:
@@ -128,9 +129,9 @@ def stability_command(
     if cell is not None:
         return _one_cell(cell, out, installations.resolve(engine).site, as_json)
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.studies.stability import atlas, expected, limits, maps, page, record
+    from lammps_cases.studies.stability import atlas, limits, maps, page, record
 
-    by_id = maps.maps()
+    by_id = maps.MAPS
     quick = chosen.quick
     selected = maps.select(by_id, names, chosen.tag or ("quick" if quick and not names else None))
     site = installations.resolve(engine).site
@@ -142,7 +143,7 @@ def stability_command(
     if save_limits:
         edges = [b for of in measured.maps for b in of.boundaries]
         limits.save(limits.measured(edges, by_id, measured.engine.get("distribution", "")))
-    unexplained = expected.unexplained(measured.disagreements)
+    unexplained = maps.unexplained(measured.disagreements)
     if as_json:
         click.echo(json.dumps(record.document(measured), indent=1))
     else:
@@ -163,17 +164,17 @@ def _show_stability(atlas: Any, unexplained: int, out: Path) -> None:
 def _one_cell(name: str, out: Path, site: str | None, as_json: bool) -> int:
     """Run a cell on both engines."""
     from lammps_cases.engine.workers import Workers
-    from lammps_cases.studies.stability import expected, maps, page, probe
+    from lammps_cases.studies.stability import maps, page, probe
     from lammps_cases.studies.stability.model import MapCell
 
     cell = MapCell.parse(name)
-    of = maps.of_cell(maps.maps(), cell)
+    of = maps.of_cell(maps.MAPS, cell)
     with Workers(site, 1) as workers:
         ends = {side: probe.examine(of, cell, side, workers).outcome for side in reversed(of.engines(cell.layer))}
     out.mkdir(parents=True, exist_ok=True)
     deck = page.write_deck(of, cell, out)
     path = str(out / deck) if deck else ""
-    differ = len({outcome.kind for outcome in ends.values()}) > 1 and expected.expected_difference(cell) is None
+    differ = len({outcome.kind for outcome in ends.values()}) > 1 and maps.expected_difference(cell) is None
     if as_json:
         from dataclasses import asdict
 

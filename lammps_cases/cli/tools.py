@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, get_args
@@ -15,15 +15,14 @@ from click.core import ParameterSource
 
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import Json
-from lammps_cases.records.files import write_atomically
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.run.options import paths
 
 if TYPE_CHECKING:
     from lammps_cases.ci.kits.files import KitFile
+    from lammps_cases.records.measure import ConfidenceInterval
     from lammps_cases.run.shards import Costs
-    from lammps_cases.studies.benchmarks.bench import Ratio
-    from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
+    from lammps_cases.studies.chart.bench import Ratio
 
 
 Part = Literal["laws", "model", "peers", "runs"]
@@ -46,13 +45,6 @@ def bench_command(
     how: MeasureOptions,
     history: Annotated[Path, Option("File in which every measurement is stored.")] = Path("reports/bench.jsonl"),
     label: Annotated[str, Option("A name by which --compare finds this measurement.")] = "",
-    benchmark_json: Annotated[
-        Path | None,
-        Option(
-            "Write the measurement in the format of pytest-benchmark, too.",
-            type=click.Path(path_type=Path, dir_okay=False),
-        ),
-    ] = None,
     compare: Annotated[
         tuple[str, str] | None,
         Option("Measure nothing: compare two stored measurements.", metavar="A B", nargs=2, multiple=False),
@@ -71,19 +63,17 @@ def bench_command(
     """
     if compare:
         return _compare(history, compare, as_json)
+    from lammps_cases.studies.chart import bench, speed_history
+
     ratios: list[Ratio] = []
     memory: dict[str, float] = {}
     for part in parts or PARTS:
-        for ratio in _measured(part, how):
+        for ratio in bench.measured(part, how.states, how.repeats, how.pysph):
             ratios.append(ratio)
             if not as_json:
                 _show(ratio)
         memory |= _memory(part)
-    from lammps_cases.studies.benchmarks import pytest_benchmark, speed_history
-
-    entry = speed_history.append(history, label, ratios)
-    if benchmark_json:
-        write_atomically(benchmark_json, json.dumps(pytest_benchmark.document(entry), indent=1) + "\n")
+    speed_history.append(history, label, ratios)
     if as_json:
         click.echo(json.dumps({"ratios": [_row(r) for r in ratios], "bytes_per_particle": memory}, indent=1))
         return 0
@@ -101,7 +91,7 @@ def _row(r: Ratio) -> dict[str, object]:
 def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
     from dataclasses import asdict
 
-    from lammps_cases.studies.benchmarks import speed_history
+    from lammps_cases.studies.chart import speed_history
 
     entries = speed_history.read(history)
     before, after = (speed_history.pick(entries, name, history) for name in names)
@@ -118,31 +108,8 @@ def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
     return 0
 
 
-def _measured(part: str, how: MeasureOptions) -> Iterator[Ratio]:
-    from lammps_cases.studies.benchmarks import bench, bench_model, bench_peers
-
-    states, repeats = how.states, how.repeats
-    if part == "laws":
-        yield from bench.laws_against_copy(states, repeats)
-        yield bench.power_without_memory(states, repeats)
-        yield bench.table_against_copy(states, repeats)
-    elif part == "model":
-        yield from bench_model.against_lammps((2, 3), repeats)
-        yield from bench_model.growth()
-        yield bench_model.full_model_for_pressure()
-        yield bench_model.vectors_against_components(repeats)
-    elif part == "peers":
-        yield from bench_peers.taylor_green(repeats, how.pysph)
-    else:
-        for jobs in (1, 2):
-            yield bench.run_against_lammps(repeats, jobs)
-        yield bench.worker_against_python(repeats)
-        yield bench.help_against_python(repeats)
-        yield from bench.completion_against_python(repeats)
-
-
 def _memory(part: str) -> dict[str, float]:
-    from lammps_cases.studies.benchmarks import bench, bench_model
+    from lammps_cases.studies.chart import bench, bench_model
 
     if part == "laws":
         return {"pressures of four laws": bench.bytes_per_particle()}

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from lammps_cases.comparison.store import Store, store_folder
+from lammps_cases.records.measure import cpuinfo
 
 # The rooms of this package that predictions go through; with them all of eos_ref. A test follows the imports.
 ROOMS = ("records", "rules", "comparison", "findings", "verdict")
@@ -118,18 +119,6 @@ def _version(library: str) -> str:
         return version(library)
     except PackageNotFoundError:
         return ""
-
-
-def cpuinfo() -> dict[str, str]:
-    """Return what Linux says of the first processor, by key; nothing on other systems."""
-    facts: dict[str, str] = {}
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
-            key, _, value = line.partition(":")
-            facts.setdefault(key.strip(), value.strip())
-    except OSError:
-        pass
-    return facts
 
 
 def processor() -> str:

@@ -86,6 +86,18 @@ class Study:
     quick: bool
     seconds: float
 
+    @property
+    def label(self) -> str:
+        """The LAMMPS that was measured, in a word."""
+        return self.engine.get("distribution") or self.engine.get("version_string", "")
+
+    @property
+    def facts(self) -> list[tuple[str, str]]:
+        """What a page says at its top: LAMMPS, processor, time."""
+        processor = f"{self.machine['processor']}, {self.machine['cores']} cores"
+        took = f"{self.seconds:.0f} s" + (" (quick)" if self.quick else "")
+        return [("LAMMPS", self.label), ("processor", processor), ("took", took)]
+
 
 @dataclass(frozen=True)
 class Document(Generic[T]):

@@ -10,14 +10,14 @@ from typing import Literal
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Failure, Workers, solve
+from lammps_cases.records.measure import ROUNDS, Answer, ConfidenceInterval, Timing, interval, verdict
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.regression.outcomes import Side
 from lammps_cases.scene.atoms import build
 from lammps_cases.scene.casefile import Case
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.benchmarks.bench_model import OPTIONS, scene
-from lammps_cases.studies.benchmarks.measure import ROUNDS, Answer, ConfidenceInterval, Timing, interval, verdict
+from lammps_cases.studies.chart.bench_model import OPTIONS, scene
 
 EDGE, STEPS = 40, 10  # 1600 particles: a run of 50 to 150 ms, of which the set-up is a few per cent
 LIMIT = 120.0  # seconds that a single run may take

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 
 from eos_ref.evaluation.time_step import MakeEvaluator
 from lammps_cases.engine.stepping import Instance
@@ -28,5 +28,7 @@ def outcome(
     """How a cell ends; with an evaluator, in a reference that has it."""
     cell = MapCell(of.id, x, y, layer)
     start, watch = of.start(cell), of.watch(cell)
-    run = ReferenceRun(start, watch, evaluator) if evaluator else open_run(start, watch, side, living())
+    run = (
+        partial(ReferenceRun, start, watch, evaluator) if evaluator else partial(open_run, start, watch, side, living())
+    )
     return probe.follow(run, kinds.subject(start), watch, start.steps[-1]).outcome

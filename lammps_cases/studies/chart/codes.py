@@ -12,14 +12,13 @@ import numpy as np
 
 from eos_ref import InputError
 from lammps_cases.probes.reaction import said
-from lammps_cases.studies.benchmarks import pysph as peer
+from lammps_cases.studies.chart import pysph as peer
 from lammps_cases.studies.chart.record import Chart
+from lammps_cases.studies.flows.cavity import CAVITY, STORED
 from lammps_cases.studies.flows.converge import Convergence, FlowResult, converge
+from lammps_cases.studies.flows.dam import DAM
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.periodic import VORTICES
-from lammps_cases.studies.validation.cavity import CAVITY, STORED
-from lammps_cases.studies.validation.dam import DAM
-from lammps_cases.studies.validation.model import Validation
 
 LIMIT = 3600.0  # seconds for a run of PySPH
 REYNOLDS = 100.0  # of the vortices: that of PySPH's example
@@ -31,14 +30,13 @@ class Compared:
 
     Attributes
     ----------
-    flow, title : what it is
+    flow : what it is
     measure : the error that is drawn
     example, schemes : PySPH's, its default first
     speed : by the resolution, of what PySPH has as speed 1, in units of the flow, whose spacing is 1
     """
 
     flow: Flow
-    title: str
     measure: str
     example: str
     schemes: tuple[str, ...]
@@ -64,20 +62,14 @@ SWIRL = replace(
     ),
     resolutions=(12, 16, 25, 36),
     quick=(12,),
+    title="Vortices of Taylor and Green",
 )
-
-
-def _cavity(of: Validation) -> Compared:
-    """Return a cavity, in which PySPH has walls of its own."""
-    flow = replace(of.flow, resolutions=(12, 16, 24), quick=(12,))
-    return Compared(flow, of.title, "u", "cavity", ("tvf", "edac"))
-
-
+_SIZES: dict[str, Any] = {"resolutions": (12, 16, 24), "quick": (12,)}
 COMPARED = (
-    Compared(SWIRL, "Vortices of Taylor and Green", "profile", "taylor_green", ("tvf", "edac"), lambda n: REYNOLDS / n),
-    _cavity(STORED),
-    _cavity(CAVITY),
-    Compared(replace(DAM.flow, resolutions=(12, 16, 24)), "Dam break", "front", "dam_break_2d", ("wcsph", "edac")),
+    Compared(SWIRL, "profile", "taylor_green", ("tvf", "edac"), lambda n: REYNOLDS / n),
+    # PySPH has walls of its own in both cavities.
+    *(Compared(replace(flow, **_SIZES), "u", "cavity", ("tvf", "edac")) for flow in (STORED, CAVITY)),
+    Compared(replace(DAM, **_SIZES, title="Dam break"), "front", "dam_break_2d", ("wcsph", "edac")),
 )
 
 

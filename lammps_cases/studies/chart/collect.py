@@ -14,11 +14,11 @@ from typing import Any
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine.installations import library_sha256
 from lammps_cases.records import wording
+from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.run import case_journal
-from lammps_cases.studies.benchmarks.measure import machine
-from lammps_cases.studies.benchmarks.pysph import version
 from lammps_cases.studies.chart import page, record
+from lammps_cases.studies.chart.pysph import version
 from lammps_cases.studies.chart.record import Chart, Section
 
 # Title and content of every section: a module with ``panels(quick, lmp)``, ``maps(quick)``, ``flows(quick, site)`` or
@@ -28,16 +28,11 @@ SECTIONS = {
         "Equations of state",
         "Each law by every method, LAMMPS among them, against Arb. Near rho0 the printed power form loses all digits.",
     ),
-    "sums": ("Sums over neighbours", "The same terms added up in different ways, against the exactly rounded sum."),
     "kernels": (
         "Kernels and cutoffs",
         "Gradients and densities of analytic fields on disordered particles, the reference and LAMMPS.",
     ),
-    "searches": ("Neighbour search", "Pairs found, missed and invented; how often a list is built, and what it costs."),
-    "timestep": (
-        "Time step and threads",
-        "What a shorter step buys, where the longest one lies, what two cores give.",
-    ),
+    "timestep": ("Time step", "What a shorter step buys, and where the longest one lies."),
     "flows": ("Flows with closed solutions", "The reference and LAMMPS, in turns, at several resolutions."),
     "codes": (
         "Whole codes",

@@ -12,8 +12,8 @@ from eos_ref import EOS
 from eos_ref.methods.choice import COSTS, usable
 from eos_ref.methods.worst import Regime
 from lammps_cases.records.files import write_atomically
+from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.chart.laws import LAWS, QUICK_STATES, timings
 
 FLUID = Regime(1e-9, 0.1)  # the densities for which tables and series are prepared

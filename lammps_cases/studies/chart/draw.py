@@ -189,7 +189,7 @@ def codes_figure(runs: Sequence[Convergence]) -> Figure:
                     axis.plot(run.seconds, error, **style)
                     for n, x, y in zip(run.resolutions, run.seconds, error, strict=True):
                         axis.annotate(str(n), (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7)
-            axis.set(xscale="log", yscale="log", title=case.title, ylabel=f"error: {case.measure}")
+            axis.set(xscale="log", yscale="log", title=case.flow.title, ylabel=f"error: {case.measure}")
             for along in (axis.xaxis, axis.yaxis):
                 plain_log_axis(along)
         figure.supxlabel("seconds of one core, all steps of a run (log)", fontsize=9)

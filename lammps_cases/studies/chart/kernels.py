@@ -16,10 +16,10 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KernelStyle
-from lammps_cases.studies.benchmarks import measure
+from lammps_cases.records import measure
 from lammps_cases.studies.chart.points import ONE_PER_CENT, Map, MethodPoint, Panel, measured
 from lammps_cases.studies.chart.prepared import STILL, LatticeSetup, moving, opened, prepared, still_step, worst
-from lammps_cases.studies.flows.layout import relative
+from lammps_cases.studies.flows.flow import relative
 
 KERNELS: tuple[KernelStyle, ...] = get_args(KernelStyle)
 REASONS = {

@@ -6,21 +6,31 @@ states of that regime, for which tables and series are prepared.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
 
 from eos_ref import EOS
-from eos_ref.eos.table import examples
+from eos_ref.eos.table import FloatArray, examples
 from eos_ref.methods.laws import Evaluate, LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, Regime, worst_case
-from lammps_cases.studies.benchmarks.measure import Timing, in_turns
-from lammps_cases.studies.chart import farmed
-from lammps_cases.studies.chart.engine_law import EngineLaw
+from lammps_cases.engine import cluster, session
+from lammps_cases.engine.session import EngineMissing
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.records.measure import Timing, in_turns
+from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import Atoms, build
+from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.materials import entries
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
 from lammps_cases.studies.chart.points import Crossing, Map, MethodPoint, Panel, bisected, measured
 
 # Gamma 4 stands for whole exponents of tait/general.
@@ -33,6 +43,7 @@ REGIMES = tuple(Regime(low, high) for low, high in ((1e-12, 1e-9), (1e-9, 1e-6),
 ENERGY = 1.7  # per mass, of laws that need one
 STATES, QUICK_STATES = 300_000, 100_000
 OUTPUT = "LAMMPS"
+PATIENCE = 3600.0  # seconds that a search may take
 
 
 def name(law: EOS) -> str:
@@ -53,7 +64,7 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Pane
     reasons[OUTPUT] = "LAMMPS' own output, less what an output costs that needs no law"
     points: list[MethodPoint] = []
     timed = [timings(law, methods, regime, n, lmp) for regime in regimes]  # first: a search compiles what it calls
-    searched = iter(farmed.each(worst_of, [(law, m.name, regime, SAMPLES) for regime in regimes for m in methods]))
+    searched = iter(each(worst_of, [(law, m.name, regime, SAMPLES) for regime in regimes for m in methods]))
     for regime, (took, _) in zip(regimes, timed, strict=True):
         errors = {m.name: next(searched) for m in methods}
         if lmp is not None:
@@ -110,6 +121,82 @@ def timings(
     return took, took.pop("copy").seconds.median
 
 
+# --- LAMMPS as one more method, and searches for worst errors
+
+
+class EngineLaw:
+    """A law as LAMMPS evaluates it.
+
+    Parameters
+    ----------
+    lmp : a living instance, see `lammps_cases.engine.session.open_lammps`
+    law : EOS
+    """
+
+    def __init__(self, lmp: Any, law: EOS) -> None:
+        self.lmp, self.law = lmp, law
+
+    def pressure(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> FloatArray:
+        """Return pressures (n,) that LAMMPS puts out for densities and energies."""
+        scene, atoms = self._scene(len(rho_n), rho_n, e_n)
+        answer = session.run(self.lmp, job(scene, atoms, plan(scene)))
+        return np.asarray(answer.arrays["q.pressure"][: len(rho_n)])
+
+    def timed(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> tuple[Callable[[], None], Callable[[], None]]:
+        """Return two calls to be timed: the output of all pressures, and that of as many numbers that need no law.
+
+        A new count of steps makes LAMMPS evaluate an output anew; the difference of the two is the law alone.
+        """
+        self.pressure(rho_n, e_n)
+        self.lmp.command("compute copied all rheo/property/atom phase")
+
+        def output(name: str) -> None:
+            self.lmp.command(f"reset_timestep {int(self.lmp.extract_global('ntimestep')) + 1}")
+            self.lmp.extract_compute(name, 1, 1)
+
+        return lambda: output("q"), lambda: output("copied")
+
+    def _scene(self, n: int, rho_n: FloatArray, e_n: FloatArray | None) -> tuple[Scene, Atoms]:
+        law, edge = self.law, math.ceil(math.sqrt(n))
+        data = {
+            "dimension": 2,
+            "types": [{"mass": 1.0, "rho0": law.rho0, "cs": law.cs}],
+            "positions": {"lattice": "sq", "spacing": 1.0, "cells": [edge, edge]},
+            "pressure": entries(law),
+            "rho": {"constant": law.rho0},
+            **({} if e_n is None else {"energy": {"constant": 1.0}}),
+        }
+        scene = Scene.model_validate(data)
+        atoms = build(Case("states", "", (), scene, Path("states")), scene.eos())
+        all_rho_n, all_e_n = np.full(len(atoms), law.rho0), np.ones(len(atoms))
+        all_rho_n[:n] = rho_n
+        if e_n is not None:
+            all_e_n[:n] = e_n
+        return scene, replace(atoms, rho_n=all_rho_n, energy_n=None if e_n is None else all_e_n)
+
+
+def each(task: Callable[..., float], arguments: Sequence[tuple[Any, ...]]) -> list[float]:
+    """Return ``task(site, *arguments)`` of each, from the workers of the cluster that is in use, else from here.
+
+    No clock is needed for these; what is timed stays on this machine: times of several machines make no chart.
+
+    Raises
+    ------
+    EngineMissing
+        A worker failed.
+    """
+    if not cluster.address():
+        return [task(None, *given) for given in arguments]
+    results = []
+    with Workers(None, 1) as workers:
+        for future in [workers.call(task, *given, time_limit=PATIENCE) for given in arguments]:
+            outcome = workers.outcome(future, PATIENCE)
+            if isinstance(outcome, Failure):
+                raise EngineMissing(f"a worker of the cluster failed: {outcome.message}")
+            results.append(outcome)
+    return results
+
+
 # --- where methods change places
 
 
@@ -142,7 +229,7 @@ def maps(quick: bool) -> Iterator[Map]:
     laws = [EOS("tait/general", 1.2345, 7.89, float(gamma)) for gamma in gammas]
     near = [Regime(float(d) / 1.3, float(d) * 1.3) for d in distances]
     for method in ("textbook", "numpy"):
-        searched = farmed.each(worst_of, [(law, method, regime, 256) for law in laws for regime in near])
+        searched = each(worst_of, [(law, method, regime, 256) for law in laws for regime in near])
         value = np.reshape(searched, (len(gammas), len(distances)))
         yield Map(
             id=f"tait-{method}",

@@ -17,7 +17,7 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.chart import codes, draw
 from lammps_cases.studies.chart.points import LAMMPS, MethodPoint, Panel, frontier
 from lammps_cases.studies.chart.record import Chart, Section
-from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.converge import Convergence
 from lammps_cases.studies.flows.flow import Flow
 
@@ -92,23 +92,19 @@ def methods(section: Section) -> list[tuple[list[str], str]]:
     return [(list(names), reason) for reason, names in said.items()]
 
 
-def _label(chart: Chart) -> str:
-    return chart.engine.get("distribution") or chart.engine.get("version_string", "")
-
-
 def _of_others(panel: Panel, others: Sequence[Chart]) -> list[tuple[str, Panel]]:
     """Return the same panel of other engines, by their versions."""
-    return [(_label(chart), theirs) for chart in others for theirs in chart.panels if theirs.id == panel.id]
+    return [(chart.label, theirs) for chart in others for theirs in chart.panels if theirs.id == panel.id]
 
 
 def _facts(chart: Chart, others: Sequence[Chart]) -> list[tuple[str, str]]:
-    machine = chart.machine
-    beside = f", and beside it, measured afterwards: {', '.join(map(_label, others))}" if others else ""
+    (_, lammps), (_, processor), took = chart.facts
+    beside = f", and beside it, measured afterwards: {', '.join(other.label for other in others)}" if others else ""
     return [
-        ("LAMMPS", f"{_label(chart)}{beside}"),
+        ("LAMMPS", f"{lammps}{beside}"),
         *([("PySPH", chart.engine["pysph"])] if "pysph" in chart.engine else []),
-        ("processor", f"{machine['processor']}, {machine['cores']} cores, load {machine['load']} at the start"),
-        ("took", f"{chart.seconds:.0f} s" + (" (quick)" if chart.quick else "")),
+        ("processor", f"{processor}, load {chart.machine['load']} at the start"),
+        took,
     ]
 
 
@@ -131,7 +127,7 @@ def _flows(section: Section, figures: Path) -> Iterator[FlowView]:
 
 
 def _codes(section: Section, figures: Path) -> dict[str, Any]:
-    about = {case.title: case.about for case, _ in codes.compared(section.codes)}
+    about = {case.flow.title: case.about for case, _ in codes.compared(section.codes)}
     picture = saved(draw.codes_figure(section.codes), figures, section.name)
     return {"picture": picture, "about": about, "rows": list(codes.rows(section.codes))}
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing, verdict
+from lammps_cases.records.measure import ConfidenceInterval, Timing, verdict
 
 LAMMPS = "LAMMPS"
 ONE_BIT = 2.0  # factor between two worst errors below which neither method is the better one
@@ -27,7 +27,6 @@ class MethodPoint:
     ns : nanoseconds per particle (or per particle and step): median and its interval
     compiling : seconds that the first call took beyond the others
     reason : what it is and why one would take it, in a line
-    note : what was counted in this regime besides its time
     dominated_by : a method that is as accurate and measurably faster, or as fast and more accurate
     like : methods whose times cannot be told from this one's
     """
@@ -41,7 +40,6 @@ class MethodPoint:
     reason: str = ""
     dominated_by: str = ""
     like: tuple[str, ...] = ()
-    note: str = ""
 
     @property
     def digits(self) -> float:
@@ -111,40 +109,31 @@ class Map:
     unit: str
 
 
-def bisected(
-    below: Callable[[float], bool | None], low: float, high: float, ratio: float, whole: bool = False
-) -> ConfidenceInterval:
+def bisected(below: Callable[[float], bool], low: float, high: float, ratio: float) -> ConfidenceInterval:
     """Return the number at which a condition ends, found by bisecting its logarithm.
 
     Parameters
     ----------
     below : function
-        Returns whether a number lies below the one sought; None if that cannot be told, which ends the bisection.
+        Returns whether a number lies below the one sought.
     low, high : float
         Positive numbers around it.
     ratio : float
         Ratio of the ends at which the bisection stops.
-    whole : bool
-        Try whole numbers alone.
     """
-    while high / low > ratio and not (whole and high - low <= 1):
+    while high / low > ratio:
         middle = math.sqrt(low * high)
-        if whole:
-            middle = min(max(round(middle), low + 1), high - 1)
-        answer = below(middle)
-        if answer is None:
-            break
-        low, high = (middle, high) if answer else (low, middle)
+        low, high = (middle, high) if below(middle) else (low, middle)
     return ConfidenceInterval(math.sqrt(low * high), low, high)
 
 
 def point(
-    quantity: str, regime: str, method: str, error: float, timing: Timing, per: float, reason: str = "", note: str = ""
+    quantity: str, regime: str, method: str, error: float, timing: Timing, per: float, reason: str = ""
 ) -> MethodPoint:
     """Return a point from a timing of a call that treats ``per`` particles (or particles and steps)."""
     late = max(timing.first - timing.seconds.high, 0.0)
     ns = timing.seconds.scaled(1e9 / per)
-    return MethodPoint(quantity, regime, method, error, ns, late, reason, note=note)
+    return MethodPoint(quantity, regime, method, error, ns, late, reason)
 
 
 def measured(
@@ -155,14 +144,10 @@ def measured(
     per: float,
     reasons: Mapping[str, str] | None = None,
     same: float = ONE_BIT,
-    notes: Mapping[str, str] | None = None,
 ) -> tuple[MethodPoint, ...]:
     """Return the points of one regime, compared: of every method that has an error; see `point` and `compared`."""
-    reasons, notes = reasons or {}, notes or {}
-    points = [
-        point(quantity, regime, m, error, timings[m], per, reasons.get(m, ""), notes.get(m, ""))
-        for m, error in errors.items()
-    ]
+    reasons = reasons or {}
+    points = [point(quantity, regime, m, error, timings[m], per, reasons.get(m, "")) for m, error in errors.items()]
     return compared(points, timings, same)
 
 

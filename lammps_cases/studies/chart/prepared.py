@@ -32,12 +32,12 @@ class LatticeSetup:
     case: Case
     atoms: Atoms
 
-    def simulation(self, fields: Sequence[str], threads: int = 1) -> Simulation:
+    def simulation(self, fields: Sequence[str]) -> Simulation:
         """Return the compiled reference, evaluated once."""
         from eos_ref.compiled.evaluator import CompiledEvaluator
 
-        evaluator = partial(CompiledEvaluator, threads=threads)
-        sim = reference_side.simulation(self.case.scene, self.atoms, fields, self.case.where, evaluator=evaluator)
+        scene, where = self.case.scene, self.case.where
+        sim = reference_side.simulation(scene, self.atoms, fields, where, evaluator=CompiledEvaluator)
         sim.evaluate()
         return sim
 

@@ -68,14 +68,14 @@ def points_document(chart: Chart) -> dict[str, list[dict[str, Any]]]:
 def _point_rows(chart: Chart) -> Iterable[Sequence[Any]]:
     yield (
         *("quantity", "regime", "method", "error", "ns"),
-        *("digits", "ns_low", "ns_high", "unit", "compiling_s", "dominated_by", "like", "reason", "note"),
+        *("digits", "ns_low", "ns_high", "unit", "compiling_s", "dominated_by", "like", "reason"),
     )
     for panel in chart.panels:
         for p in panel.points:
             yield (
                 *(p.quantity, p.regime, p.method, p.error, p.ns.median),
                 *(round(p.digits, 2), p.ns.low, p.ns.high, panel.unit, p.compiling, p.dominated_by),
-                *("; ".join(p.like), p.reason, p.note),
+                *("; ".join(p.like), p.reason),
             )
 
 

@@ -1,4 +1,4 @@
-"""Chart of the time step: what a shorter one buys, where a longer one fails; with it that of threads."""
+"""Chart of the time step: what a shorter one buys, where a longer one fails."""
 
 from __future__ import annotations
 
@@ -13,16 +13,14 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from lammps_cases.engine.session import EngineBroken, EngineRefused
+from lammps_cases.records import measure
+from lammps_cases.records.measure import ConfidenceInterval
 from lammps_cases.scene.atoms import seed
-from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
-from lammps_cases.studies.chart import threads
 from lammps_cases.studies.chart.points import ONE_PER_CENT, Crossing, Panel, bisected, measured
 from lammps_cases.studies.chart.prepared import opened
-from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.converge import Fit, fit
-from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
-from lammps_cases.studies.flows.layout import relative
+from lammps_cases.studies.flows.flow import Flow, Snapshot, Start, relative
 from lammps_cases.studies.flows.stepping import FlowRun, LammpsFlow, ReferenceFlow
 
 FRACTIONS = (1.0, 1 / 2, 1 / 4, 1 / 8)  # of the flow's limit
@@ -212,7 +210,6 @@ def _limits(flow: Flow, n: int, lmp: Any | None) -> Iterator[Crossing]:
 
 
 def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
-    """Yield time steps of two waves, each against the closed solution and a short step; threads."""
+    """Yield time steps of two waves, each against the closed solution and a short step."""
     for wave in waves()[: 1 if quick else None]:
         yield from _wave_panels(wave, quick, lmp)
-    yield from threads.panels(quick)

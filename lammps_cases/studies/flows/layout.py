@@ -32,6 +32,17 @@ def under(background: float) -> list[dict[str, Any]]:
     return [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": background}]
 
 
+def forces(held: str = "2", gravity: tuple[float, float] | None = None) -> list[dict[str, Any]]:
+    """Return the gravity of a scene, if it has one, and the force 0 that holds the solids of some types."""
+    pull = [] if gravity is None else [{"style": "gravity", "vector": gravity}]
+    return [*pull, {"style": "setforce", "vector": (0.0, 0.0), "types": held}]
+
+
+def smooth(options: Options, artificial: float, damping: float, sound: float) -> dict[str, float]:
+    """Return the pair terms that keep a flow smooth: artificial viscosity, and density diffusion given over h c."""
+    return {"artificial_visc": artificial, "rho_damp": damping * options.cut / 3 * sound}
+
+
 def time_step(options: Options, speed: float, nu: float = 0.0) -> float:
     r"""Return the longest stable step, :math:`f\min(h/4(c+U),\,h^2/8\nu)`; h = cut/3, f the fraction of the options.
 
@@ -128,8 +139,3 @@ def _scene(
             "rheo": {**rheo, **scene.get("rheo", {})},
         }
     )
-
-
-def relative(error_n: FloatArray, scale_n: FloatArray) -> float:
-    """Return the root mean square of an error over that of its scale."""
-    return float(np.sqrt(np.mean(np.square(error_n)) / np.mean(np.square(scale_n))))

@@ -10,8 +10,8 @@ from eos_ref.analytic.drops import stretched
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.box import BoolArray
 from lammps_cases.scene.atoms import seed
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
-from lammps_cases.studies.flows.layout import fluid, relative, rows, start, time_step, under
+from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, relative
+from lammps_cases.studies.flows.layout import fluid, rows, start, time_step, under
 
 QUICK = (16, 24, 36)
 

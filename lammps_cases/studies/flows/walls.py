@@ -19,8 +19,8 @@ from eos_ref.eos.registry import Style
 from eos_ref.eos.table import EOS, FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.walls import WALL_VELOCITY_LOST
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
-from lammps_cases.studies.flows.layout import fluid, relative, rows, start, time_step
+from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, relative
+from lammps_cases.studies.flows.layout import fluid, forces, rows, start, time_step
 
 WIDTH = 8  # of a strip along the walls, periodic
 
@@ -60,12 +60,10 @@ def _channel(n: int, options: Options, drive: Drive) -> Start:
     cs = speed / MACH
     kind = fluid(cs=cs, viscosity=NU)
     solid = {**kind, "phase": "solid"}
-    hold = {"style": "setforce", "vector": (0.0, 0.0), "types": "2*3"}
-    pull = {"style": "gravity", "vector": (drive.gravity(n, options), 0.0)}
     scene = {
         "types": [kind, solid, solid],
         "rheo": {"interface_reconstruct": drive.reconstruct},
-        "forces": [pull, hold] if drive.pull else [hold],
+        "forces": forces("2*3", (drive.gravity(n, options), 0.0) if drive.pull else None),
     }
     return start(
         f"channel-{n}",
@@ -167,10 +165,7 @@ def _tank(n: int, options: Options) -> Start:
         "types": [kind, {**kind, "phase": "solid"}],
         "pressure": [{"types": "*", "style": tank.law.style}],
         "rheo": {"interface_reconstruct": True},
-        "forces": [
-            {"style": "gravity", "vector": (0.0, -tank.gravity)},
-            {"style": "setforce", "vector": (0.0, 0.0), "types": "2"},
-        ],
+        "forces": forces(gravity=(0.0, -tank.gravity)),
     }
     return start(
         f"tank-{n}",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import itertools
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -13,11 +14,13 @@ from pathlib import Path
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine.installations import library_sha256
 from lammps_cases.engine.workers import Workers
+from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.studies.benchmarks.measure import machine
-from lammps_cases.studies.stability import lines, probe, record
+from lammps_cases.studies.stability import probe, record
 from lammps_cases.studies.stability.model import (
     ENGINES,
+    Agreement,
+    Axis,
     Boundary,
     CellRun,
     Engine,
@@ -33,7 +36,7 @@ JOBS = 2
 # Sources, besides the reference, that decide how a cell ends: from its start to what is observed of it.
 SOURCES = (
     *("setup/commands.py", "engine/session.py", "setup/plan.py", "setup/reference_side.py"),
-    *(f"studies/stability/{name}.py" for name in ("kinds", "probe", "runs", "single")),
+    *(f"studies/stability/{name}.py" for name in ("kinds", "probe", "runs")),
 )
 Key = Callable[[StabilityMap, MapCell, Engine], str]
 
@@ -180,7 +183,7 @@ class Survey:
     def _ask(self, one: _Open) -> None:
         """Ask for the next places of a line, as long as they are at hand."""
         of = self.maps[one.line.map]
-        while not one.pending and (places := lines.wanted(of, one.ends)):
+        while not one.pending and (places := wanted(of, one.ends)):
             for x in places:
                 cell = one.line.cell(x)
                 key = self.key(of, cell, one.line.engine)
@@ -210,7 +213,7 @@ class Survey:
 
 def map_record(of: StabilityMap, quick: bool, results: dict[MapLine, _Open], engines: Sequence[Engine]) -> MapRecord:
     """Return the results of a map, in the order of its layers and lines."""
-    cells, edges, agreements = list[CellRun](), list[Boundary](), list[lines.Agreement]()
+    cells, edges, agreements = list[CellRun](), list[Boundary](), list[Agreement]()
     for layer in of.layers:
         for y in of.lines_run(quick):
             ends: dict[Engine, dict[float, Kind]] = {}
@@ -218,9 +221,62 @@ def map_record(of: StabilityMap, quick: bool, results: dict[MapLine, _Open], eng
                 result = results[MapLine(of.id, layer, y, engine)]
                 ends[engine] = result.ends
                 cells += [result.runs[x] for x in result.ends]
-                edges += lines.boundaries(result.line, result.ends)
+                edges += boundaries(result.line, result.ends)
             if "reference" in ends and "lammps" in ends:
-                agreements.append(lines.agreement(of, layer, y, ends["reference"], ends["lammps"]))
+                agreements.append(agreement(of, layer, y, ends["reference"], ends["lammps"]))
     seconds = sum(run.outcome.seconds for run in cells)
     head = of.id, of.title, of.about, of.x, of.y, of.layers, of.lines_run(quick)
     return MapRecord(*head, seconds, tuple(cells), tuple(edges), tuple(agreements))
+
+
+# --- one line: which places are run, where the kind changes, whether two engines agree
+
+Ends = Mapping[float, Kind]  # of the cells of a line, by x
+
+
+def places(axis: Axis, coarse: int) -> list[float]:
+    """Return the coarse places, evenly along the axis; the ends are exact."""
+    if coarse < 2 or axis.low == axis.high:
+        return [axis.low]
+    low, high = axis.coordinate(axis.low), axis.coordinate(axis.high)
+    inner = [low + (high - low) * k / (coarse - 1) for k in range(1, coarse - 1)]
+    return [axis.low, *(10**u if axis.log else u for u in inner), axis.high]
+
+
+def wanted(of: StabilityMap, ends: Ends) -> list[float]:
+    """Return the places to be run next: the coarse ones, then those between neighbours of different kind; then none."""
+    missing = [x for x in places(of.x, of.coarse) if x not in ends]
+    if missing:
+        return missing
+    return [
+        of.x.middle(a, b)
+        for a, b in itertools.pairwise(sorted(ends))
+        if ends[a] != ends[b] and of.x.coordinate(b) - of.x.coordinate(a) > of.x.width
+    ]
+
+
+def boundaries(line: MapLine, ends: Ends) -> tuple[Boundary, ...]:
+    """Return every change of kind along a line, from low to high."""
+    return tuple(
+        Boundary(line.map, line.layer, line.y, line.engine, a, b, ends[a], ends[b])
+        for a, b in itertools.pairwise(sorted(ends))
+        if ends[a] != ends[b]
+    )
+
+
+def sequence(ends: Ends) -> tuple[Kind, ...]:
+    """Return the kinds along a line, each stretch of one kind once."""
+    return tuple(kind for kind, _ in itertools.groupby(ends[x] for x in sorted(ends)))
+
+
+def agreement(of: StabilityMap, layer: str, y: float, reference: Ends, lammps: Ends) -> Agreement:
+    """Return the verdict on a line that both engines have run."""
+    ours = boundaries(MapLine(of.id, layer, y, "reference"), reference)
+    theirs = boundaries(MapLine(of.id, layer, y, "lammps"), lammps)
+    kinds = sequence(reference), sequence(lammps)
+    same = kinds[0] == kinds[1] and all(
+        # Neighbouring intervals of bisection share an end to rounding.
+        of.x.coordinate(max(a.low, b.low)) - of.x.coordinate(min(a.high, b.high)) <= of.x.width
+        for a, b in zip(ours, theirs, strict=True)
+    )
+    return Agreement(of.id, layer, y, "same" if same else "differs", *kinds, (ours, theirs))

@@ -136,7 +136,25 @@ def first(of: Subject, watch: FailureCriteria, look: Observation, energy: float 
     energy : float or None
         Kinetic energy that the scene can supply; None: not known yet, so that its growth is not watched.
     """
-    return FailureDetectors(of, watch, look, energy).first()
+    found = FailureDetectors(of, watch, look, energy)
+    # From the worst on, as in `KINDS`: a later one may rely on what an earlier one has found to be sound.
+    detectors = (
+        found.lost,
+        found.non_finite,
+        found.overflow,
+        found.negative_density,
+        found.vanishing_density,
+        found.wall_penetration,
+        found.energy_growth,
+        found.too_close,
+        found.negative_pressure,
+        found.loss_of_hyperbolicity,
+        found.bad_matrix,
+        found.misclassified_surface,
+        found.lost_digits,
+    )
+    with np.errstate(all="ignore"):
+        return next((failure for detect in detectors if (failure := detect()) is not None), None)
 
 
 @dataclass(frozen=True)
@@ -147,27 +165,6 @@ class FailureDetectors:
     watch: FailureCriteria
     look: Observation
     energy: float | None
-
-    def first(self) -> ParticleFailure | None:
-        """See `first`."""
-        # From the worst on, as in `KINDS`: a later one may rely on what an earlier one has found to be sound.
-        detectors = (
-            self.lost,
-            self.non_finite,
-            self.overflow,
-            self.negative_density,
-            self.vanishing_density,
-            self.wall_penetration,
-            self.energy_growth,
-            self.too_close,
-            self.negative_pressure,
-            self.loss_of_hyperbolicity,
-            self.bad_matrix,
-            self.misclassified_surface,
-            self.lost_digits,
-        )
-        with np.errstate(all="ignore"):
-            return next((failure for detect in detectors if (failure := detect()) is not None), None)
 
     def _worst(self, kind: Kind, bad_n: BoolArray, size_n: Any, highest: bool = False) -> ParticleFailure | None:
         """Return the particle among the bad ones whose number is lowest (or highest), the first of equals."""

@@ -185,6 +185,22 @@ class Boundary(MapLine):
 
 
 @dataclass(frozen=True)
+class Agreement:
+    """Verdict on a line that both engines ran: ``same`` kinds in the same order, within the boundaries' uncertainty.
+
+    ``reference`` and ``lammps`` are the kinds along x, ``boundaries`` the changes between them, reference first.
+    """
+
+    map: str
+    layer: str
+    y: float
+    verdict: Literal["same", "differs"]
+    reference: tuple[Kind, ...]
+    lammps: tuple[Kind, ...]
+    boundaries: tuple[tuple[Boundary, ...], tuple[Boundary, ...]]
+
+
+@dataclass(frozen=True)
 class Theory:
     """A theoretical limit: x as a function of y, drawn over one layer of a map (None: over all)."""
 

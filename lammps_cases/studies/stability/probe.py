@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -42,13 +43,19 @@ class Examined:
 
 
 def follow(
-    run: ObservedRun, of: Subject, watch: FailureCriteria, steps: int, note: Note = lambda look: None, single: int = 0
+    make: Callable[[], ObservedRun],
+    of: Subject,
+    watch: FailureCriteria,
+    steps: int,
+    note: Note = lambda look: None,
+    single: int = 0,
 ) -> Examined:
     """Observe a run until its first failure.
 
     Parameters
     ----------
-    run : ObservedRun
+    make : callable
+        Sets the run up; once more to repeat its last stretch, to the same bits.
     of : Subject
     watch : FailureCriteria
     steps : int
@@ -58,22 +65,23 @@ def follow(
     single : int
         From this step on every step is observed.
     """
-    return _Followed(run, of, watch, note).to_failure(steps, single)
+    return _Followed(make, of, watch, note).to_failure(steps, single)
 
 
 class _Followed:
     """A run that is followed to its first failure; ``last`` is the last sound observation."""
 
+    run: ObservedRun
     last: Observation
 
-    def __init__(self, run: ObservedRun, of: Subject, watch: FailureCriteria, note: Note) -> None:
-        self.run, self.of, self.watch, self.note = run, of, watch, note
-        self.energy = watch.energy
+    def __init__(self, make: Callable[[], ObservedRun], of: Subject, watch: FailureCriteria, note: Note) -> None:
+        self.make, self.of, self.watch, self.note = make, of, watch, note
+        self.energy, self.stretches = watch.energy, list[int]()
 
     def to_failure(self, steps: int, single: int) -> Examined:
         """See `follow`."""
         try:
-            self.run.begin()
+            self.run = self.make()
             self.last = self.run.look()
         except Stopped as stop:
             return Examined(CellOutcome(stop.kind, 0, stop.atom, message=stop.message))
@@ -100,6 +108,7 @@ class _Followed:
 
     def _advance(self, steps: int) -> tuple[ParticleFailure | None, str]:
         """Take steps; return what is wrong after them, and the engine's message. If nothing is, observe."""
+        self.stretches.append(steps)
         try:
             self.run.advance(steps)
             look = self.run.look()
@@ -121,7 +130,9 @@ class _Followed:
     def _located(self, first: ParticleFailure, end: int, first_message: str) -> Examined:
         """Run the failing stretch again, one step at a time."""
         try:
-            self.run.back()
+            self.run = self.make()
+            for steps in self.stretches[:-1]:
+                self.run.advance(steps)
         except Stopped as stop:
             # Uninitialised memory (a finding) makes LAMMPS end differently the second time.
             return self._failed(first, end, f"{first_message} (run again, it ended earlier: {stop.message})")
@@ -174,7 +185,7 @@ def run_cell(
         partly.replace(trace)
 
     steps = start.steps[-1] if of.moves else 0
-    examined = follow(open_run(start, watch, side, instance(site)), of, watch, steps, note, single)
+    examined = follow(partial(open_run, start, watch, side, instance(site)), of, watch, steps, note, single)
     seconds = time.perf_counter() - begin
     return replace(examined, outcome=replace(examined.outcome, seconds=seconds, steps=start.steps[-1]))
 

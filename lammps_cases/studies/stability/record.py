@@ -10,8 +10,7 @@ from typing import Any
 from lammps_cases.records.documents import SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, read_arrays, write_arrays, write_atomically
 from lammps_cases.records.journal import Parts
-from lammps_cases.studies.stability.lines import Agreement
-from lammps_cases.studies.stability.model import Axis, Boundary, CellRun, Engine, MapCell
+from lammps_cases.studies.stability.model import Agreement, Axis, Boundary, CellRun, Engine, MapCell
 
 
 @dataclass(frozen=True)

@@ -1,28 +1,29 @@
-"""A run of one engine that can be observed between steps, and repeated up to its last stretch."""
+"""A run of one engine that can be observed between steps."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from eos_ref import InputError
-from eos_ref.evaluation.time_step import MakeEvaluator
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
 from eos_ref.model import quantities
+from eos_ref.numbers.rounded import value
 from lammps_cases.engine import session
 from lammps_cases.engine.stepping import Instance, Stepping
 from lammps_cases.records.wording import one_line
 from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.runs import Expect
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import Plan, plan
 from lammps_cases.studies.flows.flow import Start
-from lammps_cases.studies.stability import single
 from lammps_cases.studies.stability.kinds import Observation
 from lammps_cases.studies.stability.model import Engine, FailureCriteria, Kind
 
@@ -38,44 +39,23 @@ class Stopped(RuntimeError):
         return Stopped, (self.kind, self.message, self.atom)
 
 
-class ObservedRun(ABC):
-    """A run that can be observed between steps; `begin`, `advance` and `look` raise `Stopped`."""
+class ObservedRun(Protocol):
+    """A run that is at step 0 when it is made, and observed between steps; whatever it does may raise `Stopped`."""
 
-    def __init__(self, start: Start) -> None:
-        self.start, self.step = start, 0
-        self._stretches: list[int] = []
-
-    def begin(self) -> None:
-        """Set up, to step 0."""
-        self.step, self._stretches = 0, []
-        self._begin()
+    @property
+    def step(self) -> int:
+        """Steps taken."""
 
     def advance(self, steps: int) -> None:
         """Take steps."""
-        self._stretches.append(steps)
-        self._advance(steps)
-        self.step += steps
 
-    def back(self) -> None:
-        """Return to where the last stretch began: run again through the stretches before it, to the same bits."""
-        *before, _ = self._stretches
-        self.begin()
-        for steps in before:
-            self.advance(steps)
-
-    @abstractmethod
     def look(self) -> Observation:
         """Return the particles now, in arrays that the engine does not change."""
 
-    @abstractmethod
-    def _begin(self) -> None: ...
 
-    @abstractmethod
-    def _advance(self, steps: int) -> None: ...
-
-    def _observation(self, *fields: Any) -> Observation:
-        copies: list[Any] = [None if array is None else np.array(array) for array in fields]
-        return Observation(self.step, *copies)
+def _observation(step: int, *fields: Any) -> Observation:
+    copies: list[Any] = [None if array is None else np.array(array) for array in fields]
+    return Observation(step, *copies)
 
 
 def watched(scene: Scene, watch: FailureCriteria) -> Scene:
@@ -89,50 +69,53 @@ def watched(scene: Scene, watch: FailureCriteria) -> Scene:
 # --- reference
 
 
-class LawRun(ObservedRun):
-    """A law alone, which acts on given densities; nothing moves."""
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Stop a run by what the reference refuses in a block."""
+    try:
+        yield
+    except InputError as error:
+        raise Stopped("error", str(error)) from None
 
-    def _begin(self) -> None:
-        """Resolve the laws, which may be refused."""
-        try:
-            self.eos = self.start.case.scene.eos()
-        except InputError as error:
-            raise Stopped("error", str(error)) from None
 
-    def _advance(self, steps: int) -> None:
-        pass
+class LawRun:
+    """A law alone, which acts on given densities."""
+
+    step = 0
+
+    def __init__(self, start: Start) -> None:
+        self.start = start
+        with _refusals():
+            self.eos = start.case.scene.eos()
+
+    def advance(self, steps: int) -> None:
+        """Take no steps: nothing moves."""
 
     def look(self) -> Observation:
         """Return the pressures of the given densities."""
         a, d = self.start.atoms, self.start.case.scene.dimension
         assert a.rho_n is not None
         e_n = None if a.energy_n is None else a.energy_n / a.mass_n
-        try:
+        with _refusals():
             pressure_n = self.eos.pressure(a.rho_n, a.type_n, e_n)
-        except InputError as error:
-            raise Stopped("error", str(error)) from None
-        return self._observation(a.x_nc[:, :d], _velocities(self.start)[:, :d], a.rho_n, pressure_n, a.energy_n)
+        return _observation(0, a.x_nc[:, :d], _velocities(self.start)[:, :d], a.rho_n, pressure_n, a.energy_n)
 
 
-class ReferenceRun(ObservedRun):
+class ReferenceRun:
     """The reference, by default with compiled sums; what it refuses stops the run."""
 
     def __init__(self, start: Start, watch: FailureCriteria, evaluator: MakeEvaluator | None = None) -> None:
-        super().__init__(start)
-        self.surface, self.evaluator = bool(watch.surface), evaluator
-
-    def _begin(self) -> None:
-        scene, atoms, where = self.start.case.scene, self.start.atoms, self.start.case.where
+        self.start, self.step, self.surface = start, 0, bool(watch.surface)
+        scene, atoms, where = start.case.scene, start.atoms, start.case.where
         short = atoms.x_nc.dtype == np.float32  # a layer of `maps.precision`
-        make = single.simulation if short else partial(reference_side.simulation, evaluator=self.evaluator)
-        try:
+        make = single_simulation if short else partial(reference_side.simulation, evaluator=evaluator)
+        with _refusals():
             stepped = quantities.needed_to_step(reference_side.model(scene, atoms, where))
             self.simulation = make(scene, atoms, (*stepped, *(["surface"] if self.surface else [])), where)
             self._run(0)
-        except InputError as error:
-            raise Stopped("error", str(error)) from None
 
-    def _advance(self, steps: int) -> None:
+    def advance(self, steps: int) -> None:
+        """Take steps."""
         try:
             self._run(steps)
         except InputError as error:
@@ -141,6 +124,7 @@ class ReferenceRun(ObservedRun):
             raise Stopped("lost particles" if lost else "non-finite", str(error)) from None
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise Stopped("error", f"{type(error).__name__}: {error}") from None
+        self.step += steps
 
     def _run(self, steps: int) -> None:
         with np.errstate(all="ignore"):
@@ -151,7 +135,45 @@ class ReferenceRun(ObservedRun):
         s, surface_n = self.simulation.state, self.simulation.fields.get("surface") if self.surface else None
         with np.errstate(all="ignore"):
             pressure_n = self.simulation.output("pressure")
-        return self._observation(s.x_nc, s.v_nc, s.rho_n, pressure_n, s.energy_n, surface_n)
+        return _observation(self.step, s.x_nc, s.v_nc, s.rho_n, pressure_n, s.energy_n, surface_n)
+
+
+# --- the reference in float32: the same stages, of arrays half as long
+
+
+class Single(ArrayEvaluator):
+    """Stages in float32. Pairs are found, and positions subtracted, in float64; the results are rounded."""
+
+    def of_type(self, values_t: Iterable[Any]) -> Any:
+        """See `Evaluator.of_type`."""
+        return super().of_type(values_t).astype(np.float32)
+
+    def move(self, x_nc: Any) -> None:
+        """See `ArrayEvaluator.move`."""
+        super().move(x_nc)
+        self.x = [value(x_p).astype(np.float32) for x_p in self.x]
+        self.rr, self.r, self.w = (value(array).astype(np.float32) for array in (self.rr, self.r, self.w))
+        self.gradw = [value(g_p).astype(np.float32) for g_p in self.gradw]
+        self.g = self.gradw
+
+    def eos_pressure(self, rho_n: Any, e_n: Any) -> Any:
+        """See `Evaluator.eos_pressure`; the laws in the number type of the density."""
+        pressure_n = np.empty_like(rho_n)
+        for t, law in enumerate(self.model.eos, 1):
+            mine = self.type_n == t
+            pressure_n[mine] = law.evaluate(rho_n[mine], None if e_n is None else e_n[mine])
+        return pressure_n
+
+    def diffusion(self, *fields: Any) -> Any:
+        """See `ArrayEvaluator.diffusion`."""
+        return value(super().diffusion(*fields)).astype(np.float32)
+
+
+def single_simulation(scene: Scene, atoms: Atoms, fields: Iterable[str] = (), where: str = "") -> Simulation:
+    """Return the reference of a scene whose particles are given in float32."""
+    sim = reference_side.simulation(scene, atoms, fields, where, Single)
+    sim.mass_n, sim.other_nc = sim.mass_n.astype(np.float32), sim.other_nc.astype(np.float32)
+    return sim
 
 
 # --- LAMMPS
@@ -171,20 +193,23 @@ def saying(error: str) -> Kind:
     return next((kind for words, kind in SAYINGS if words in error), "error")
 
 
-class LammpsRun(ObservedRun):
+class LammpsRun:
     """LAMMPS itself; its errors stop the run."""
 
     def __init__(self, start: Start, watch: FailureCriteria, instance: Instance) -> None:
-        super().__init__(start)
-        scene = watched(start.case.scene, watch)
-        self.instance, self.job = instance, job(scene, start.atoms, _planned(scene))
-
-    def _begin(self) -> None:
-        with _stopping(self.instance) as lmp:
-            self.stepping = Stepping(lmp, self.job)
+        self.start, self.instance, scene = start, instance, watched(start.case.scene, watch)
+        whole = job(scene, start.atoms, _planned(scene))
+        with _stopping(instance) as lmp:
+            self.stepping = Stepping(lmp, whole)
             self.stepping.begin()
 
-    def _advance(self, steps: int) -> None:
+    @property
+    def step(self) -> int:
+        """Steps taken."""
+        return self.stepping.step
+
+    def advance(self, steps: int) -> None:
+        """Take steps."""
         try:
             with _stopping(self.instance):
                 self.stepping.advance(steps)
@@ -203,7 +228,7 @@ class LammpsRun(ObservedRun):
             raise Stopped("lost particles", f"{wrong.size} of {len(self.start.atoms)} atoms", int(wrong[0]))
         d, v_nc = self.start.case.scene.dimension, arrays["v"] if "v" in arrays else _velocities(self.start)
         fields = arrays["x"][:, :d], v_nc[:, :d], arrays["rho"], arrays["q.pressure"]
-        return self._observation(*fields, arrays.get("esph"), arrays.get("q.surface"))
+        return _observation(self.step, *fields, arrays.get("esph"), arrays.get("q.surface"))
 
 
 def _velocities(start: Start) -> Any:
@@ -230,7 +255,7 @@ def _stopping(instance: Instance) -> Iterator[Any]:
 
 
 def open_run(start: Start, watch: FailureCriteria, side: Engine, instance: Instance) -> ObservedRun:
-    """Return the run of a start on an engine, not begun."""
+    """Return the run of a start on an engine."""
     if side == "lammps":
         return LammpsRun(start, watch, instance)
     return ReferenceRun(start, watch) if start.case.scene.interacts else LawRun(start)

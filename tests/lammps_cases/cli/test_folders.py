@@ -17,7 +17,7 @@ def interrupted(*arguments: object, **named: object) -> None:
 @pytest.mark.parametrize(
     ("words", "worker"),
     [
-        (("validate", "--quick"), "lammps_cases.studies.validation.run.validate"),
+        (("validate", "--quick"), "lammps_cases.studies.flows.run.validate"),
         (("chart", "--quick"), "lammps_cases.studies.chart.collect.collect"),
         (("stability", "--quick"), "lammps_cases.studies.stability.atlas.measure"),
         (("examples", "--from", "{decks}"), "lammps_cases.examples.collect.collect"),
@@ -50,6 +50,6 @@ def test_what_was_written_stays(
         (out / "cavity").write_text("half a flow")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("lammps_cases.studies.validation.run.validate", half)
+    monkeypatch.setattr("lammps_cases.studies.flows.run.validate", half)
     assert eos_ref_command("validate", "--quick", "--out", out).code == 130
     assert (out / "cavity").exists()

@@ -12,8 +12,8 @@ from lammps_cases.engine import session
 from lammps_cases.examples import collect as examples_collect
 from lammps_cases.studies.chart import collect as chart_collect
 from lammps_cases.studies.chart.record import DOCUMENT, Section
+from lammps_cases.studies.flows import run
 from lammps_cases.studies.stability import atlas
-from lammps_cases.studies.validation import run
 from tests.support.outcome import Outcome
 
 COMMANDS = {
@@ -55,7 +55,7 @@ def test_what_is_done_is_said_to_be_kept(
 def test_an_interrupted_chart_is_drawn_and_resumed(
     eos_ref_command: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    measured, last = list[str](), ["sums"]
+    measured, last = list[str](), ["kernels"]
 
     def section(name: str, *_: Any) -> Section:
         if name in last:
@@ -69,14 +69,14 @@ def test_an_interrupted_chart_is_drawn_and_resumed(
     monkeypatch.setattr(chart_collect, "_section", section)
     monkeypatch.setattr(session, "open_lammps", lambda *_: None)
     monkeypatch.setattr(session, "describe", lambda *_: {})
-    command = ("chart", "laws", "sums", "--out", tmp_path)
+    command = ("chart", "laws", "kernels", "--out", tmp_path)
     assert eos_ref_command(*command)[0] == 130
     assert titles() == ["title of laws"]
     assert "title of laws" in (tmp_path / "report.html").read_text()
     last.clear()
     assert eos_ref_command(*command, "--resume")[0] == 0
-    assert (measured, titles()) == (["laws", "sums"], ["title of laws", "title of sums"])
+    assert (measured, titles()) == (["laws", "kernels"], ["title of laws", "title of kernels"])
     assert eos_ref_command(*command, "--quick")[0] == 0  # other methods: nothing of the first is taken
-    assert measured[2:] == ["laws", "sums"]
+    assert measured[2:] == ["laws", "kernels"]
     assert eos_ref_command(*command, "--fresh")[0] == 0
-    assert measured[4:] == ["laws", "sums"]
+    assert measured[4:] == ["laws", "kernels"]

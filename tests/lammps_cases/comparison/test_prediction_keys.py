@@ -14,6 +14,7 @@ from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.model.box import Box
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
+from lammps_cases.records import measure
 
 NEXT = float(np.nextafter(1.0, 2.0))
 BOX = Box((0.0, 0.0), (1.0, 1.0), (True, True))
@@ -119,5 +120,5 @@ def test_what_linux_says_of_the_first_processor(tmp_path: Path, monkeypatch: pyt
     )
     places = {"/proc/cpuinfo": there}
     monkeypatch.setattr(Path, "read_text", lambda path, **options: read_text(places[str(path)], **options))
-    facts = prediction_keys.cpuinfo()
+    facts = measure.cpuinfo()
     assert facts == {"processor": "0", "model name": "One: two \ufffd", "flags": "fpu avx", "": ""}

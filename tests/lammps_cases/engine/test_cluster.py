@@ -23,7 +23,7 @@ from eos_ref import InputError
 from lammps_cases.engine import cluster
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Workers, limited
-from lammps_cases.studies.chart import farmed, flows, laws
+from lammps_cases.studies.chart import flows, laws
 from tests.support import dask_cluster
 from tests.support.dask_cluster import PAUSE, DaskCluster
 from tests.support.outcome import Outcome
@@ -141,12 +141,12 @@ def _timeless(document: Any) -> Any:
 
 def test_worst_errors_of_a_chart_are_searched_there(steady: DaskCluster) -> None:
     tasks = [(laws.LAWS[1], method, laws.REGIMES[2], 64) for method in ("textbook", "numpy")]
-    here = farmed.each(laws.worst_of, tasks)
+    here = laws.each(laws.worst_of, tasks)
     with cluster.used(steady.address):
-        assert farmed.each(laws.worst_of, tasks) == here
-        assert farmed.each(process, [()]) != [os.getpid()]
+        assert laws.each(laws.worst_of, tasks) == here
+        assert laws.each(process, [()]) != [os.getpid()]
         with pytest.raises(EngineMissing, match="a worker of the cluster failed: out of memory"):
-            farmed.each(raise_memory_error, [()])
+            laws.each(raise_memory_error, [()])
 
 
 def process(site: str | None) -> int:

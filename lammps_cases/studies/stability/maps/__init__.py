@@ -1,24 +1,29 @@
-"""The maps of the atlas, each made by a module of its own when it is first asked for; maps by name, tag and cell."""
+"""The maps of the atlas by name, tag and cell; where the engines are expected to differ on them, and why."""
 
 from __future__ import annotations
 
 import fnmatch
-import importlib
 from collections.abc import Mapping, Sequence
-from functools import cache
+from dataclasses import dataclass
 
 from eos_ref import InputError
 from eos_ref.errors import unknown
-from lammps_cases.studies.stability.model import MapCell, StabilityMap
+from lammps_cases.findings import LEDGER
+from lammps_cases.studies.stability.maps import (
+    laws,
+    matrices,
+    phases,
+    precision,
+    surfaces,
+    tension,
+    timestep,
+    walls,
+    whole,
+)
+from lammps_cases.studies.stability.model import Agreement, MapCell, StabilityMap
 
-MODULES = ("timestep", "laws", "matrices", "precision", "tension", "surfaces", "phases", "walls", "whole")
-
-
-@cache
-def maps() -> dict[str, StabilityMap]:
-    """Return all maps by id, in the order of their modules."""
-    modules = [importlib.import_module(f"{__name__}.{name}") for name in MODULES]
-    return {one.id: one for module in modules for one in module.MAPS}
+_MODULES = (timestep, laws, matrices, precision, tension, surfaces, phases, walls, whole)
+MAPS: dict[str, StabilityMap] = {one.id: one for module in _MODULES for one in module.MAPS}
 
 
 def select(by_id: Mapping[str, StabilityMap], names: Sequence[str] = (), tag: str | None = None) -> list[StabilityMap]:
@@ -33,7 +38,7 @@ def select(by_id: Mapping[str, StabilityMap], names: Sequence[str] = (), tag: st
     for name in names:
         hits = fnmatch.filter(by_id, name)
         if not hits:
-            raise _missing(by_id, name)
+            raise unknown("map", name, by_id)
         wanted.update(hits)
     chosen = [one for one in by_id.values() if not names or one.id in wanted]
     if tag is not None:
@@ -55,7 +60,7 @@ def of_cell(by_id: Mapping[str, StabilityMap], cell: MapCell) -> StabilityMap:
         There is no such map, or it has no such layer, or the place lies outside.
     """
     if cell.map not in by_id:
-        raise _missing(by_id, cell.map)
+        raise unknown("map", cell.map, by_id)
     of = by_id[cell.map]
     if cell.layer not in of.layers:
         raise InputError("layer", f"must be one of {', '.join(map(repr, of.layers))}", cell.layer)
@@ -65,5 +70,27 @@ def of_cell(by_id: Mapping[str, StabilityMap], cell: MapCell) -> StabilityMap:
     return of
 
 
-def _missing(by_id: Mapping[str, StabilityMap], name: str) -> InputError:
-    return unknown("map", name, by_id)
+# --- differences
+
+
+@dataclass(frozen=True)
+class ExpectedDifference:
+    """The reason why the engines differ; ``finding``: id of a ledger entry, empty where no statement is broken."""
+
+    finding: str
+    why: str
+
+
+def expected_difference(line: Agreement | MapCell) -> ExpectedDifference | None:
+    """Return the known reason why the engines differ on a line, or in a cell, if any."""
+    for entry in LEDGER:
+        for where in entry.expected_in_maps:
+            if where.map == line.map and where.layer in (None, line.layer):
+                return ExpectedDifference(entry.id, where.why)
+    of = MAPS.get(line.map)
+    return ExpectedDifference("", of.engines_differ) if of and of.engines_differ else None
+
+
+def unexplained(lines: list[Agreement]) -> list[Agreement]:
+    """Return the lines that differ for no expected reason."""
+    return [line for line in lines if expected_difference(line) is None]

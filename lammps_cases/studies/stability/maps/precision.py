@@ -2,7 +2,7 @@
 
 LAMMPS computes in float64 alone, so that the layer float32 is the reference's: positions, velocities and densities are
 stored as float32, and all that follows from them is float32 too, but for the neighbour search and the differences of
-positions, which are exact and then rounded (`lammps_cases.studies.stability.single`).
+positions, which are exact and then rounded (`lammps_cases.studies.stability.runs.Single`).
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, forces, rows, start, time_step
 from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap
 
 WIDTH, ROWS = 8, 6  # of the block of fluid, periodic along the wall
@@ -36,7 +36,7 @@ def _impact(cell: MapCell, layers: int = 3, artificial_visc: float = 0.0, sound:
             "types": [kind, {**kind, "phase": "solid", "cs": sound}],
             "rheo": {"interface_reconstruct": cell.layer == RECONSTRUCT},
             "pair": {"artificial_visc": artificial_visc},
-            "forces": [{"style": "setforce", "vector": (0.0, 0.0), "types": "2"}],
+            "forces": forces(),
         },
         x_nc,
         (WIDTH, 3.0 * ROWS),

@@ -14,7 +14,8 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, forces, rows, start, time_step
+from lammps_cases.studies.flows.surfaces import disc
 from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 LAYERS = 3  # rows of a wall
@@ -52,10 +53,7 @@ def _scene(
             "types": [kind, {**kind, "phase": "solid"}],
             "rheo": {"interface_reconstruct": True},
             "pair": pair or {},
-            "forces": [
-                {"style": "gravity", "vector": (0.0, -gravity)},
-                {"style": "setforce", "vector": (0.0, 0.0), "types": "2"},
-            ],
+            "forces": forces(gravity=(0.0, -gravity)),
         },
         np.vstack([fluid_nc, solid_nc]),
         corners[1],
@@ -165,9 +163,7 @@ GAP = 2.0  # between drop and floor
 
 def _disc() -> FloatArray:
     """Return the sites of a square lattice in a circle above the floor."""
-    half = ACROSS // 2 + 1
-    x_nc = rows(-half, half, 2 * half) - (half, 0)
-    disc_nc = x_nc[(x_nc**2).sum(axis=1) < ACROSS**2 / 4]
+    disc_nc = disc(ACROSS)
     return np.asarray(disc_nc + np.array([0.0, GAP - disc_nc[:, 1].min()]))
 
 

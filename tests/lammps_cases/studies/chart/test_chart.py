@@ -17,11 +17,11 @@ from eos_ref import InputError
 from eos_ref.methods.laws import METHODS as LAW_METHODS
 from lammps_cases.pages.figures import RED
 from lammps_cases.records.documents import SCHEMAS
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing
-from lammps_cases.studies.chart import collect, draw, flows, page, record, search_methods, sum_methods
+from lammps_cases.records.measure import ConfidenceInterval, Timing
+from lammps_cases.studies.chart import collect, draw, flows, page, record
 from lammps_cases.studies.chart.points import Map, MethodPoint, Panel, compared, frontier, point
 from lammps_cases.studies.chart.record import Chart, Section
-from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.converge import Convergence
 from lammps_cases.studies.flows.flow import Options
 from tests.support.outcome import Outcome
@@ -194,8 +194,7 @@ SECOND_ORDER = ("shear-wave", "heat-wave", "taylor-green", "sound-wave-tait-wate
 
 @pytest.mark.lammps
 def test_every_method_says_what_it_is(quick: tuple[Chart, Path]) -> None:
-    for methods in (LAW_METHODS, sum_methods.METHODS, search_methods.METHODS):
-        assert all(method.reason for method in methods)
+    assert all(method.reason for method in LAW_METHODS)
     for section in quick[0].sections:
         listed = page.methods(section)
         assert len({reason for _, reason in listed}) == len(listed) and all(reason for _, reason in listed)
@@ -251,7 +250,7 @@ def test_everything_is_on_disk(quick: tuple[Chart, Path]) -> None:
 
 @pytest.mark.lammps
 def test_the_command(eos_ref_command: Run, tmp_path: Path) -> None:
-    done = eos_ref_command("chart", "sums", "--quick", "--out", tmp_path / "out", "--json")
+    done = eos_ref_command("chart", "timestep", "--quick", "--out", tmp_path / "out", "--json")
     assert done.code == 0
     assert {row["quantity"] for row in json.loads(done.out)["points"]}
     assert (tmp_path / "out" / "report.html").exists()

@@ -1,27 +1,22 @@
-"""Panels of sums, kernels, searches and time steps: their errors, and the limits that they find."""
+"""Panels of kernels and time steps: their errors, and the limits that they find."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from eos_ref.compiled import evaluator
 from lammps_cases.engine import session
-from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.benchmarks.measure import Call, Timing
-from lammps_cases.studies.chart import kernels, searches, sums, threads, timestep
-from lammps_cases.studies.chart import search_methods as search_methods
-from lammps_cases.studies.chart import sum_methods as sum_methods
+from lammps_cases.records import measure
+from lammps_cases.records.measure import Call, Timing
+from lammps_cases.studies.chart import kernels, timestep
 from lammps_cases.studies.chart.prepared import prepared
-from lammps_cases.studies.flows import FLOWS
-from lammps_cases.studies.flows.layout import relative
-from tests.support.roundings import rounded
+from lammps_cases.studies.flows.catalogue import FLOWS
+from lammps_cases.studies.flows.flow import relative
 
 pytestmark = pytest.mark.slow
 
@@ -46,20 +41,12 @@ def untimed(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Scenes that need no time."""
-    monkeypatch.setattr(sums, "QUICK_EDGE", {2: 12, 3: 8})
-    monkeypatch.setattr(searches, "EDGES", (12, 24))
-    monkeypatch.setattr(searches, "NEAR", 100)
-    monkeypatch.setattr(searches, "MOST_STEPS", searches.LEAST_STEPS)
     monkeypatch.setattr(kernels, "QUICK_EDGE", 16)
 
 
 @pytest.mark.usefixtures("untimed", "small")
-@pytest.mark.parametrize(
-    ("module", "methods"),
-    [(sums, sum_methods.METHODS), (searches, search_methods.METHODS), (kernels, ()), (timestep, ())],
-    ids=["sums", "searches", "kernels", "timestep"],
-)
-def test_panels_are_complete(module: Any, methods: Any) -> None:
+@pytest.mark.parametrize("module", [kernels, timestep], ids=["kernels", "timestep"])
+def test_panels_are_complete(module: Any) -> None:
     panels = list(module.panels(True, None))
     assert len({panel.id for panel in panels}) == len(panels)
     for panel in panels:
@@ -68,8 +55,6 @@ def test_panels_are_complete(module: Any, methods: Any) -> None:
             assert len(set(names)) == len(names) > 1
         assert all(math.isfinite(point.error) and point.error >= 0 for point in panel.points)
         assert not any(name.startswith("LAMMPS") for name in (point.method for point in panel.points))
-    if methods:
-        assert {point.method for point in panels[0].points} == {method.name for method in methods}
 
 
 # --- kernels
@@ -141,44 +126,6 @@ def test_maps_have_a_value_for_every_cutoff_and_disorder(monkeypatch: pytest.Mon
     assert (rk1[-1] < quintic[-1]).all() and (quintic[-1] > quintic[0]).all()
 
 
-# --- lists with a skin
-
-
-@pytest.mark.usefixtures("untimed")
-def test_a_list_held_too_long_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    sound = searches._rebuild_points("fast", 0.3, 20, True)
-    assert [point.error for point in sound] == [0.0] * len(searches.SKINS)
-    monkeypatch.setattr("eos_ref.compiled.neighbours.Neighbours.holds", lambda self, x_nc: self.built > 0)
-    stale = searches._rebuild_points("fast", 0.3, 20, True)
-    fluid, dt = searches.fluid(0.3, 0.0, 20)
-    fluid.run(searches.LEAST_STEPS, dt)
-    # Without a new list even the one to compare with is wrong, but by other pairs.
-    assert max(point.error for point in stale) > 0
-
-
-def test_the_number_of_lists_falls_with_the_skin() -> None:
-    rates = [searches._ran(0.3, skin, 20, 60)[1] for skin in searches.SKINS]
-    assert rates == sorted(rates, reverse=True) and rates[0] == 1.0 and rates[-1] < 0.5
-
-
-def test_a_crossing_is_found_where_times_cross(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Times of 100 + n and 2 n, but for 1 % of noise, cross at 100 particles."""
-    methods = search_methods.METHODS[:2]
-    costs = {methods[0].name: lambda n: 100.0 + n, methods[1].name: lambda n: 2.0 * n}
-
-    def timed(calls: Mapping[str, Any], rounds: int = 9, at_least: float = 0.02) -> dict[str, Timing]:
-        random = np.random.default_rng(3)
-        size = len(next(iter(calls.values())).args[0])
-        noise = {name: 1 + random.uniform(-0.01, 0.01, rounds) for name in calls}
-        return {name: Timing(tuple(costs[name](size) * noise[name]), 1, 1.0) for name in calls}
-
-    monkeypatch.setattr(measure, "in_turns", timed)
-    monkeypatch.setattr(searches, "METHODS", methods)
-    (crossing,) = searches._crossings((4, 8, 40), quick=True)
-    assert crossing.methods == (methods[1].name, methods[0].name)
-    assert crossing.at.low <= 100 <= crossing.at.high and crossing.at.high < 400
-
-
 # --- time step
 
 
@@ -211,43 +158,3 @@ def test_stepping_by_hand_is_stepping_at_once(lmp: Any) -> None:
         at_once = timestep.stepping(start, who)
         at_once.advance(start.steps[-1])
         assert np.array_equal(at_once.snapshot().rho_n, shots[-1].rho_n)
-
-
-# --- threads
-
-
-@pytest.mark.usefixtures("untimed")
-def test_threads_of_the_model_are_charted_once_it_has_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Threaded(evaluator.CompiledEvaluator):
-        """Wrong with two threads."""
-
-        def __init__(self, *arguments: Any, threads: int = 1, **more: Any) -> None:
-            super().__init__(*arguments, **more)
-            self.off = 1.0 + 1e-3 * (threads - 1)
-
-        def pair_terms(self, *arguments: Any, **more: Any) -> Any:
-            terms = super().pair_terms(*arguments, **more)
-            return replace(terms, force_nc=self.off * terms.force_nc)
-
-    monkeypatch.setattr(evaluator, "CompiledEvaluator", Threaded)
-    monkeypatch.setattr(threads, "QUICK_EDGES", (16,))
-    law, model = threads.panels(True)
-    assert [point.error for point in law.points] == [0.0] * len(law.points)
-    assert [point.method for point in model.points] == ["1 thread", "2 threads"]
-    assert model.points[1].error == rounded(1e-3, 4, terms=1.0)
-
-
-@pytest.mark.usefixtures("untimed")
-def test_steps_that_are_timed_are_not_taken_for_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a method that is called more often the particles have moved further."""
-    untimed = measure.in_turns
-
-    def twice(calls: Mapping[str, Call], *effort: Any) -> Any:
-        calls["2 threads"]()
-        return untimed(calls, *effort)
-
-    monkeypatch.setattr(measure, "in_turns", twice)
-    monkeypatch.setattr(threads, "QUICK_EDGES", (16,))
-    one = evaluator.CompiledEvaluator
-    monkeypatch.setattr(evaluator, "CompiledEvaluator", lambda *given, threads=1, **more: one(*given, **more))
-    assert threads._model_threads(True).points[1].error == 0.0

@@ -14,16 +14,15 @@ import pytest
 from eos_ref import InputError
 from eos_ref.analytic import waves
 from lammps_cases.pages.figures import BLUE, RED
-from lammps_cases.studies.benchmarks import pysph
-from lammps_cases.studies.chart import codes, draw, record, summary
+from lammps_cases.studies.chart import codes, draw, pysph, record
 from lammps_cases.studies.chart.codes import COMPARED, SWIRL, by_pysph
 from lammps_cases.studies.chart.record import Chart, Section
 from lammps_cases.studies.flows import periodic
 from lammps_cases.studies.flows.converge import Convergence
 from lammps_cases.studies.flows.flow import Options
-from lammps_cases.studies.validation import summary as validation_summary
 from tests.support.outcome import Outcome
 from tests.support.roundings import HALF_EPS, rounded
+from tests.workshop import tables_codes, tables_validation
 
 Run = Callable[..., Outcome]
 N = 8
@@ -202,14 +201,18 @@ def test_what_is_kept_is_the_codes_without_paths() -> None:
     engine = {"distribution": "1", "library": "/here/liblammps.so", "pysph": "9"}
     command = "eos-ref chart --pysph /here/python --out /here"
     chart = Chart(command, {"processor": "p"}, engine, False, 9.0, (Section("laws", "", "", 7.0), section))
-    kept = summary.kept(chart)
+    kept = tables_codes.kept(chart)
     assert (kept.command, kept.sections, kept.seconds) == ("eos-ref chart codes --pysph PYTHON", (section,), 2.0)
     assert kept.engine == {"distribution": "1", "pysph": "9"}
-    assert "| taylor-green-100, profile | PySPH tvf | 8: 0.2 in 0.5 s; 16: 0.1 in 4 s | 256, 9 |" in summary.table(kept)
-    assert "--pysph PYTHON names a Python" in summary.table(summary.kept(replace(chart, engine={"distribution": "1"})))
+    assert "| taylor-green-100, profile | PySPH tvf | 8: 0.2 in 0.5 s; 16: 0.1 in 4 s | 256, 9 |" in tables_codes.table(
+        kept
+    )
+    assert "--pysph PYTHON names a Python" in tables_codes.table(
+        tables_codes.kept(replace(chart, engine={"distribution": "1"}))
+    )
 
 
 def test_the_document_has_the_table_that_was_measured() -> None:
     path = Path(__file__).parents[4] / "docs" / "accuracy.md"
     text = path.read_text(encoding="utf-8")
-    assert validation_summary.placed(text, summary.table(record.DOCUMENT.read(summary.MEASURED))) == text
+    assert tables_validation.placed(text, tables_codes.table(record.DOCUMENT.read(tables_codes.MEASURED))) == text

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
+from lammps_cases.records.measure import ConfidenceInterval
 from lammps_cases.studies.chart import draw, page, record
 from lammps_cases.studies.chart.points import MethodPoint, Panel
 from lammps_cases.studies.chart.record import Chart, Section

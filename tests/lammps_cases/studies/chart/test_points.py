@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lammps_cases.studies.benchmarks.measure import Timing
+from lammps_cases.records.measure import Timing
 from lammps_cases.studies.chart.points import DIGITS, MethodPoint, compared, frontier, point
 from tests.support.roundings import rounded
 

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,8 @@ from eos_ref import InputError
 from lammps_cases.engine.stepping import Instance
 from lammps_cases.records.progress import SILENT
 from lammps_cases.studies.stability import atlas, kinds, record
-from lammps_cases.studies.stability.atlas import Survey
-from lammps_cases.studies.stability.lines import agreement, boundaries, places, sequence, wanted
-from lammps_cases.studies.stability.maps import maps
+from lammps_cases.studies.stability.atlas import Survey, agreement, boundaries, places, sequence, wanted
+from lammps_cases.studies.stability.maps import MAPS
 from lammps_cases.studies.stability.model import (
     ENGINES,
     Axis,
@@ -137,7 +137,7 @@ class Threads:
         start, watch = faulty.start(cell), of.watch(cell)
 
         def work() -> None:
-            run = open_run(start, watch, "reference", Instance(None))
+            run = partial(open_run, start, watch, "reference", Instance(None))
             later.future.set_result(follow(run, kinds.subject(start), watch, start.steps[-1]))
 
         threading.Timer(float(self.random.uniform(0, 0.01)), work).start()
@@ -206,7 +206,7 @@ def test_a_killed_survey_loses_the_cell_it_was_writing(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def small() -> list[StabilityMap]:
     return [
-        replace(maps()["laws-tait-negative"], lines=(2.3, 4.0)),
+        replace(MAPS["laws-tait-negative"], lines=(2.3, 4.0)),
         replace(viscous(1.0), x=Axis("step", 3.0, 6.0, 0.1)),
     ]
 
@@ -232,7 +232,7 @@ def test_an_atlas_is_measured_kept_and_read_again(tmp_path: Path, small: list[St
     assert (tmp_path / "cells.csv").read_bytes() == table
     assert repr(again.maps) == repr(first.maps)
 
-    other = [replace(small[0], start=lambda cell: maps()["laws-tait-negative"].start(replace(cell, y=cell.y + 1)))]
+    other = [replace(small[0], start=lambda cell: MAPS["laws-tait-negative"].start(replace(cell, y=cell.y + 1)))]
     stale = atlas.measure(other, tmp_path, "test")
     grown = (tmp_path / "cells.jsonl").read_bytes()
     assert grown.count(b"\n") - kept.count(b"\n") == len(stale.maps[0].cells)
@@ -256,8 +256,8 @@ def test_numbers_that_json_has_not_come_back(tmp_path: Path) -> None:
 
 
 def test_maps_are_well_made() -> None:
-    assert {"timestep-mach", "timestep-viscosity", "timestep-kernel"} <= set(maps())
-    for name, of in maps().items():
+    assert {"timestep-mach", "timestep-viscosity", "timestep-kernel"} <= set(MAPS)
+    for name, of in MAPS.items():
         assert of.id == name and of.title and of.about
         assert of.x.low < of.x.high and of.x.width > 0 and of.coarse >= 2
         for y, layer in itertools.product((min(of.lines), max(of.lines)), of.layers):

@@ -13,7 +13,7 @@ import pytest
 
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import MapDifference
-from lammps_cases.studies.stability import atlas, expected, maps, probe, record
+from lammps_cases.studies.stability import atlas, maps, probe, record
 from lammps_cases.studies.stability.limits import Limits, read
 from tests.support.made_atlas import MAP, made_atlas
 from tests.support.outcome import Outcome
@@ -25,7 +25,7 @@ Run = Callable[..., Outcome]
 
 @pytest.fixture(autouse=True)
 def one_map(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(maps, "maps", lambda: {"made": MAP})
+    monkeypatch.setattr(maps, "MAPS", {"made": MAP})
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_lines_that_differ_end_with_one_unless_a_finding_is_known(
         {"chosen": ["made"], "quick": False, "site": None, "jobs": 1, "progress": measured[0]["progress"]}
     ]
     shown = MapDifference("made", "why")
-    monkeypatch.setattr(expected, "LEDGER", (replace(LEDGER[0], expected_in_maps=(shown,)),))
+    monkeypatch.setattr(maps, "LEDGER", (replace(LEDGER[0], expected_in_maps=(shown,)),))
     assert eos_ref_command("stability", "made", "--out", tmp_path).code == 0
 
 

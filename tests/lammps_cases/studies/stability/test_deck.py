@@ -14,10 +14,10 @@ from eos_ref import InputError
 from lammps_cases.engine import session
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import rows, start
-from lammps_cases.studies.stability.deck import deck
+from lammps_cases.studies.stability.page import deck
 
 pytestmark = pytest.mark.lammps
 

@@ -98,7 +98,6 @@ def test_lost_digits_are_seen() -> None:
     cell = MapCell("", 0.5, 1.3)
     start = laws.LIMIT.start(cell)
     run = open_run(start, FailureCriteria(), "reference", living())
-    run.begin()
     of, look = kinds.subject(start), run.look()
     for error, wanted in ((1e-9, None), (1e-7, "lost digits")):
         found = kinds.first(

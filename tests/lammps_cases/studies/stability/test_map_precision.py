@@ -10,10 +10,9 @@ import pytest
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.setup import reference_side
-from lammps_cases.studies.stability import single
 from lammps_cases.studies.stability.maps import precision
 from lammps_cases.studies.stability.model import ENGINES, Kind, MapCell, StabilityMap
-from lammps_cases.studies.stability.runs import ReferenceRun, open_run
+from lammps_cases.studies.stability.runs import ReferenceRun, open_run, single_simulation
 from tests.support.stability_cells import living, outcome
 
 pytestmark = pytest.mark.slow
@@ -29,7 +28,6 @@ def test_all_of_it_is_float32() -> None:
     start = precision.STEP.start(cell)
     run = open_run(start, precision.STEP.watch(cell), "reference", living())
     assert isinstance(run, ReferenceRun)
-    run.begin()
     run.advance(3)
     simulation = run.simulation
     arrays: dict[str, Any] = {**vars(simulation.state), **simulation.fields, "p": simulation.output("pressure")}
@@ -44,7 +42,7 @@ def test_it_is_the_same_model() -> None:
     x_nc = start.atoms.x_nc + np.random.default_rng(1).uniform(-0.1, 0.1, start.atoms.x_nc.shape) * (1, 1, 0)
     short = precision.single(replace(start, atoms=replace(start.atoms, x_nc=x_nc))).atoms
     doubles = {name: getattr(short, name).astype(float) for name in ("x_nc", "v_nc", "rho_n")}
-    half = single.simulation(start.case.scene, short)
+    half = single_simulation(start.case.scene, short)
     long = reference_side.simulation(start.case.scene, replace(short, **doubles), evaluator=ArrayEvaluator)
     found = long.evaluate()["f"], half.evaluate()["f"]
     scale = np.abs(found[0]).max()

@@ -44,7 +44,6 @@ def test_shift_raises_the_density_until_the_tension_is_gone() -> None:
     cell = MapCell("tension", -0.2, 1.0, "shift")
     start = tension.TENSION.start(cell)
     run = open_run(start, tension.TENSION.watch(cell), "reference", living())
-    run.begin()
     assert np.mean(run.look().pressure_n) == rounded(-0.2, 8, terms=1.0)
     run.advance(start.steps[-1])
     assert np.mean(run.look().rho_n) > 1.1
@@ -77,7 +76,6 @@ def test_growth_of_a_wave(side: Engine) -> None:
     assert scene.evolve is not None
     timed = scene.model_copy(update={"evolve": scene.evolve.model_copy(update={"timestep": dt})})
     run = open_run(replace(start, case=replace(start.case, scene=timed)), FailureCriteria(), side, living())
-    run.begin()
     sizes = []
     for steps in (500, 500):
         run.advance(steps)

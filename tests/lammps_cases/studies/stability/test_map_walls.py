@@ -45,7 +45,6 @@ def test_stiffness_counts_with_reconstruction_only() -> None:
     for sound in (0.5, 1.0):  # the same time step
         cell = MapCell(walls.STIFFNESS.id, 0.2, sound, walls.STORED)
         run = open_run(walls.STIFFNESS.start(cell), walls.STIFFNESS.watch(cell), "reference", living())
-        run.begin()
         run.advance(50)
         ends.append(run.look().x_nc)
     assert np.array_equal(ends[0], ends[1])

@@ -28,7 +28,6 @@ def test_column_swings_about_its_weight() -> None:
     cell = MapCell(whole.COLUMN.id, 1.0, 0.2, "")
     start = whole.COLUMN.start(cell)
     run = open_run(start, whole.COLUMN.watch(cell), "reference", living())
-    run.begin()
     bottom_n = (start.atoms.type_n == 1) & (start.atoms.x_nc[:, 1] < 1)
     energies, pressures = [], []
     while run.step < start.steps[-1]:
@@ -55,7 +54,6 @@ def test_dam_runs_to_the_other_wall() -> None:
     cell = MapCell(whole.DAM_BREAK.id, 0.3, 0.3, "")
     start = whole.DAM_BREAK.start(cell)
     run = open_run(start, whole.DAM_BREAK.watch(cell), "reference", living())
-    run.begin()
     assert run.look().x_nc[start.atoms.type_n == 1, 0].max() < whole.DAM
     run.advance(start.steps[-1])
     front = run.look().x_nc[start.atoms.type_n == 1, 0].max()

@@ -13,8 +13,8 @@ import pytest
 from eos_ref import InputError
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import MapDifference
-from lammps_cases.studies.stability import expected, page
-from lammps_cases.studies.stability.expected import ExpectedDifference
+from lammps_cases.studies.stability import maps, page
+from lammps_cases.studies.stability.maps import ExpectedDifference
 from lammps_cases.studies.stability.model import MapCell
 from tests.support.made_atlas import MAP, TEXT, made_atlas
 
@@ -66,18 +66,18 @@ def test_the_table_of_disagreements_holds_both_sides(folder: Path) -> None:
 
 def test_a_known_finding_explains_a_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     atlas = made_atlas(folder)
-    assert len(expected.unexplained(atlas.disagreements)) == 2
+    assert len(maps.unexplained(atlas.disagreements)) == 2
     shown = MapDifference("made", "it moves <things>", "plain")
-    monkeypatch.setattr(expected, "LEDGER", (replace(LEDGER[0], id="some-finding", expected_in_maps=(shown,)),))
-    assert [line.layer for line in expected.unexplained(atlas.disagreements)] == ["with <shift>"]
+    monkeypatch.setattr(maps, "LEDGER", (replace(LEDGER[0], id="some-finding", expected_in_maps=(shown,)),))
+    assert [line.layer for line in maps.unexplained(atlas.disagreements)] == ["with <shift>"]
     explained = ExpectedDifference("some-finding", "it moves <things>")
-    assert [expected.expected_difference(line) for line in atlas.disagreements] == [explained, None]
+    assert [maps.expected_difference(line) for line in atlas.disagreements] == [explained, None]
 
 
 def test_a_map_says_where_engines_differ_without_a_finding(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(expected, "maps", lambda: {"made": replace(MAP, engines_differ="by rounding")})
+    monkeypatch.setattr(maps, "MAPS", {"made": replace(MAP, engines_differ="by rounding")})
     atlas = made_atlas(folder)
-    assert [expected.expected_difference(line) for line in atlas.disagreements] == 2 * [
+    assert [maps.expected_difference(line) for line in atlas.disagreements] == 2 * [
         ExpectedDifference("", "by rounding")
     ]
 

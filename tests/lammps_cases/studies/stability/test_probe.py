@@ -6,6 +6,7 @@ import contextlib
 import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from lammps_cases.engine.stepping import Instance
 from lammps_cases.engine.workers import Workers
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
-from lammps_cases.studies.stability import kinds
+from lammps_cases.studies.stability import kinds, runs
 from lammps_cases.studies.stability.maps import timestep
 from lammps_cases.studies.stability.model import ENGINES, Axis, Engine, FailureCriteria, MapCell, StabilityMap
 from lammps_cases.studies.stability.probe import Examined, examine, follow
@@ -36,7 +37,9 @@ def living() -> Instance:
 
 
 def followed(start: Start, watch: FailureCriteria, side: Engine, living: Instance, **options: Any) -> Examined:
-    return follow(open_run(start, watch, side, living), kinds.subject(start), watch, start.steps[-1], **options)
+    return follow(
+        partial(open_run, start, watch, side, living), kinds.subject(start), watch, start.steps[-1], **options
+    )
 
 
 # --- the first step
@@ -93,7 +96,6 @@ def test_energy_of_the_first_look_is_the_scale_where_none_is_given(side: Engine,
     start = unstable(1e-6)
     watch = FailureCriteria(every=20, growth=10.0)
     run = open_run(start, watch, side, living)
-    run.begin()
     of = kinds.subject(start)
     energies = [kinds.kinetic_energy(of.mass_n, run.look().v_nc)]
     for _ in range(40):
@@ -131,7 +133,6 @@ def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Instanc
     outcome = followed(start, FailureCriteria(every=7), side, living).outcome
     assert (outcome.kind, outcome.atom) == ("lost particles", len(start.atoms))
     run = open_run(start, FailureCriteria(), side, living)
-    run.begin()
     assert outcome.step is not None
     run.advance(outcome.step - 1)
     assert run.look().x_nc[-1, 1] < 13.0
@@ -285,10 +286,16 @@ def test_a_run_that_ends_earlier_the_second_time_keeps_what_was_seen_first(
     start = unstable()
     seen = followed(start, WATCH, "reference", living)
 
-    def back(self: ReferenceRun) -> None:
-        raise Stopped("lost particles", "Lost atoms:  2", 7)
+    made = list[Start]()
 
-    monkeypatch.setattr(ReferenceRun, "back", back)
+    class Once(ReferenceRun):
+        def __init__(self, of: Start, *given: Any) -> None:
+            if made:
+                raise Stopped("lost particles", "Lost atoms:  2", 7)
+            made.append(of)
+            super().__init__(of, *given)
+
+    monkeypatch.setattr(runs, "ReferenceRun", Once)
     examined = followed(start, WATCH, "reference", living)
     assert examined.outcome.kind == seen.outcome.kind
     assert examined.outcome.message == "(run again, it ended earlier: Lost atoms: 2)"

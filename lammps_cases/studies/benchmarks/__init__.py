@@ -1,1 +1,0 @@
-"""Speed against peers, measured in one run."""

@@ -1,0 +1,246 @@
+"""Speed against peers, measured in one run and given as ratios: machines are noisy, ratios of neighbours less so."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import shlex
+import subprocess
+import sys
+import tempfile
+import tracemalloc
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from timeit import timeit
+
+import numpy as np
+
+from eos_ref import EOS, EOSTable
+from eos_ref.eos import bounds
+from eos_ref.eos.table import examples
+from lammps_cases.engine.ranks import Ranks
+from lammps_cases.engine.session import RunCommand
+from lammps_cases.records.measure import Call, ConfidenceInterval, Timing, in_turns, interval
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.studies.chart import pysph
+from lammps_cases.studies.flows.catalogue import FLOWS
+from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.stepping import ReferenceFlow
+
+VORTICES = 100  # particles along the edge of the box
+STEPS = 20
+WARM = 3
+EOS_REF = (sys.executable, "-m", "lammps_cases.cli.main")
+# By style; the time of a power depends on its exponent.
+LAWS = {law.style + (f" {law.parameter:g}" if law.law.uses_powm1 else ""): law for law in examples(rho0=1.2, cs=3.4)}
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """One measurement: nanoseconds per particle (or per run, for whole programs) of ours and of a peer.
+
+    ``ratio`` is ours over peer, below 1 is faster; all three are medians with their intervals.
+    """
+
+    scene: str
+    peer: str
+    ours_ns: ConfidenceInterval
+    peer_ns: ConfidenceInterval
+    ratio: ConfidenceInterval
+
+
+def ratio(scene: str, peer: str, ours: Timing, theirs: Timing, per: float) -> Ratio:
+    """Return the ratio of two timings of the same rounds; either call treats ``per`` particles (times steps)."""
+    ns = 1e9 / per
+    return Ratio(scene, peer, ours.seconds.scaled(ns), theirs.seconds.scaled(ns), ours.against(theirs))
+
+
+def against(
+    scene: str, peer: str, ours: Call, theirs: Call, repeats: int, per: float = 1.0, at_least: float = 0.02
+) -> Ratio:
+    """Time ours against a peer, in turns; see `ratio`."""
+    timings = in_turns({"ours": ours, "peer": theirs}, repeats, at_least)
+    return ratio(scene, peer, timings["ours"], timings["peer"], per)
+
+
+def measured(part: str, states: int, repeats: int, python: str | None) -> Iterator[Ratio]:
+    """Yield the ratios of a part of ``eos-ref bench``; ``python`` has PySPH, if it is given."""
+    if part == "laws":
+        yield from laws_against_copy(states, repeats)
+        yield table_against_copy(states, repeats)
+    elif part == "model":
+        from lammps_cases.studies.chart.bench_model import against_lammps
+
+        yield from against_lammps((2, 3), repeats)
+    elif part == "peers":
+        yield from taylor_green(repeats, python)
+    else:
+        yield from (run_against_lammps(repeats, jobs) for jobs in (1, 2))
+        yield from programs_against_python(repeats)
+
+
+def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
+    """Time every law on n densities into a given array, against copying the same arrays."""
+    from eos_ref.eos import compiled
+
+    random = np.random.default_rng(1)
+    rho_n, e_n = random.uniform(0.6, 1.8, n), random.uniform(0.5, 2.0, n)
+    p_n, copy_n = np.empty(n), np.empty(n)
+    ratios = []
+    for name, law in LAWS.items():
+        energy_n = e_n if law.needs_energy else np.empty(0)
+
+        def ours(law: EOS = law, energy_n: object = energy_n) -> None:
+            compiled.pressure_of_one_type(rho_n, energy_n, *law.settings, p_n)
+
+        def peer(gas: bool = law.needs_energy) -> None:
+            np.copyto(copy_n, rho_n)
+            if gas:  # the same arrays: this law also reads the energy
+                np.copyto(copy_n, e_n)
+
+        ratios.append(against(f"{name}, {n:,} states", "memory copy", ours, peer, repeats, n))
+    return ratios
+
+
+def table_against_copy(n: int, repeats: int) -> Ratio:
+    """Time four laws on particles of interleaved types, against copying density and type."""
+    random = np.random.default_rng(2)
+    table = EOSTable((*list(LAWS.values())[:3], EOS("linear", 0.9, 2.0, background=0.1)))
+    rho_n, type_n = random.uniform(0.6, 1.8, n), random.integers(1, 5, n)
+    return against(
+        f"four types interleaved, {n:,} states",
+        "memory copy",
+        lambda: table.pressure(rho_n, type_n),
+        lambda: (rho_n.copy(), type_n.copy()),
+        repeats,
+        n,
+    )
+
+
+def bytes_per_particle(n: int = 1_000_000) -> float:
+    """Return the peak memory of pressure and bound of n particles of four types, per particle, inputs included."""
+    random = np.random.default_rng(3)
+    table = EOSTable(tuple(list(LAWS.values())[:4]))
+    tracemalloc.start()
+    rho_n, type_n = random.uniform(0.6, 1.8, n), random.integers(1, 5, n)
+    table.pressure(rho_n, type_n)
+    bounds.comparison(table, rho_n, type_n)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak / n
+
+
+def run_against_lammps(repeats: int, jobs: int) -> Ratio:
+    """Time ``eos-ref run`` on the equations of state against LAMMPS alone on the same scenes, whole processes both.
+
+    The scenes that crash LAMMPS are in ours only, as they would end the peer.
+    """
+    from lammps_cases.run import prepared_case
+    from lammps_cases.scene import casefile
+
+    chosen = [case for case in casefile.select(casefile.load(), tag="eos") if "crash" not in case.tags]
+    prepared = [prepared_case.prepare(case) for case in chosen]
+    lammps_jobs = [job(p.case.scene, p.atoms, plan(p.case.scene)) for p in prepared]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "jobs"
+        file.write_bytes(pickle.dumps(lammps_jobs))
+        code = f"from lammps_cases.studies.chart.peers.lammps_alone import run; run({str(file)!r})"
+        ours = [*EOS_REF, "run", "--tag", "eos", "--jobs", str(jobs), "--out", f"{folder}/run"]
+        return _processes(f"eos-ref run --tag eos --jobs {jobs}", "LAMMPS alone", ours, code, repeats)
+
+
+def programs_against_python(repeats: int) -> Iterator[Ratio]:
+    """Time ``eos-ref --help``, and what a shell asks for on Tab, against an empty Python program."""
+    yield _processes("eos-ref --help", "empty Python program", [*EOS_REF, "--help"], "pass", repeats)
+    for words in ("eos-ref r", "eos-ref run forces.", "eos-ref findings f", "eos-ref run --tag q"):
+        what = f"completion of {words}"
+        yield _processes(what, "empty Python program", [*EOS_REF], "pass", repeats, _asked(words))
+
+
+def _asked(words: str) -> dict[str, str]:
+    """Return what bash sets to ask for the last of some words."""
+    return {"_EOS_REF_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+
+
+def _processes(
+    scene: str, peer: str, ours: list[str], code: str, repeats: int, environment: dict[str, str] | None = None
+) -> Ratio:
+    """Time whole programs as they are when installed: with byte code of all modules, of which some machines keep none.
+
+    What calibrates the measurement leaves it in a folder.
+    """
+    theirs = [sys.executable, "-c", code]
+    with tempfile.TemporaryDirectory() as folder:
+        installed = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": folder}
+        call, peer_call = partial(_process, ours, installed | (environment or {})), partial(_process, theirs, installed)
+        return against(scene, peer, call, peer_call, repeats, at_least=0)
+
+
+def _process(command: list[str], environment: dict[str, str] | None = None) -> None:
+    environ = os.environ | (environment or {})
+    done = subprocess.run(command, check=False, capture_output=True, text=True, env=environ)
+    if done.returncode:
+        raise RuntimeError(f"exit code {done.returncode} of {shlex.join(command)}:\n{done.stdout}{done.stderr}")
+
+
+# --- other codes
+
+
+def taylor_green(repeats: int, python: str | None) -> Iterator[Ratio]:
+    """Yield the time per particle and step of Taylor-Green vortices, ours against every other code at hand.
+
+    Codes that run as programs of their own cannot take turns step by step with ours; each of their runs is followed by
+    one of ours of about the same length, so that a drift of the machine meets both.
+
+    Parameters
+    ----------
+    python : str or None
+        A Python that has PySPH; None: without it.
+
+    Raises
+    ------
+    InputError
+        That Python cannot run PySPH.
+    """
+    from eos_ref.compiled.evaluator import CompiledEvaluator
+
+    start = FLOWS["taylor-green"].start(VORTICES, Options(kernel="quintic"))
+    with Ranks(None, 1) as one, Ranks(None, 2) as two:
+        peers: dict[str, Callable[[], list[float]]] = {
+            "LAMMPS": partial(_lammps, start, one),
+            "LAMMPS, 2 ranks": partial(_lammps, start, two),
+        }
+        if python:
+            peers["PySPH"] = partial(_pysph, python)
+        for threads in (1, 2):
+            flow = ReferenceFlow(start, partial(CompiledEvaluator, threads=threads))
+            flow.advance(WARM)
+            scene = f"Taylor-Green, {VORTICES**2:,} particles" + (f", {threads} threads" if threads > 1 else "")
+            for peer, steps in peers.items():
+                yield _against(scene, peer, partial(flow.advance, STEPS), steps, repeats)
+
+
+def _lammps(start: Start, ranks: Ranks) -> list[float]:
+    """Return the seconds of one step of LAMMPS on a number of ranks, after a few steps to warm up."""
+    lammps_job = job(start.case.scene, start.atoms, plan(start.case.scene))
+    runs = (RunCommand(f"run {WARM} post no", read=False), RunCommand(f"run {STEPS} pre no post no"))
+    answer = ranks.run(replace(lammps_job, runs=runs, ranks=ranks.count))
+    return [answer.run_seconds[-1] / STEPS]
+
+
+def _pysph(python: str) -> list[float]:
+    """Return the seconds of every step of PySPH's example."""
+    result = pysph.answer(python, str(pysph.SCRIPTS / "pysph_taylor_green.py"), str(VORTICES), str(STEPS))
+    assert result["particles"] == VORTICES**2
+    return [float(seconds) for seconds in result["seconds"]]
+
+
+def _against(scene: str, peer: str, ours: Callable[[], None], theirs: Callable[[], list[float]], repeats: int) -> Ratio:
+    own, other = [], []
+    for _ in range(repeats):
+        other.append(interval(tuple(theirs())).median)
+        own.append(timeit(ours, number=1) / STEPS)
+    return ratio(scene, peer, Timing(tuple(own), 1, own[0]), Timing(tuple(other), 1, other[0]), VORTICES**2)

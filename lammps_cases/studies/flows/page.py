@@ -1,0 +1,175 @@
+"""The page of validations, and its pictures as files."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from lammps_cases.pages import frame
+from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, saved
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.wording import brief, number
+from lammps_cases.studies.flows.catalogue import VALIDATIONS
+from lammps_cases.studies.flows.flow import Flow, FlowPanel, ReferenceCurve
+from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, Validated, called
+
+_COLOURS = {REFERENCE: BLUE, LAMMPS: RED, UNIT: RED}
+_FINDING = "#d98200"
+_MARKS = ("o", "^", "s", "D")
+ASSETS = Path(__file__).parent / "assets"
+
+
+def write(validated: Validated, folder: Path) -> None:
+    """Write ``report.html`` and ``figures/*.svg|png``."""
+    figures = folder / "figures"
+    figures.mkdir(parents=True, exist_ok=True)
+    flows = [VALIDATIONS[name] for name in validated.flows]
+    html = frame.page(
+        ASSETS,
+        "validate",
+        "good",
+        engine=validated.engine.get("distribution", ""),
+        validated=validated,
+        flows=flows,
+        facts=validated.facts,
+        pictures={of.name: saved(figure(validated, of), figures, of.name) for of in flows},
+        stops={of.name: list(stops(validated, of)) for of in flows},
+        effects={of.name: list(effects(validated, of)) for of in flows},
+        value=lambda value: brief(value) if math.isfinite(value) else "",
+        order=order,
+        called=called,
+        sides=(REFERENCE, LAMMPS),
+        in_another_unit=any(run.side == UNIT for run in validated.runs),
+        navigation=[(of.name, of.title) for of in flows],
+        nan=math.nan,
+    )
+    write_atomically(folder / "report.html", html)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A number that a user reads off a run, and the reference's at the same resolution, in words."""
+
+    run: str
+    n: int
+    quantity: str
+    found: str
+    ours: str
+    change: str
+    published: str
+
+
+def effects(validated: Validated, of: Flow) -> Iterator[Effect]:
+    """Yield what LAMMPS, and each of its findings alone, makes of the quantities of a flow, at its finest resolution.
+
+    Of a side that stopped, at the finest at which it did not.
+    """
+    for side in validated.sides(of.name):
+        run = next((run for run in reversed(validated.of(of.name, side)) if not run.message), None)
+        if side == REFERENCE or run is None:
+            continue
+        beside = next((ours for ours in validated.of(of.name, REFERENCE) if ours.n == run.n), None)
+        for quantity in of.quantities:
+            if beside is not None and quantity.name in beside.quantities:
+                ours, theirs = beside.quantities[quantity.name], run.quantities[quantity.name]
+                yield Effect(
+                    called(side),
+                    run.n,
+                    quantity.name,
+                    quantity.absent if math.isnan(theirs) else number(theirs),
+                    number(ours),
+                    change(theirs, ours),
+                    number(quantity.published),
+                )
+
+
+def change(theirs: float, ours: float) -> str:
+    """Say how far a number is from another, to a tenth of a per cent at most; empty where nothing can be said."""
+    ratio = theirs / ours if ours else math.nan
+    if not math.isfinite(ratio):
+        return ""
+    percent = 100 * (ratio - 1)
+    if abs(percent) >= 1000:
+        return f"{ratio:.0f} times"
+    return "0 %" if abs(percent) < 0.05 else f"{percent:+.{0 if abs(percent) >= 10 else 1}f} %"
+
+
+def order(value: float) -> str:
+    """Return an order of convergence as tables have it; empty for none."""
+    return f"{round(value, 1) + 0.0:.1f}" if math.isfinite(value) else ""
+
+
+def stops(validated: Validated, of: Flow) -> Iterator[str]:
+    """Yield why sides stopped at their finest resolution."""
+    for side in validated.sides(of.name):
+        if side != REFERENCE and validated.of(of.name, side)[-1].message:
+            yield f"{called(side)} {stopped(validated, of.name, side)}"
+
+
+def stopped(validated: Validated, flow: str, side: str) -> str:
+    """Say why a side has no numbers: of LAMMPS the findings with which the reference loses particles too."""
+    *_, last = runs = validated.of(flow, side)
+    run = next((run for run in runs if run.lost), last)
+    if not run.lost:
+        return f"stopped at {run.n} particles: {run.message}"
+    names = " and ".join(run.lost.findings)
+    how = "alone" if len(run.lost.findings) == 1 else "together"
+    too = f"so does the reference with {names} {how}, after step {run.lost.after}"
+    none = "the reference does not, with none of the findings tried"
+    return f"loses atoms after step {run.lost.step}, at {run.n} particles; {too if names else none}"
+
+
+# --- pictures
+
+
+def figure(validated: Validated, of: Flow) -> Figure:
+    """Draw every panel of a flow; the finest resolution of a side is thick, coarser ones are faint."""
+    with matplotlib.rc_context(STYLE):
+        count = len(of.panels)
+        drawn = Figure(figsize=(3.6 * count + 2.3, 3.2), layout="constrained")
+        axes = drawn.subplots(1, count, squeeze=False).ravel()
+        for axis, panel in zip(axes, of.panels, strict=True):
+            for side in validated.sides(of.name):
+                _draw_side(axis, validated, of.name, side, panel)
+            for known, mark in zip(panel.known, _MARKS, strict=False):
+                _draw_known(axis, known, mark)
+            axis.set(xlabel=panel.x, ylabel=panel.y)
+        labels: dict[str, Any] = {}
+        for axis in axes:
+            labels |= {label: handle for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+        drawn.legend(list(labels.values()), list(labels), loc="outside right center", frameon=False, fontsize=8)
+        return drawn
+
+
+def _draw_side(axis: Any, validated: Validated, flow: str, side: str, panel: FlowPanel) -> None:
+    runs = [run for run in validated.of(flow, side) if panel.name in run.curves]
+    for run in runs:
+        last = run is runs[-1]
+        style: dict[str, Any] = {
+            "color": _COLOURS.get(side, _FINDING),
+            "lw": 1.6 if last else 0.8,
+            "alpha": 0.95 if last else 0.45,
+            "ls": "-" if side == REFERENCE else "--" if side == LAMMPS else ":",
+            "zorder": 3 if side == REFERENCE else 4,
+        }
+        axis.plot(*run.curves[panel.name], label=_label(side, run.n) if last else None, **style)
+
+
+def _label(side: str, n: int) -> str:
+    """Return a side and its resolution, in lines of a legend."""
+    return textwrap.fill(f"{called(side)}, N\u00a0=\u00a0{n}", 22, break_on_hyphens=False)
+
+
+def _draw_known(axis: Any, known: ReferenceCurve, mark: str) -> None:
+    if known.marks:
+        style: dict[str, Any] = {"ls": "none", "marker": mark, "ms": 4.5, "mfc": "white", "mec": "black", "mew": 1}
+    else:
+        style = {"color": "black" if mark == _MARKS[0] else GREY, "lw": 1.0, "ls": "-" if mark == _MARKS[0] else "-."}
+    axis.plot(known.x, known.y, label=known.label, zorder=5 if known.marks else 2, **style)

@@ -1,0 +1,217 @@
+"""Run validations: every flow at its resolutions on the reference and on LAMMPS, and what each finding does to it."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eos_ref import InputError
+from lammps_cases.comparison import prediction_keys
+from lammps_cases.engine import installations
+from lammps_cases.engine.installations import library_sha256
+from lammps_cases.engine.workers import Workers
+from lammps_cases.findings.entry import Finding
+from lammps_cases.records.measure import machine
+from lammps_cases.records.progress import SILENT, Progress
+from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
+from lammps_cases.studies.flows import page, record
+from lammps_cases.studies.flows.converge import FlowResult, by_reference, in_worker
+from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
+from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
+from lammps_cases.studies.flows.stepping import ReferenceFlow
+
+LIMIT = 3600.0  # seconds for one run
+SPACING = 0.75  # between particles, in another unit of length
+STRIDE = 10  # steps between looks
+PATIENCE = 1.25  # times as many steps as LAMMPS took are given to the reference
+
+
+@dataclass(frozen=True)
+class FlowTask:
+    """A run to be done: a flow at a resolution, by one side; ``explained``: if LAMMPS loses atoms, it is said why."""
+
+    of: Flow
+    n: int
+    side: str
+    solve: Callable[[Start], FlowResult]
+    explained: bool = False
+
+
+def validate(
+    chosen: Sequence[Flow],
+    out: Path,
+    command: str,
+    *,
+    quick: bool = False,
+    engine: str = "env",
+    progress: Progress = SILENT,
+) -> Validated:
+    """Run validations, and write document and page after each of them; runs that the folder has are not done again.
+
+    Raises
+    ------
+    InputError
+        No such engine.
+    EngineMissing
+    """
+    site, begin, before = installations.resolve(engine).site, time.perf_counter(), machine()
+    kept, runs = record.runs(out), list[FlowRecord]()
+    with Workers(site, 1) as workers:
+        about = workers.identify().result()
+        about["library_sha256"] = library_sha256(about.pop("library", ""))
+        tasks = [task for of in chosen for task in _tasks(of, quick, workers)]
+        for k, task in enumerate(tasks):
+            start = task.of.start(task.n, task.of.options)
+            key = _key(task, start, about)
+            ran = kept.get(key)
+            if ran is None:
+                progress.advance(k, len(tasks), f"{task.of.name}, {task.n}, {task.side}")
+                ran = kept.add(key, _run(task, start))
+            runs.append(ran)
+    progress.advance(len(tasks), len(tasks), "report")
+    seconds = time.perf_counter() - begin + kept.earlier
+    validated = Validated(command, before, about, quick, seconds, tuple(runs))
+    record.write(validated, out)
+    page.write(validated, out)
+    return validated
+
+
+def _tasks(of: Flow, quick: bool, workers: Workers) -> Iterator[FlowTask]:
+    """Yield both sides at every resolution; in full also, at the coarsest, findings and another unit of length."""
+    resolutions = (of.quick or of.resolutions[:1]) if quick else of.resolutions
+    lammps = partial(in_worker, workers=workers, time_limit=LIMIT)
+    for n in resolutions:
+        yield FlowTask(of, n, REFERENCE, by_reference)
+        yield FlowTask(of, n, LAMMPS, lammps, n == resolutions[0])
+    if not quick:
+        if of.start(resolutions[0], of.options).body is None:  # whose formulas are in the first unit
+            yield FlowTask(of, resolutions[0], UNIT, partial(_in_another_unit, solve=lammps))
+        for finding in of.findings:
+            yield FlowTask(of, resolutions[0], finding.id, partial(_with, finding))
+
+
+def _with(finding: Finding, start: Start) -> FlowResult:
+    """Run a flow on the reference with a finding of LAMMPS."""
+    variant = finding.model_variant
+    assert variant is not None and variant.stages is not None
+    return by_reference(start, variant.stages)
+
+
+def _in_another_unit(start: Start, solve: Callable[[Start], FlowResult]) -> FlowResult:
+    """Run a flow whose lengths and times are told in other units; snapshots are in the first ones."""
+    case, scale = start.case, Scale.of_size(SPACING, start.case.scene.dimension)
+    cut = case.scene.rheo.cut
+    assert cut is not None
+    other = Start(
+        replace(case, scene=rescaled(case.scene, scale, cut)),
+        rescaled_atoms(start.atoms, scale),
+        start.steps,
+        start.timestep * scale.of("time"),
+    )
+    result = solve(other)
+    return replace(result, snapshots=tuple(_back(shot, scale) for shot in result.snapshots))
+
+
+def _back(shot: Snapshot, scale: Scale) -> Snapshot:
+    """Return a snapshot in the first units; velocities, densities and pressures are the same."""
+    return replace(shot, time=shot.time / scale.of("time"), x_nc=shot.x_nc / scale.of("x"))
+
+
+def _key(task: FlowTask, start: Start, about: dict[str, Any]) -> str:
+    """Hash all that a run depends on: sources, start, side, and LAMMPS' account of itself."""
+    a, lammps = start.atoms, repr(sorted(about.items())) if task.side.startswith(LAMMPS) else ""
+    arrays = (a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.low_c, a.high_c)
+    problem = start.case.scene.model_dump_json(), start.steps, start.timestep, start.body.formulas if start.body else ()
+    return prediction_keys.fingerprint(_sources(), problem, task.side, SPACING, lammps, arrays)
+
+
+@functools.cache
+def _sources() -> str:
+    """Hash the code that decides what is run and what is read off it, with the reference and its libraries."""
+    digest = hashlib.sha256(prediction_keys.context().encode())
+    package = Path(__file__).parents[2]
+    for room in ("scene", "setup", "engine", "studies/flows"):
+        for path in sorted((package / room).glob("*.py")):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _solved(task: FlowTask, start: Start) -> FlowResult:
+    """Run a task; particles of the reference that are lost become the message, as those of LAMMPS do."""
+    try:
+        return task.solve(start)
+    except InputError as error:
+        return FlowResult((), math.nan, len(start.atoms), 0, str(error))
+
+
+def _run(task: FlowTask, start: Start) -> FlowRecord:
+    of, n, options = task.of, task.n, task.of.options
+    result = _solved(task, start)
+    about = (of.name, task.side, n, result.n, result.steps, result.seconds)
+    if result.message:
+        explained = task.explained and result.lost
+        return FlowRecord(
+            *about, result.message, {}, {}, {}, explain(start, task.solve, of.findings) if explained else None
+        )
+    shots = result.snapshots
+    return FlowRecord(
+        *about,
+        "",
+        {panel.name: panel.read(n, options, shots) for panel in of.panels},
+        of.measures(n, options, shots),
+        {quantity.name: quantity.read(n, options, shots) for quantity in of.quantities},
+    )
+
+
+# --- particles that LAMMPS loses
+
+
+def explain(start: Start, lammps: Callable[[Start], FlowResult], findings: Sequence[Finding]) -> Lost:
+    """Return the last step that LAMMPS has all particles at, and the first findings with which the reference has not.
+
+    They are tried each alone, then all together.
+    """
+    looks = range(STRIDE, start.steps[-1] + 1, STRIDE)
+    step = lammps(replace(start, steps=tuple(looks))).steps
+    for entries in _sets(findings):
+        after = last_with_all(start, entries, min(int(PATIENCE * step), start.steps[-1]))
+        if after is not None:
+            return Lost(step, tuple(entry.id for entry in entries), after)
+    return Lost(step)
+
+
+def _sets(findings: Sequence[Finding]) -> Iterator[tuple[Finding, ...]]:
+    yield from ((entry,) for entry in findings)
+    if len(findings) > 1:
+        yield tuple(findings)
+
+
+def last_with_all(start: Start, findings: Sequence[Finding], steps: int) -> int | None:
+    """Return the last step that the reference with findings has all particles at; None if it keeps them."""
+    stages: list[Any] = [entry.model_variant.stages for entry in findings if entry.model_variant]
+    run = ReferenceFlow(start, type("Together", tuple(stages), {}) if stages else None)
+    with np.errstate(all="ignore"):
+        while run.step < steps:
+            run.advance(STRIDE)
+            if gone(start, run.snapshot()):
+                return run.step - STRIDE
+    return None
+
+
+def gone(start: Start, shot: Snapshot) -> bool:
+    """Return whether a particle is beyond the box, where it ends, or nowhere."""
+    d = shot.x_nc.shape[1]
+    fixed_c = ~np.array(start.atoms.periodic[:d])
+    low_c, high_c = np.array(start.atoms.low_c)[:d][fixed_c], np.array(start.atoms.high_c)[:d][fixed_c]
+    x_nc = shot.x_nc[:, fixed_c]
+    inside = (x_nc >= low_c) & (x_nc <= high_c)
+    return not (inside.all() and np.isfinite(shot.x_nc).all() and np.isfinite(shot.v_nc).all())

@@ -1,0 +1,107 @@
+"""Wall times and what may be said of them. Nothing here depends on how fast the machine is."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import quantile_test
+
+from lammps_cases.records.measure import (
+    CONFIDENCE,
+    ConfidenceInterval,
+    Timing,
+    in_turns,
+    interval,
+    machine,
+    verdict,
+)
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 6, 8, 9, 12, 20, 51])
+def test_interval_encloses_the_median_as_often_as_it_says(n: int) -> None:
+    """Order statistics: the ends' ranks miss the median with at most 5 % probability, and the next narrower do not."""
+    found = interval(tuple(float(k) for k in range(1, n + 1)))
+    rank = round(found.low)
+    assert found.median == (n + 1) / 2
+    assert found.high == n + 1 - rank
+
+    def missed(k: int) -> float:
+        return float(2 * sum(math.comb(n, i) for i in range(k)) / 2**n)
+
+    assert rank == 1 or missed(rank) <= 1 - CONFIDENCE
+    assert missed(rank + 1) > 1 - CONFIDENCE or rank + 1 > n // 2
+
+
+@pytest.mark.parametrize("n", [6, 7, 8, 9, 25, 100])
+def test_interval_is_that_of_the_quantile_test(n: int) -> None:
+    random = np.random.default_rng(n)
+    for values in (random.standard_cauchy(n), random.integers(0, 4, n).astype(float)):
+        found, expected = interval(tuple(values.tolist())), quantile_test(values).confidence_interval(CONFIDENCE)
+        assert (found.low, found.high) == (expected.low, expected.high)
+
+
+def test_coverage_is_what_it_claims_on_random_numbers() -> None:
+    random = np.random.default_rng(5)
+    trials = 4000
+    held = sum(
+        found.low <= 0.0 <= found.high
+        for found in (interval(tuple(random.standard_cauchy(9).tolist())) for _ in range(trials))
+    )
+    # Five standard deviations of a binomial below 95 %; the exact coverage of 9 values is 96.1 %.
+    assert held / trials > CONFIDENCE - 5 * math.sqrt(0.05 * 0.95 / trials)
+    assert held / trials < 0.999
+
+
+@given(st.lists(st.floats(0.1, 10.0), min_size=1, max_size=30))
+def test_interval_is_ordered(values: list[float]) -> None:
+    found = interval(tuple(values))
+    assert min(values) <= found.low <= found.median <= found.high <= max(values)
+
+
+def test_a_drift_that_meets_both_does_not_show_in_the_ratio() -> None:
+    """Times that grow tenfold over the rounds: medians alone could not tell 5 %, round by round they can."""
+    drift = np.geomspace(1.0, 10.0, 15)
+    fast, slow = (Timing(tuple((factor * drift).tolist()), 1, 0.0) for factor in (1.0, 1.05))
+    assert verdict(fast.against(slow)) == "faster"
+    assert verdict(slow.against(fast)) == "slower"
+    assert verdict(fast.against(fast)) == "cannot tell"
+    assert fast.seconds.low < slow.seconds.low < fast.seconds.high  # not separable without the pairing
+
+
+def test_all_are_called_in_every_round_and_not_always_in_the_same_order() -> None:
+    called: list[str] = []
+    found = in_turns({name: (lambda name=name: called.append(name)) for name in "abc"}, rounds=6, at_least=0.0)
+    assert set(found) == set("abc")
+    assert all(len(timing.seconds_r) == 6 and timing.calls == 1 for timing in found.values())
+    rounds = ["".join(called[k : k + 3]) for k in range(6, len(called), 3)]  # 3 first calls, 3 calibrating ones before
+    assert all(sorted(turn) == ["a", "b", "c"] for turn in rounds)
+    assert len(set(rounds)) > 2
+    assert max(Counter(turn[0] for turn in rounds).values()) < 6
+
+
+def test_quick_calls_are_repeated_until_they_last() -> None:
+    count = Counter[str]()
+    found = in_turns({"quick": lambda: count.update("q")}, rounds=2, at_least=1e-3)
+    assert found["quick"].calls > 1
+    assert count["q"] > 2 * found["quick"].calls
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "answer"),
+    [(0.8, 0.9, "faster"), (1.1, 1.2, "slower"), (0.9, 1.1, "cannot tell"), (1.0, 1.2, "cannot tell")],
+)
+def test_verdict(low: float, high: float, answer: str) -> None:
+    assert verdict(ConfidenceInterval((low + high) / 2, low, high)) == answer
+
+
+def test_the_machine_is_named() -> None:
+    found = machine()
+    assert found["processor"]
+    assert int(found["cores"]) >= 1

@@ -56,9 +56,9 @@ launcher_option = click.option(
 def _limit_memory(context: click.Context, _: click.Parameter, text: str | None) -> None:
     """Have the pools of processes of a command keep to a limit."""
     if text:
-        from lammps_cases.engine import workers
+        from lammps_cases.engine import pool
 
-        context.with_resource(workers.limited(text))
+        context.with_resource(pool.limited(text))
 
 
 memory_option = click.option(

@@ -121,12 +121,12 @@ class Hunt:
                 left = None if left is None else left - 1
             if running and len(judging) <= workers.count:
                 drawn, futures = running.popleft()
-                outcomes = case_judgement.answers(workers, drawn.ready, futures)
+                outcomes = case_judgement.answers(workers, futures)
                 task = workers.call(case_judgement.judge, drawn.ready, outcomes, judge.engine, None, time_limit=JUDGING)
                 judging.append((drawn, task))
             elif judging:
                 drawn, task = judging.popleft()
-                outcome = workers.outcome(task, JUDGING)
+                outcome = workers.outcome(task)
                 yield drawn, record_of(drawn, outcome, judge.engine)
             else:
                 return

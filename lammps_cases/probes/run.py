@@ -57,7 +57,7 @@ def put(workers: Workers, inputs: Sequence[Input], time_limit: float, alone: boo
     else:
         futures = [workers.call(ask, given, time_limit=time_limit) for given in inputs]
     for future in futures:
-        outcome = workers.outcome(future, time_limit)
+        outcome = workers.outcome(future)
         yield Reply(outcome.verdict, outcome.message) if isinstance(outcome, Failure) else outcome
 
 
@@ -66,7 +66,7 @@ def ask_apart(site: str | None, given: Input, time_limit: float) -> Reply:
     session.load(site)
     try:
         return apart.call(ask, site, given, time_limit=time_limit)
-    except apart.TimedOut as error:
+    except TimeoutError as error:
         return Reply("timeout", str(error))
 
 

@@ -168,7 +168,7 @@ class Campaign:
         """
         drawn: dict[str, Drawn] = {}
         workers.check_shared(self.folder)
-        identity = workers.identify(patience := _patience(self.cases))
+        identity = workers.identify(_patience(self.cases))
         # What does not depend on LAMMPS is done while it starts.
         with stage("preparing"):
             left = ordered(case for case in self.cases if case.name not in self.judged)
@@ -178,14 +178,14 @@ class Campaign:
         from lammps_cases.report import page
 
         self.whole = len(self.cases) <= page.WHOLE or self.options["fail_on"] != "new"
-        who = workers.outcome(identity, patience)
+        who = workers.outcome(identity)
         if isinstance(who, Failure):
             raise EngineMissing(f"LAMMPS cannot be opened, for any case: {wording.one_line(who.message)}")
         now.run.engine = answering = engine_record(engine, who)
         self.begun = self.journal.begin(now, self.judged)
         rest = [following(each, answering.manual) for each in rest]
         for ready, verdict in self._judged(workers, rest, answering):
-            judgement = workers.outcome(verdict, JUDGING)
+            judgement = workers.outcome(verdict)
             if isinstance(judgement, Failure):
                 self.records[ready.case.name] = record = unjudged(ready, judgement, answering)
             else:
@@ -222,8 +222,7 @@ class Campaign:
                     yield each.ready, each.futures[0]
                     forget(each.told)
                 else:
-                    limit = each.ready.case.scene.engine.time_limit
-                    each.told = [workers.outcome(future, limit) for future in each.futures]
+                    each.told = [workers.outcome(future) for future in each.futures]
                     task = self.folder, each.ready, each.told, engine, self.store, judgements, self.whole
                     each.futures = [workers.call(judge_answers, *task, time_limit=JUDGING)]
 

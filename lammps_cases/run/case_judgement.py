@@ -203,12 +203,11 @@ def first_step_outside(site: str | None, ready: PreparedCase, engine: str, predi
     return first_step(ready.case, ready.atoms, solve(site, every_step), engine, predictor)
 
 
-def answers(workers: Workers, ready: PreparedCase, futures: Sequence[Future[Answer]]) -> Outcomes:
+def answers(workers: Workers, futures: Sequence[Future[Answer]]) -> Outcomes:
     """Wait for the runs of a case."""
-    limit = ready.case.scene.engine.time_limit
     outcomes: Outcomes = []
     for future in futures:
-        outcome = workers.outcome(future, limit)
+        outcome = workers.outcome(future)
         outcomes.append(outcome)
     return outcomes
 

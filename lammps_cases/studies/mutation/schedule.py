@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import tempfile
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -12,10 +11,9 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from lammps_cases.comparison.store import Store
-from lammps_cases.engine import forkserver
 from lammps_cases.engine.installations import Engine
-from lammps_cases.engine.pool import OrderedPool
-from lammps_cases.engine.workers import Failure
+from lammps_cases.engine.pool import LocalPool
+from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.prepared_case import prepare
@@ -32,11 +30,6 @@ CASE_LIMIT = 30.0  # seconds of the processor that a mutated reference may take 
 TOGETHER = 12  # cases given to a worker at a time
 ENOUGH = 3  # answers that a mutated reference changes, judged before it goes on
 EXCLUDED_TAGS = {"long", "open", "crash"}  # of cases that are not used
-# What a fresh process needs that is not of the reference: imported once for all of them.
-LIGHT = (
-    *("numpy", "scipy.special", "scipy.spatial", "pydantic", "yaml", "flint"),
-    "lammps_cases.studies.mutation.substitute",
-)
 
 T = TypeVar("T")
 Detecting = Generator[Future[Any], Any, list[Detection]]
@@ -67,11 +60,8 @@ class MutationPool:
     def __init__(self, engine: Engine, jobs: int, store: Store | None, every: bool = False) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-power-")
         self.folder = Path(self._folder.name)
-        context = forkserver.second_context(*LIGHT)
+        self._substitutes = Workers(None, jobs, LocalPool(jobs, fresh=True))
         self._workers = JudgingWorkers(engine, jobs, store, LIMIT)
-        self._substitutes = OrderedPool(
-            max_workers=jobs, max_tasks=1, context=context, initializer=substitute.prepare, initargs=(os.getpid(),)
-        )
         self._workers.check_shared(self.folder)
         self.jobs, self.every = self._workers.count, every
         self.answered: list[str] = []
@@ -96,7 +86,6 @@ class MutationPool:
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._substitutes.stop()
-        self._substitutes.join()
         self._workers.__exit__(kind, value, trace)
         self._folder.cleanup()
 
@@ -229,12 +218,9 @@ class MutationPool:
     def _call_substitute(
         self, mutation: Mutation, names: list[str], engine: str | None, enough: int
     ) -> Future[list[Substitution]]:
-        future: Future[list[Substitution]] = self._substitutes.schedule(
-            substitute.answer_cases,
-            args=(mutation, self.folder, names, engine, enough, CASE_LIMIT),
-            timeout=60.0 + CASE_LIMIT * len(names),
-        )
-        return future
+        given = mutation, self.folder, names, engine, enough, CASE_LIMIT
+        limit = 60.0 + CASE_LIMIT * len(names)
+        return self._substitutes.call(substitute.answer_apart, limit, *given, time_limit=2 * limit)
 
 
 def _mutation(fault: Fault) -> Mutation:

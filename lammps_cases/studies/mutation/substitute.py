@@ -6,13 +6,13 @@ read, so that everything built on it is built on the mutation. Only functions of
 
 from __future__ import annotations
 
+import importlib
 import importlib.abc
 import importlib.machinery
 import importlib.util
 import pickle
 import signal
 import sys
-import threading
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -22,8 +22,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lammps_cases.engine import ranks
+from lammps_cases.engine import apart
 from lammps_cases.engine.session import Answer
+
+# What a mutated reference needs that is not of it: imported once for all of them.
+LIGHT = ("numpy", "scipy.special", "scipy.spatial", "pydantic", "yaml", "flint")
 
 
 @dataclass(frozen=True)
@@ -67,14 +70,6 @@ class TimeLimitExceeded(Exception):
     """A case that a mutation keeps from ending."""
 
 
-def prepare(parent: int) -> None:
-    """Begin a process: it ends with its parent, and has nothing to say."""
-    threading.Thread(target=ranks.die_with, args=(parent,), daemon=True).start()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGVTALRM, _stop)
-    warnings.simplefilter("ignore")
-
-
 def load(mutation: Mutation) -> None:
     """Have a module of the reference loaded with another text; before the package is.
 
@@ -112,10 +107,17 @@ class _Loader(importlib.machinery.SourceFileLoader):
         return compile(self.text, self.path, "exec")
 
 
+def answer_apart(site: None, time_limit: float, *given: Any) -> list[Substitution]:
+    """Task: do `answer_cases` in a fork of this process, which never loads the reference."""
+    for name in LIGHT:
+        importlib.import_module(name)
+    return apart.call(answer_cases, *given, time_limit=time_limit)
+
+
 def answer_cases(
     mutation: Mutation, folder: Path, names: Sequence[str], engine: str | None, enough: int, limit: float
 ) -> list[Substitution]:
-    """Answer cases until some answers differ from those without the mutation; a task for a fresh process.
+    """Answer cases until some answers differ from those without the mutation, in a process without the reference.
 
     Parameters
     ----------
@@ -129,6 +131,8 @@ def answer_cases(
     list of Substitution
         Only of cases whose answers differ, in order.
     """
+    signal.signal(signal.SIGVTALRM, _stop)
+    warnings.simplefilter("ignore")
     load(mutation)
     differing: list[Substitution] = []
     for name in names:

@@ -7,14 +7,13 @@ import pickle
 import signal
 import tempfile
 import threading
-import time
 from collections.abc import Callable
+from multiprocessing import connection
 from typing import Any, TypeVar
 
 from lammps_cases.engine import ranks
 
 T = TypeVar("T")
-PAUSE = 0.001  # seconds between two looks at the fork
 
 
 def call(task: Callable[..., T], *arguments: Any, time_limit: float) -> T:
@@ -75,13 +74,14 @@ def _work(task: Callable[..., T], arguments: tuple[Any, ...], output: int, answe
 
 
 def _wait(child: int, time_limit: float) -> int:
-    deadline = time.monotonic() + time_limit
-    while True:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            return status
-        if time.monotonic() > deadline:
-            os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
+    handle = os.pidfd_open(child)
+    try:
+        if not connection.wait([handle], time_limit):
             raise TimeoutError(beyond(time_limit))
-        time.sleep(PAUSE)
+    except BaseException:
+        os.kill(child, signal.SIGKILL)
+        raise
+    finally:
+        os.close(handle)
+        status = os.waitpid(child, 0)[1]
+    return status

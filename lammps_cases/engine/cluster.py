@@ -9,7 +9,6 @@ from __future__ import annotations
 import atexit
 import contextlib
 import logging
-import multiprocessing
 import os
 import threading
 import warnings
@@ -77,9 +76,7 @@ def _pool(site: str | None, memory: str) -> LocalPool:
     with _lock:
         if (kind := (site, memory)) not in _pools:
             os.environ[MEMORY] = memory
-            # A nanny's child may start no processes unless it is told that it may; its own end with it.
-            multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
-            _pools[kind] = LocalPool(get_worker().state.nthreads)
+            _pools[kind] = LocalPool(get_worker().state.nthreads, fresh=True)  # a nanny's child may fork none
             atexit.register(_pools[kind].stop)
         return _pools[kind]
 

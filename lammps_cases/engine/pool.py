@@ -13,13 +13,14 @@ import re
 import resource
 import shutil
 import signal
+import subprocess
+import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future
 from multiprocessing import connection
-from multiprocessing.context import ForkServerContext, SpawnContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import IO, Any, NamedTuple, Protocol
@@ -37,7 +38,7 @@ PAUSE = 0.1  # seconds before another process takes a task: who killed the first
 MAPPED = 2**22  # bytes from which on memory goes back to the system when it is freed, whatever lies behind it
 _M_MMAP_THRESHOLD = -3  # of malloc.h
 # Exit codes that an engine hardly gives itself: by signals that nothing raises in its own process, and what
-# multiprocessing has for a worker whose server was killed, which alone knows it.
+# multiprocessing has for a worker whose server was killed, which alone knows it, and is had for none that starts.
 FROM_OUTSIDE = (-signal.SIGKILL, -signal.SIGTERM, 255)
 
 
@@ -149,15 +150,50 @@ def _work(pipe: connection.Connection, folder: str, memory: int, parent: int) ->
             pipe.send_bytes(apart.outcome(_do, pipe.recv_bytes()))
 
 
+def work_alone() -> None:
+    """Work as a program, whose words are the handle of the pipe, the folder, the memory and the parent."""
+    handle, folder, memory, parent = sys.argv[1:]
+    _work(connection.Connection(int(handle)), folder, int(memory), int(parent))
+
+
 # --- in the parent
+
+
+class _Program:
+    """A process with nothing imported, by what is used of multiprocessing's, of which a Dask worker may start none."""
+
+    def __init__(self, pipe: connection.Connection, *arguments: Any) -> None:
+        words = [sys.executable, "-P", "-c", "from lammps_cases.engine import pool; pool.work_alone()"]
+        self._process = subprocess.Popen(
+            [*words, str(pipe.fileno()), *map(str, arguments)],
+            pass_fds=[pipe.fileno()],
+            stdin=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            start_new_session=True,  # Ctrl-C is not for it
+        )
+        self.pid, self.sentinel = self._process.pid, os.pidfd_open(self._process.pid)
+        self.kill = self._process.kill
+
+    def is_alive(self) -> bool:
+        return self._process.poll() is None
+
+    def join(self) -> None:
+        self.exitcode = self._process.wait()
+        os.close(self.sentinel)
+
+
+def _forked(*arguments: Any) -> BaseProcess:
+    process = multiprocessing.get_context("forkserver").Process(target=_work, args=arguments, daemon=True)
+    process.start()
+    return process
 
 
 class _Slot:
     """A process at a time, and the pipe to it; one thread uses it, another may kill the process."""
 
-    def __init__(self, context: ForkServerContext | SpawnContext, *arguments: Any) -> None:
-        self._context, self._arguments = context, arguments
-        self._process: BaseProcess | None = None
+    def __init__(self, begin: Callable[..., BaseProcess | _Program], *arguments: Any) -> None:
+        self._begin, self._arguments = begin, arguments
+        self._process: BaseProcess | _Program | None = None
         self._tasks = 0
         self.stopped = False
 
@@ -186,11 +222,10 @@ class _Slot:
     def _start(self) -> None:
         if self.stopped:
             raise CancelledError
-        self._pipe, other = self._context.Pipe()
-        process = self._context.Process(target=_work, args=(other, *self._arguments), daemon=True)
-        process.start()
-        other.close()
-        self._process, self._tasks = process, 0
+        self._pipe, other = multiprocessing.Pipe()
+        with other:
+            self._process = self._begin(other, *self._arguments)
+        self._tasks = 0
 
     def _receive(self, time_limit: float | None) -> bytes:
         assert self._process
@@ -200,10 +235,10 @@ class _Slot:
             raise EOFError
         return self._pipe.recv_bytes()
 
-    def end(self, within: float = 0.0) -> tuple[int, int] | None:
-        """End the process, if there is one, unless it ends by itself in time; return its id and exit code."""
+    def end(self, within: float = 0.0) -> tuple[int, int]:
+        """End the process unless it ends by itself in time; return its id and exit code, 0 and 255 if none started."""
         if not (process := self._process):
-            return None
+            return 0, 255
         connection.wait([process.sentinel], within)
         self.kill()
         with forkserver.starting():  # as another that starts looks for the ends of all
@@ -238,14 +273,15 @@ class LocalPool:
     local = True
 
     def __init__(self, count: int, fresh: bool = False) -> None:
-        context = multiprocessing.get_context("spawn") if fresh else forkserver.context()
+        if not fresh:
+            forkserver.context()
         remove_left()
         self._folder = tempfile.TemporaryDirectory(prefix=FOLDER)
         self._owner = _hold(Path(self._folder.name))
         self.count = count
         self._tasks = queue.SimpleQueue[_Task | None]()
         given = self._folder.name, memory_share(count), os.getpid()
-        self._slots = [_Slot(context, *given) for _ in range(count)]
+        self._slots = [_Slot(_Program if fresh else _forked, *given) for _ in range(count)]
         self._threads = [threading.Thread(target=self._serve, args=(slot,), daemon=True) for slot in self._slots]
         for thread in self._threads:
             thread.start()
@@ -255,6 +291,8 @@ class LocalPool:
 
     def schedule(self, function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: float) -> Future[Any]:
         """Queue a task, which another process does once more if the first is killed from outside."""
+        if not self._threads:
+            raise RuntimeError("the pool has ended")
         content = pickle.dumps((function, arguments), pickle.HIGHEST_PROTOCOL)
         task = _Task(content, time_limit, Future())
         self._tasks.put(task)
@@ -278,31 +316,27 @@ class LocalPool:
             task.future.set_exception(result)
 
     def _ask(self, slot: _Slot, task: _Task) -> bytes:
-        again = True
-        while True:
+        for again in (True, False):
             try:
                 return slot.ask(task.content, task.time_limit)
             except TimeoutError:
                 slot.end()
                 raise TimeoutError(apart.beyond(task.time_limit)) from None
-            except (EOFError, OSError):
-                ended = slot.end(DYING)
-                if not again and ended is None:
-                    raise  # no process starts
-            if not again or (ended and ended[1] not in FROM_OUTSIDE):
-                assert ended
-                raise ranks.crash_of_process(ended[1], self._printed(ended[0]))
-            again = False
+            except (EOFError, OSError) as error:
+                process, code = slot.end(DYING)
+                printed = self._printed(process) if process else str(error)
+            if not again or code not in FROM_OUTSIDE:
+                break
             time.sleep(PAUSE)
+        raise ranks.crash_of_process(code, printed)
 
     def _printed(self, process: int) -> str:
         """Return the end of what a process printed."""
         file = Path(self._folder.name) / str(process)
-        if not file.exists():
-            return ""
-        with file.open("rb") as printed:
+        with contextlib.suppress(OSError), file.open("rb") as printed:
             printed.seek(max(0, file.stat().st_size - TAIL))
             return printed.read().decode(errors="replace")
+        return ""
 
     def stop(self) -> None:
         """End all processes at once, and cancel what is queued."""

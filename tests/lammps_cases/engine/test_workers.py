@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import wait
 from itertools import count
-from multiprocessing import connection, forkserver
+from multiprocessing import connection
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import SimpleNamespace
@@ -413,13 +413,18 @@ def _late(site: str | None, seconds: float) -> int:
     return os.getpid()
 
 
+def parent(site: str | None) -> int:
+    return os.getppid()
+
+
 def test_server_that_is_killed_costs_no_task() -> None:
     """It is the parent of all workers, of whose ends only it can tell."""
     with Workers(None, 1) as pool:
         task = pool.call(_late, 1.0, time_limit=LIMIT)
         assert isinstance(pool.outcome(pool.call(_late, 0.0, time_limit=LIMIT)), int)
-        pid = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+        server = pool.outcome(pool.call(parent, time_limit=LIMIT))
+        assert isinstance(server, int)
         again = pool.call(_late, 1.0, time_limit=LIMIT)
-        os.kill(pid, signal.SIGKILL)
+        os.kill(server, signal.SIGKILL)
         assert isinstance(pool.outcome(again), int)
         assert isinstance(pool.outcome(task), int)

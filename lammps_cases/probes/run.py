@@ -72,8 +72,7 @@ def ask_apart(site: str | None, given: Input, time_limit: float) -> Reply:
 
 def ask(site: str | None, given: Input) -> Reply:
     """Task: run an input on a LAMMPS that no other has touched."""
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
-        lmp = session.open_lammps(site)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), session.opened(site) as lmp:
         try:
             return _job(lmp, given) if isinstance(given, Job) else _deck(lmp, given)
         except session.EngineLost as error:
@@ -82,8 +81,6 @@ def ask(site: str | None, given: Input) -> Reply:
             return Reply("refused", str(error))
         except UnicodeDecodeError as error:  # LAMMPS' module cannot read a message that breaks a character in two
             return Reply("refused", error.object.decode(errors="replace"))
-        finally:
-            lmp.close()
 
 
 def _job(lmp: Any, given: Job) -> Reply:

@@ -6,7 +6,6 @@ import ast
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any
 
@@ -81,14 +80,6 @@ OWN = {
         _own_fault("raises", "raise ValueError('no')"),
     )
 }
-
-
-@pytest.fixture(scope="module", autouse=True)
-def server() -> Iterator[None]:
-    """Mistakes are loaded in processes without the reference, forked from a server that has not imported it either."""
-    forkserver._forkserver._stop()  # type: ignore[attr-defined]
-    yield
-    forkserver._forkserver._stop()  # type: ignore[attr-defined]
 
 
 @pytest.fixture(scope="module")

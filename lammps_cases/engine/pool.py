@@ -135,19 +135,19 @@ def _prepare(folder: str, memory: int, parent: int) -> None:
             resource.setrlimit(limit, (most, hard))
 
 
-def _do(content: bytes) -> Any:
+def _do(content: bytes, pipe: connection.Connection) -> Any:
     """Do a task, of which nothing is kept that earlier ones printed: no words of theirs are its last."""
     os.ftruncate(1, 0)
     function, arguments = pickle.loads(content)
+    pipe.send_bytes(b"")  # begun
     return function(*arguments)
 
 
 def _work(pipe: connection.Connection, folder: str, memory: int, parent: int) -> None:
     _prepare(folder, memory, parent)
     with contextlib.suppress(EOFError, OSError):  # nobody waits any more
-        pipe.send_bytes(b"ready")
         while True:
-            pipe.send_bytes(apart.outcome(_do, pipe.recv_bytes()))
+            pipe.send_bytes(apart.outcome(_do, pipe.recv_bytes(), pipe))
 
 
 def work_alone() -> None:
@@ -213,11 +213,10 @@ class _Slot:
                 self.end()
             if not self._process:
                 self._start()
-        if not self._tasks:
-            self._receive(None)
         self._tasks += 1
         self._pipe.send_bytes(content)
-        return self._receive(time_limit)
+        first = self._receive(None)  # its time begins when the process has begun, and has imported what it needs
+        return first or self._receive(time_limit)
 
     def _start(self) -> None:
         if self.stopped:

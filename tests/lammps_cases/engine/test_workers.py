@@ -365,7 +365,7 @@ def test_a_death_is_that_of_the_task_begun_last(read: int, monkeypatch: pytest.M
     end, waits = LIMIT / 10, count()
 
     def late(*arguments: Any) -> Any:
-        if next(waits) > read:  # the first is for a worker that is ready
+        if next(waits) > 2 * read:  # for a task that begins, then for its answer
             time.sleep(1.0)
         return connection.wait(*arguments)
 
@@ -390,6 +390,17 @@ def test_a_task_beyond_its_time_limit_costs_no_other(workers: Workers, tmp_path:
     expected = Failure("timeout", "LAMMPS did not finish within the time limit of 0.5 s")
     assert workers.outcome(slow) == expected
     assert not isinstance(workers.outcome(next_one), Failure)
+
+
+class SlowToRead:
+    """Whoever reads it takes a second, as one that has to import much."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return time.sleep, (1.0,)
+
+
+def test_the_time_of_a_task_begins_when_it_is_read(workers: Workers) -> None:
+    assert workers.outcome(workers.call(given, SlowToRead(), time_limit=0.5)) is None
 
 
 def test_an_exception_stops_the_workers_at_once_and_nothing_stays(tmp_path: Path) -> None:

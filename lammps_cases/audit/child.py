@@ -24,6 +24,7 @@ from lammps_cases.audit.setups import SetupWatch
 from lammps_cases.audit.warn import HYPHEN
 from lammps_cases.audit.watch import DeckWatch
 from lammps_cases.engine import containment, ranks
+from lammps_cases.engine.pool import memory_share
 from lammps_cases.engine.session import (
     EngineBroken,
     EngineLacks,
@@ -33,7 +34,6 @@ from lammps_cases.engine.session import (
     load,
     open_lammps,
 )
-from lammps_cases.engine.workers import memory_share
 from lammps_cases.records.run_record import Seconds
 
 LARGEST_FILE = 2**34  # bytes

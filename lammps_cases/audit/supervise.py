@@ -200,7 +200,7 @@ def _launcher(options: AuditOptions) -> list[str]:
     if options.ranks == 1:
         return []
     with Workers(options.engine, 1) as workers:
-        found = workers.outcome(workers.call(ranks.launcher_of, options.ranks, time_limit=LAUNCHER), LAUNCHER)
+        found = workers.outcome(workers.call(ranks.launcher_of, options.ranks, time_limit=LAUNCHER))
     if isinstance(found, Failure):
         raise InputError("ranks", f"cannot be started ({found.message})", options.ranks, "option --ranks")
     return shlex.split(found)

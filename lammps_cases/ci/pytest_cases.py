@@ -83,7 +83,7 @@ class CaseJudge:
         assert self._workers is not None
         ready = prepare(case.by(self.engine.manual))
         futures = [self._workers.submit(job, case.scene.engine.time_limit) for job in ready.jobs]
-        arguments = (ready, outcomes_of(self._workers, ready, futures), self.engine, self.store)
+        arguments = (ready, outcomes_of(self._workers, futures), self.engine, self.store)
         judged = self._workers.outcome(self._workers.call(judge, *arguments, time_limit=JUDGING))
         if isinstance(judged, Failure):
             return faulty(ready, self.engine, judged)

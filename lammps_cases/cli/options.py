@@ -36,9 +36,9 @@ def _use_launcher(_: click.Context, __: click.Parameter, template: str | None) -
 def _limit_memory(context: click.Context, _: click.Parameter, text: str | None) -> None:
     """Have the pools of processes of a command keep to a limit."""
     if text:
-        from lammps_cases.engine import workers
+        from lammps_cases.engine import pool
 
-        context.with_resource(workers.limited(text))
+        context.with_resource(pool.limited(text))
 
 
 def _use_cluster(context: click.Context, _: click.Parameter, scheduler: str | None) -> None:

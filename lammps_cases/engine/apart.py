@@ -7,19 +7,13 @@ import pickle
 import signal
 import tempfile
 import threading
-import time
 from collections.abc import Callable
+from multiprocessing import connection
 from typing import Any, TypeVar
 
 from lammps_cases.engine import ranks
-from lammps_cases.engine.session import EngineCrashed, death, how_it_died
 
 T = TypeVar("T")
-PAUSE = 0.001  # seconds between two looks at the fork
-
-
-class TimedOut(RuntimeError):
-    """A task did not end within its time."""
 
 
 def call(task: Callable[..., T], *arguments: Any, time_limit: float) -> T:
@@ -29,7 +23,7 @@ def call(task: Callable[..., T], *arguments: Any, time_limit: float) -> T:
     ------
     EngineCrashed
         The fork died; the text is what it left.
-    TimedOut
+    TimeoutError
     Exception
         That of the task.
     """
@@ -43,13 +37,28 @@ def call(task: Callable[..., T], *arguments: Any, time_limit: float) -> T:
         content = answer.read()
         if not content:
             output.seek(0)
-            printed = ranks.last_lines(output.read().decode(errors="replace"))
-            raise EngineCrashed(f"LAMMPS' process {how_it_died(code)}{printed}", death(code))
+            raise ranks.crash_of_process(code, output.read().decode(errors="replace"))
     succeeded, result = pickle.loads(content)
     if not succeeded:
         raise result
     answered: T = result
     return answered
+
+
+def outcome(task: Callable[..., Any], *arguments: Any) -> bytes:
+    """Run a task, and return whether it succeeded with its result or its exception, pickled."""
+    try:
+        return pickle.dumps((True, task(*arguments)), pickle.HIGHEST_PROTOCOL)
+    except BaseException as error:
+        try:
+            return pickle.dumps((False, error))
+        except Exception:
+            return pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))
+
+
+def beyond(time_limit: float) -> str:
+    """Return the message of a task that took too long."""
+    return f"LAMMPS did not finish within the time limit of {time_limit:g} s"
 
 
 def _work(task: Callable[..., T], arguments: tuple[Any, ...], output: int, answer: int, parent: int) -> None:
@@ -58,24 +67,21 @@ def _work(task: Callable[..., T], arguments: tuple[Any, ...], output: int, answe
         threading.Thread(target=ranks.die_with, args=(parent,), daemon=True).start()
         os.dup2(output, 1)
         os.dup2(output, 2)
-        try:
-            content = pickle.dumps((True, task(*arguments)))
-        except Exception as error:
-            content = pickle.dumps((False, error))
         with os.fdopen(answer, "wb") as file:
-            file.write(content)
+            file.write(outcome(task, *arguments))
     finally:
         os._exit(0)
 
 
 def _wait(child: int, time_limit: float) -> int:
-    deadline = time.monotonic() + time_limit
-    while True:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            return status
-        if time.monotonic() > deadline:
-            os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-            raise TimedOut(f"LAMMPS did not finish within the time limit of {time_limit:g} s")
-        time.sleep(PAUSE)
+    handle = os.pidfd_open(child)
+    try:
+        if not connection.wait([handle], time_limit):
+            raise TimeoutError(beyond(time_limit))
+    except BaseException:
+        os.kill(child, signal.SIGKILL)
+        raise
+    finally:
+        os.close(handle)
+        status = os.waitpid(child, 0)[1]
+    return status

@@ -1,6 +1,6 @@
 """Tasks on the workers of a Dask cluster, in place of processes of this machine.
 
-Every worker keeps processes with a LAMMPS each, as this machine would (`lammps_cases.engine.workers.Workers`): what a
+Every worker keeps processes with a LAMMPS each, as this machine would (`lammps_cases.engine.pool.LocalPool`): what a
 segfault, a hang or a time limit costs there is what it costs here. A task whose worker is gone is done by another.
 """
 
@@ -9,7 +9,6 @@ from __future__ import annotations
 import atexit
 import contextlib
 import logging
-import multiprocessing
 import os
 import threading
 import warnings
@@ -21,9 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pebble import ProcessExpired
-
-from lammps_cases.engine.session import EngineCrashed, EngineMissing
+from lammps_cases.engine.pool import MEMORY, LocalPool, Pool
+from lammps_cases.engine.session import EngineMissing
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -50,7 +48,7 @@ def used(scheduler: str) -> Iterator[None]:
 
 # --- inside a worker of the cluster
 
-_pools: dict[tuple[str | None, str], Any] = {}
+_pools: dict[tuple[str | None, str], LocalPool] = {}
 _lock = threading.Lock()
 
 
@@ -65,31 +63,20 @@ def relay(
     memory: str, function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: float
 ) -> Answered | BaseException:
     """Do a task in a process of this worker, which may take the memory that was asked for."""
-    from lammps_cases.engine.workers import Failure
-
-    workers = _workers(arguments[0], memory)
-    future = workers.call(function, *arguments[1:], time_limit=time_limit)
     try:
-        return Answered(future.result())
-    except ProcessExpired:  # the process, and what it printed, are known here alone
-        outcome = workers.outcome(future)
-        return EngineCrashed(outcome.message, outcome.died) if isinstance(outcome, Failure) else Answered(outcome)
+        return Answered(_pool(arguments[0], memory).schedule(function, arguments, time_limit).result())
     except BaseException as error:
         return error
 
 
-def _workers(site: str | None, memory: str) -> Any:
+def _pool(site: str | None, memory: str) -> LocalPool:
     """Return the processes with this LAMMPS, as many as the worker has threads."""
     from distributed import get_worker
-
-    from lammps_cases.engine.workers import MEMORY, Workers
 
     with _lock:
         if (kind := (site, memory)) not in _pools:
             os.environ[MEMORY] = memory
-            # A nanny's child may start no processes unless it is told that it may; its own end with it.
-            multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
-            _pools[kind] = Workers(site, get_worker().state.nthreads)
+            _pools[kind] = LocalPool(get_worker().state.nthreads, fresh=True)  # a nanny's child may fork none
             atexit.register(_pools[kind].stop)
         return _pools[kind]
 
@@ -103,13 +90,15 @@ def _is_gone(answer: object) -> bool:
 
 
 class ClusterPool:
-    """The workers of a cluster, by the part of `pebble.ProcessPool` that `Workers` uses.
+    """The workers of a cluster.
 
     Raises
     ------
     InputError
         There is no dask.distributed, no scheduler, or none of its workers.
     """
+
+    local = False
 
     def __init__(self, scheduler: str) -> None:
         from eos_ref.errors import InputError
@@ -162,16 +151,14 @@ class ClusterPool:
         if blind:
             raise InputError("--cluster", f"its workers must see {folder}; there is none for", blind[0])
 
-    def schedule(self, function: Callable[..., Any], args: tuple[Any, ...], timeout: float) -> Future[Any]:
+    def schedule(self, function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: float) -> Future[Any]:
         """Queue a task."""
         future: Future[Any] = Future()
-        self._submit(future, (function, args, timeout), DEATHS)
+        self._submit(future, (function, arguments, time_limit), DEATHS)
         return future
 
     def _submit(self, future: Future[Any], task: tuple[Any, ...], left: int) -> None:
         from distributed import KilledWorker
-
-        from lammps_cases.engine.workers import MEMORY
 
         def settle(remote: Any) -> None:
             killed = remote.status == "error" and isinstance(remote.exception(), KilledWorker)
@@ -209,13 +196,18 @@ class ClusterPool:
             future.set_exception(self._gone())
 
     def stop(self) -> None:
-        """Give up what is queued."""
+        """Give up what is queued, and leave the cluster."""
         with contextlib.suppress(OSError):
             self._client.cancel(list(self._under_way.values()), force=True)
+        for future in list(self._under_way):
+            future.cancel()
+        self.finish()
 
-    def close(self) -> None:
-        """Nothing more is queued."""
-
-    def join(self) -> None:
+    def finish(self) -> None:
         """Leave the cluster."""
         self._client.close()
+
+
+def pool(count: int) -> Pool:
+    """Return the pool of the cluster that is in use, or else of so many processes of this machine."""
+    return ClusterPool(scheduler) if (scheduler := address()) else LocalPool(count)

@@ -6,15 +6,14 @@ what they need. It loads while this process imports its own modules.
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import forkserver
-from multiprocessing.context import ForkServerContext, ForkServerProcess
-from multiprocessing.popen_forkserver import Popen
-from multiprocessing.process import BaseProcess
+from multiprocessing.context import ForkServerContext
 from types import ModuleType
 
 FIRST = "lammps_cases.engine.beginning"
@@ -25,72 +24,21 @@ _starting = threading.RLock()
 
 
 @contextmanager
-def without_main() -> Iterator[None]:
-    """Hide the user's script, which a process that starts meanwhile would run again before its task.
+def starting() -> Iterator[None]:
+    """Let one thread at a time start processes, or look for their ends, which multiprocessing does when it starts one.
 
-    All tasks are functions of modules: a script needs no ``if __name__ == "__main__"`` to run cases.
+    The user's script is hidden, which a process would run again before its task: all tasks are functions of modules, so
+    that a script needs no ``if __name__ == "__main__"`` to run cases. So is the current folder, whose files may have
+    any name.
     """
     with _starting:
-        main = sys.modules["__main__"]
-        sys.modules["__main__"] = ModuleType("__main__")
+        main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+        before, os.environ["PYTHONSAFEPATH"] = os.environ.get("PYTHONSAFEPATH", ""), "1"
         try:
             yield
         finally:
             sys.modules["__main__"] = main
-
-
-class _Process(ForkServerProcess):
-    @staticmethod
-    def _Popen(process_obj: BaseProcess) -> Popen:  # where a start comes to, of a pool's thread too
-        with without_main():
-            return Popen(process_obj)
-
-
-class _Context(ForkServerContext):
-    Process = _Process
-
-
-_second = forkserver.ForkServer()
-
-
-class _SecondPopen(Popen):
-    def _launch(self, process_obj: BaseProcess) -> None:
-        first = forkserver.connect_to_new_process  # one process starts at a time: see `without_main`
-        forkserver.connect_to_new_process = _second.connect_to_new_process
-        try:
-            super()._launch(process_obj)  # type: ignore[misc]
-        finally:
-            forkserver.connect_to_new_process = first
-
-
-class _SecondProcess(ForkServerProcess):
-    @staticmethod
-    def _Popen(process_obj: BaseProcess) -> Popen:
-        with without_main():
-            return _SecondPopen(process_obj)
-
-
-class _SecondContext(ForkServerContext):
-    Process = _SecondProcess
-
-
-@contextmanager
-def _safe_path() -> Iterator[None]:
-    """Keep the current folder off the path of processes that are started: its files may have any name."""
-    before = os.environ.get("PYTHONSAFEPATH", "")
-    os.environ["PYTHONSAFEPATH"] = "1"
-    try:
-        yield
-    finally:
-        os.environ["PYTHONSAFEPATH"] = before  # "" is the same as none
-
-
-def second_context(*modules: str) -> ForkServerContext:
-    """Return the context of a second server, which has imported the modules named, whatever the first one has."""
-    _second.set_forkserver_preload([*modules])
-    with _safe_path():
-        _second.ensure_running()
-    return _SecondContext()
+            os.environ["PYTHONSAFEPATH"] = before  # "" is the same as none
 
 
 def context(*modules: str) -> ForkServerContext:
@@ -98,10 +46,11 @@ def context(*modules: str) -> ForkServerContext:
 
     Workers begin with the modules named, which the server imports once for all of them.
     """
-    forkserver.set_forkserver_preload([FIRST, OF_WORKERS, *modules])
-    with _safe_path():
+    found = multiprocessing.get_context("forkserver")
+    found.set_forkserver_preload([FIRST, OF_WORKERS, *modules])
+    with starting():
         forkserver.ensure_running()
-    return _Context()
+    return found
 
 
 def start_for_judging(pairs: bool = True) -> None:

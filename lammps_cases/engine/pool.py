@@ -1,156 +1,383 @@
-"""A pool of processes that tells the death of a worker of the task which the worker had begun last."""
+"""Processes that take tasks: each has a pipe of its own, so that the death of a process is the death of its task."""
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import fcntl
+import multiprocessing
 import os
+import pickle
+import queue
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
 import tempfile
 import threading
-from collections.abc import Callable
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import reduction
-from typing import Any
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Future
+from multiprocessing import connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import IO, Any, NamedTuple, Protocol
 
-from pebble import CONSTS, ProcessPool
-from pebble.pool.channel import ChannelError, ChannelMutex
-from pebble.pool.process import PoolManager
+from lammps_cases.engine import apart, forkserver, mpi, ranks
 
-SIZE = 8  # bytes of the number of a process
-CONSTS.sleep_unit = 0.02  # seconds between two looks at the workers: Pebble's 0.1 are what a death, or the end, costs
+MEMORY = "EOS_REF_MEMORY"  # environment variable: memory of each process, in place of its share of the machine
+LARGEST = 2**32  # bytes of a file that a worker may write, an engine's output without end included
+TAIL = 2**16  # bytes of that which are read
+RECYCLED = 5000  # tasks after which a process, which grows by some 10 kB with each, makes room for another
+FOLDER = "eos-ref-workers-"  # what the names of the folders of pools begin with
+OWNER = "owner"  # file in it
+DYING = 5.0  # seconds that a process may take to end after its end of the pipe is closed
+PAUSE = 0.1  # seconds before another process takes a task: who killed the first may still be killing
+MAPPED = 2**22  # bytes from which on memory goes back to the system when it is freed, whatever lies behind it
+_M_MMAP_THRESHOLD = -3  # of malloc.h
+# Exit codes that an engine hardly gives itself: by signals that nothing raises in its own process, and what
+# multiprocessing has for a worker whose server was killed, which alone knows it, and is had for none that starts.
+FROM_OUTSIDE = (-signal.SIGKILL, -signal.SIGTERM, 255)
 
 
-class OrderedPool(ProcessPool):  # type: ignore[misc]
-    """`pebble.ProcessPool`, in which a death is told after all that the worker had said before.
+class Pool(Protocol):
+    """What does tasks: processes of this machine, or of others."""
 
-    Pebble looks for dead workers in one thread and reads their messages in another. Where the reader is late, a death
-    is that of the task before, whose result lies unread, and the task that died is waited for until its time limit.
+    @property
+    def count(self) -> int:
+        """Number of tasks at a time, now."""
 
-    All workers share two pipes. One that is killed while it reads or writes leaves a message in two and, with Pebble's
-    semaphores, the pipe locked for the others, which end after a minute: here the pool breaks down at once.
+    @property
+    def local(self) -> bool:
+        """Whether tasks are done by processes of this machine."""
 
-    Parameters
-    ----------
-    broken : what is called in a thread of its own when the pool breaks down, which may leave queued tasks open for ever
+    def check_shared(self, folder: Path) -> None:
+        """Raise `InputError` if tasks that write into a folder cannot."""
+
+    def schedule(self, function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: float) -> Future[Any]:
+        """Queue a task; its future raises what the task raises, `EngineCrashed` or `TimeoutError`."""
+
+    def stop(self) -> None:
+        """End all processes at once, and cancel what is queued."""
+
+    def finish(self) -> None:
+        """End the processes after all tasks; may follow `stop`."""
+
+
+# --- memory
+
+
+def memory_share(workers: int) -> int:
+    """Return how many bytes of memory each of some processes may take: `MEMORY`, or its share of the machine."""
+    if text := os.environ.get(MEMORY):
+        return size(text)
+    total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return int(0.8 * total / workers)
+
+
+def size(text: str) -> int:
+    """Return the bytes that a text as 4G stands for.
+
+    Raises
+    ------
+    InputError
     """
+    match = re.fullmatch(r"(\d{1,15})([MGT])", text, re.ASCII)
+    if match is None or not (most := int(match[1]) << {"M": 20, "G": 30, "T": 40}[match[2]]) < 2**63:
+        from eos_ref.errors import InputError  # workers load a mutated reference after this module
 
-    def __init__(self, broken: Callable[[], None] | None = None, **options: Any) -> None:
-        super().__init__(**options)
-        self._pool_manager = _OrderedManager(self._context, options["context"])
-        self._pool_manager.broken = broken
-
-
-class _OrderedManager(PoolManager):  # type: ignore[misc]
-    def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments)
-        self._reading = threading.Lock()
-        self.broken: Callable[[], None] | None = None
-
-    def handle_broken_pool(self, error: BrokenProcessPool) -> None:
-        """End the tasks that were handed out, and tell."""
-        super().handle_broken_pool(error)
-        if self.broken:
-            threading.Thread(target=self.broken, daemon=True).start()
-
-    def start(self) -> None:
-        """Start the workers, whose pipes are locked by what tells in whose hands they were."""
-        self.worker_manager.create_channels()
-        self.worker_manager.workers_channel.mutex = _Mutex()
-        self.worker_manager.create_workers()
-
-    def process_next_message(self, timeout: float) -> None:
-        """Process a message if there is one in time; one thread at a time does."""
-        if self._is_waiting(timeout):
-            with self._reading:
-                super().process_next_message(0)
-
-    def handle_worker_expiration(self, expiration: tuple[int, int]) -> None:
-        """Tell a death, after the messages that lie unread and the one that is being processed."""
-        alive = {0, os.getpid(), *self.worker_manager.workers}
-        if self.worker_manager.workers_channel.mutex.holders() - alive:
-            raise BrokenProcessPool("one ended while it took a task or gave an answer")
-        with self._reading:
-            while self._is_waiting(0):
-                super().process_next_message(0)
-        super().handle_worker_expiration(expiration)
-
-    def _is_waiting(self, timeout: float) -> bool:
-        try:
-            return bool(self.worker_manager.pool_channel.poll(timeout))
-        except OSError as error:  # the pool was stopped meanwhile
-            raise BrokenProcessPool from error
+        raise InputError("memory", "must be a whole number of M, G or T bytes, as 4G", text)
+    return most
 
 
-class _Mutex(ChannelMutex):  # type: ignore[misc]
-    """Pebble's pair of locks, of the pipe to the workers and the one from them."""
+@contextlib.contextmanager
+def limited(text: str) -> Iterator[None]:
+    """Give each process of the pools that begin within a block so much memory.
 
-    def __init__(self) -> None:
-        self.__setstate__((_RecordLock(), _RecordLock()))
-
-    def holders(self) -> set[int]:
-        """Return the processes that have them, or died with them."""
-        return {self.reader_mutex.holder(), self.writer_mutex.holder()}
-
-    def unlink(self) -> None:
-        """Let the locks go, with their pool."""
-        self.reader_mutex.close()
-        self.writer_mutex.close()
-
-
-class _RecordLock:
-    """A lock among processes, each of one thread, that the system releases when its holder dies; a POSIX record lock.
-
-    Its file holds the process that has it, for who finds it dead.
+    Raises
+    ------
+    InputError
     """
+    size(text)
+    before, os.environ[MEMORY] = os.environ.get(MEMORY, ""), text
+    try:
+        yield
+    finally:
+        os.environ[MEMORY] = before
 
-    def __init__(self, handle: int | None = None) -> None:
-        self._file = os.fdopen(_unnamed() if handle is None else handle, "r+b", buffering=0)
-        self._depth = 0
 
-    def __getstate__(self) -> Any:
-        return reduction.DupFd(self._file.fileno())
+# --- inside a process of the pool
 
-    def __setstate__(self, copy: Any) -> None:
-        self.__init__(copy.detach())  # type: ignore[misc]
 
-    def acquire(self, block: bool = True, timeout: float | None = None) -> bool:
-        """Take the lock, once more if this process has it; wait for it as long as its holder lives.
+def _return_memory() -> None:
+    """Keep glibc from raising that size to 32 MB, below which the holes between arrays stay this process' own."""
+    with contextlib.suppress(AttributeError):  # another C library
+        ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, MAPPED)
+
+
+def _prepare(folder: str, memory: int, parent: int) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    _return_memory()
+    threading.Thread(target=ranks.die_with, args=(parent, folder), daemon=True).start()
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, where Python would wait for LAMMPS to return
+    tempfile.tempdir = folder  # what a killed worker leaves goes with the pool
+    # What LAMMPS or the C++ runtime prints when it dies belongs to the case, not on the terminal.
+    handle = os.open(Path(folder) / str(os.getpid()), os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o600)
+    os.dup2(handle, 1)
+    os.dup2(handle, 2)
+    with contextlib.suppress(OSError):
+        os.setsid()  # what the engine starts is known by its group
+    for limit, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_FSIZE, LARGEST)):
+        _, hard = resource.getrlimit(limit)
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(limit, (most, hard))
+
+
+def _do(content: bytes, pipe: connection.Connection) -> Any:
+    """Do a task, of which nothing is kept that earlier ones printed: no words of theirs are its last."""
+    os.ftruncate(1, 0)
+    function, arguments = pickle.loads(content)
+    pipe.send_bytes(b"")  # begun
+    return function(*arguments)
+
+
+def _work(pipe: connection.Connection, folder: str, memory: int, parent: int) -> None:
+    _prepare(folder, memory, parent)
+    with contextlib.suppress(EOFError, OSError):  # nobody waits any more
+        while True:
+            pipe.send_bytes(apart.outcome(_do, pipe.recv_bytes(), pipe))
+
+
+def work_alone() -> None:
+    """Work as a program, whose words are the handle of the pipe, the folder, the memory and the parent."""
+    handle, folder, memory, parent = sys.argv[1:]
+    _work(connection.Connection(int(handle)), folder, int(memory), int(parent))
+
+
+# --- in the parent
+
+
+class _Program:
+    """A process with nothing imported, by what is used of multiprocessing's, of which a Dask worker may start none."""
+
+    def __init__(self, pipe: connection.Connection, *arguments: Any) -> None:
+        words = [sys.executable, "-P", "-c", "from lammps_cases.engine import pool; pool.work_alone()"]
+        self._process = subprocess.Popen(
+            [*words, str(pipe.fileno()), *map(str, arguments)],
+            pass_fds=[pipe.fileno()],
+            stdin=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            start_new_session=True,  # Ctrl-C is not for it
+        )
+        self.pid, self.sentinel = self._process.pid, os.pidfd_open(self._process.pid)
+        self.kill = self._process.kill
+
+    def is_alive(self) -> bool:
+        return self._process.poll() is None
+
+    def join(self) -> None:
+        self.exitcode = self._process.wait()
+        os.close(self.sentinel)
+
+
+def _forked(*arguments: Any) -> BaseProcess:
+    process = multiprocessing.get_context("forkserver").Process(target=_work, args=arguments, daemon=True)
+    process.start()
+    return process
+
+
+class _Slot:
+    """A process at a time, and the pipe to it; one thread uses it, another may kill the process."""
+
+    def __init__(self, begin: Callable[..., BaseProcess | _Program], *arguments: Any) -> None:
+        self._begin, self._arguments = begin, arguments
+        self._process: BaseProcess | _Program | None = None
+        self._tasks = 0
+        self.stopped = False
+
+    def ask(self, content: bytes, time_limit: float) -> bytes:
+        """Return the answer to a task.
 
         Raises
         ------
-        ChannelError
-            Somebody died with it: what it guards is in a state that nobody knows.
+        EOFError, OSError
+            The process died without.
+        TimeoutError
+        CancelledError
+            The slot is stopped.
         """
-        if not self._depth:
+        with forkserver.starting():
+            if self._process and (self._tasks == RECYCLED or not self._process.is_alive()):
+                self.end()
+            if not self._process:
+                self._start()
+        self._tasks += 1
+        self._pipe.send_bytes(content)
+        first = self._receive(None)  # its time begins when the process has begun, and has imported what it needs
+        return first or self._receive(time_limit)
+
+    def _start(self) -> None:
+        if self.stopped:
+            raise CancelledError
+        self._pipe, other = multiprocessing.Pipe()
+        with other:
+            self._process = self._begin(other, *self._arguments)
+        self._tasks = 0
+
+    def _receive(self, time_limit: float | None) -> bytes:
+        assert self._process
+        if not connection.wait([self._pipe, self._process.sentinel], time_limit):
+            raise TimeoutError
+        if not self._pipe.poll():  # what it answered before it died is read first
+            raise EOFError
+        return self._pipe.recv_bytes()
+
+    def end(self, within: float = 0.0) -> tuple[int, int]:
+        """End the process unless it ends by itself in time; return its id and exit code, 0 and 255 if none started."""
+        if not (process := self._process):
+            return 0, 255
+        connection.wait([process.sentinel], within)
+        self.kill()
+        with forkserver.starting():  # as another that starts looks for the ends of all
+            process.join()
+        self._process = None
+        self._pipe.close()
+        return process.pid or 0, process.exitcode or 0
+
+    def kill(self) -> None:
+        """Kill the process, if there is one."""
+        with forkserver.starting():
+            if self._process and self._process.is_alive():
+                self._process.kill()
+
+
+class _Task(NamedTuple):
+    content: bytes
+    time_limit: float
+    future: Future[Any]
+
+
+class LocalPool:
+    """Processes of this machine, with a folder for what they leave.
+
+    Parameters
+    ----------
+    count : number of processes
+    fresh : whether they begin with nothing imported, in place of what the server of `lammps_cases.engine.forkserver`
+        has
+    """
+
+    local = True
+
+    def __init__(self, count: int, fresh: bool = False) -> None:
+        if not fresh:
+            forkserver.context()
+        remove_left()
+        self._folder = tempfile.TemporaryDirectory(prefix=FOLDER)
+        self._owner = _hold(Path(self._folder.name))
+        self.count = count
+        self._tasks = queue.SimpleQueue[_Task | None]()
+        given = self._folder.name, memory_share(count), os.getpid()
+        self._slots = [_Slot(_Program if fresh else _forked, *given) for _ in range(count)]
+        self._threads = [threading.Thread(target=self._serve, args=(slot,), daemon=True) for slot in self._slots]
+        for thread in self._threads:
+            thread.start()
+
+    def check_shared(self, folder: Path) -> None:
+        """Return: every process of this machine sees its folders."""
+
+    def schedule(self, function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: float) -> Future[Any]:
+        """Queue a task, which another process does once more if the first is killed from outside."""
+        if not self._threads:
+            raise RuntimeError("the pool has ended")
+        content = pickle.dumps((function, arguments), pickle.HIGHEST_PROTOCOL)
+        task = _Task(content, time_limit, Future())
+        self._tasks.put(task)
+        return task.future
+
+    def _serve(self, slot: _Slot) -> None:
+        while task := self._tasks.get():
+            if task.future.set_running_or_notify_cancel():
+                self._settle(slot, task)
+            del task
+        slot.end()
+
+    def _settle(self, slot: _Slot, task: _Task) -> None:
+        try:
+            succeeded, result = pickle.loads(self._ask(slot, task))
+        except BaseException as error:
+            succeeded, result = False, error.with_traceback(None)
+        if succeeded:
+            task.future.set_result(result)
+        else:
+            task.future.set_exception(result)
+
+    def _ask(self, slot: _Slot, task: _Task) -> bytes:
+        for again in (True, False):
             try:
-                fcntl.lockf(self._file, fcntl.LOCK_EX | (0 if block else fcntl.LOCK_NB), SIZE)
-            except BlockingIOError:
-                return False
-            if self.holder():
-                raise ChannelError("somebody died with the lock")
-            self._write(os.getpid())
-        self._depth += 1
-        return True
+                return slot.ask(task.content, task.time_limit)
+            except TimeoutError:
+                slot.end()
+                raise TimeoutError(apart.beyond(task.time_limit)) from None
+            except (EOFError, OSError) as error:
+                process, code = slot.end(DYING)
+                printed = self._printed(process) if process else str(error)
+            if not again or code not in FROM_OUTSIDE:
+                break
+            time.sleep(PAUSE)
+        raise ranks.crash_of_process(code, printed)
 
-    def release(self) -> None:
-        self._depth -= 1
-        if not self._depth:
-            self._write(0)
-            fcntl.lockf(self._file, fcntl.LOCK_UN, SIZE)
+    def _printed(self, process: int) -> str:
+        """Return the end of what a process printed."""
+        file = Path(self._folder.name) / str(process)
+        with contextlib.suppress(OSError), file.open("rb") as printed:
+            printed.seek(max(0, file.stat().st_size - TAIL))
+            return printed.read().decode(errors="replace")
+        return ""
 
-    def holder(self) -> int:
-        """Return the process that has the lock, or died with it; 0: none."""
-        return int.from_bytes(os.pread(self._file.fileno(), SIZE, 0))
+    def stop(self) -> None:
+        """End all processes at once, and cancel what is queued."""
+        for slot in self._slots:
+            slot.stopped = True
+        with contextlib.suppress(queue.Empty):
+            while True:
+                if task := self._tasks.get_nowait():
+                    task.future.cancel()
+                    task.future.set_running_or_notify_cancel()
+        for slot in self._slots:
+            slot.kill()
+        self.finish()
 
-    def close(self) -> None:
-        self._file.close()
+    def finish(self) -> None:
+        """End the processes after all tasks."""
+        for _ in self._threads:
+            self._tasks.put(None)
+        for thread in self._threads:
+            thread.join()
+        self._threads = []
+        for file in Path(self._folder.name).glob("[0-9]*"):  # of a worker, by its process
+            if not Path("/proc", file.name).exists():
+                mpi.remove_shared_memory(int(file.name))
+                with contextlib.suppress(OSError):
+                    os.killpg(int(file.name), signal.SIGKILL)  # what the engine started
+        self._owner.close()
+        self._folder.cleanup()
 
-    def _write(self, process: int) -> None:
-        os.pwrite(self._file.fileno(), process.to_bytes(SIZE), 0)
+
+def _hold(folder: Path) -> IO[bytes]:
+    """Return a file of a folder that is locked as long as this process has it open, and lives."""
+    file = (folder / OWNER).open("xb")
+    fcntl.flock(file, fcntl.LOCK_EX)
+    return file
 
 
-def _unnamed() -> int:
-    """Return a file that goes with its last process, where there can be one without a disk."""
-    if hasattr(os, "memfd_create"):
-        return os.memfd_create("eos-ref-lock")
-    with tempfile.TemporaryFile() as file:
-        return os.dup(file.fileno())
+def remove_left() -> None:
+    """Remove the folders of pools whose process was killed, with the answers in them."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{FOLDER}*"):
+        with contextlib.suppress(OSError):  # it is another user's, or being made; or locked: its process lives
+            if folder.lstat().st_uid == os.getuid():
+                with (folder / OWNER).open("rb") as file:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(folder)

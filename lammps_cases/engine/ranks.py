@@ -220,6 +220,11 @@ def last_lines(text: str) -> str:
     return f": {' / '.join(lines[-3:])[:300]}" if lines else ""
 
 
+def crash_of_process(code: int, printed: str) -> EngineCrashed:
+    """Return how a process ended, with the last lines that it printed."""
+    return EngineCrashed(f"LAMMPS' process {how_it_died(code)}{last_lines(printed)}", death(code))
+
+
 def crash(text: str, code: int) -> EngineCrashed:
     """Return how mpiexec reports the end, with the last lines that the ranks printed before its banner."""
     end = re.search(r"EXIT STRING: (.*?)(?:\(signal (\d+)\))?$", text, re.MULTILINE)  # MPICH

@@ -238,6 +238,21 @@ def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str
     return lmp
 
 
+@contextmanager
+def opened(site: str | None = None) -> Iterator[Any]:
+    """Give a LAMMPS that no other input has touched to a block of calls, and close it.
+
+    Raises
+    ------
+    EngineMissing
+    """
+    lmp = open_lammps(site)
+    try:
+        yield lmp
+    finally:
+        lmp.close()
+
+
 def describe(lmp: Any, site: str | None = None) -> dict[str, str]:
     """Return version, git commit, compiler, library and MPI of an instance.
 

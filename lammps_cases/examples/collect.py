@@ -140,7 +140,7 @@ def _pressures(
     pressures = []
     for count, newton in settings:
         task = workers.call(first_pressure, deck.path, count, newton, time_limit=LIMIT)
-        outcome = workers.outcome(task, LIMIT)
+        outcome = workers.outcome(task)
         how = "on" if newton else "as in the deck"
         if isinstance(outcome, Failure):
             pressures.append(FirstPressure(count, how, None, outcome.message))

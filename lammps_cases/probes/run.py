@@ -57,7 +57,7 @@ def put(workers: Workers, inputs: Sequence[Input], time_limit: float, alone: boo
     else:
         futures = [workers.call(ask, given, time_limit=time_limit) for given in inputs]
     for future in futures:
-        outcome = workers.outcome(future, time_limit)
+        outcome = workers.outcome(future)
         yield Reply(outcome.verdict, outcome.message) if isinstance(outcome, Failure) else outcome
 
 
@@ -66,14 +66,13 @@ def ask_apart(site: str | None, given: Input, time_limit: float) -> Reply:
     session.load(site)
     try:
         return apart.call(ask, site, given, time_limit=time_limit)
-    except apart.TimedOut as error:
+    except TimeoutError as error:
         return Reply("timeout", str(error))
 
 
 def ask(site: str | None, given: Input) -> Reply:
     """Task: run an input on a LAMMPS that no other has touched."""
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
-        lmp = session.open_lammps(site)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), session.opened(site) as lmp:
         try:
             return _job(lmp, given) if isinstance(given, Job) else _deck(lmp, given)
         except session.EngineLost as error:
@@ -82,8 +81,6 @@ def ask(site: str | None, given: Input) -> Reply:
             return Reply("refused", str(error))
         except UnicodeDecodeError as error:  # LAMMPS' module cannot read a message that breaks a character in two
             return Reply("refused", error.object.decode(errors="replace"))
-        finally:
-            lmp.close()
 
 
 def _job(lmp: Any, given: Job) -> Reply:

@@ -158,7 +158,7 @@ class LammpsRheoCalculator(RheoCalculator):
     def _evaluated(self, atoms: Atoms) -> dict[str, Any]:
         reference_side.state(self.scene, atoms)  # refuses what has no meaning before LAMMPS sees it
         limit = self.scene.engine.time_limit
-        outcome = self.workers.outcome(self.workers.submit(job(self.scene, atoms, plan(self.scene)), limit), limit)
+        outcome = self.workers.outcome(self.workers.submit(job(self.scene, atoms, plan(self.scene)), limit))
         if isinstance(outcome, Failure):
             raise CalculationFailed(f"{outcome.verdict}: {one_line(outcome.message)}")
         return {field: FIELDS[field].of(outcome.arrays, self.scene.dimension) for field in self.scene.compare}

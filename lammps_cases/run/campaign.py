@@ -178,7 +178,7 @@ class Campaign:
         EngineMissing
         """
         workers.check_shared(self.folder)
-        identity = workers.identify(patience := _patience(self.cases))
+        identity = workers.identify(_patience(self.cases))
         # What does not depend on LAMMPS is done while it starts.
         with stage("preparing"):
             left = ordered(case for case in self.cases if case.name not in self.judged)
@@ -186,14 +186,14 @@ class Campaign:
             rest = [case if case.shipped else _kept(prepare(case), k) for k, case in enumerate(left)]
         begun = run_record(EngineRecord(), self.request.command).model_copy(update=self.request.recorded)
         now = start(begun, self.cases)
-        who = workers.outcome(identity, patience)
+        who = workers.outcome(identity)
         if isinstance(who, Failure):
             raise EngineMissing(f"LAMMPS cannot be opened, for any case: {wording.one_line(who.message)}")
         now.run.engine = answering = engine_record(engine, who)
         self.begun = self.journal.begin(now, self.judged)
         rest = [following(each, answering.manual) for each in rest]
         for ready, recorded in self._recorded(workers, rest, answering):
-            record = workers.outcome(recorded, JUDGING)
+            record = workers.outcome(recorded)
             if isinstance(record, Failure):
                 self.records[ready.case.name] = record = faulty(ready, answering, record)
             elif len(self.records) < KEPT:
@@ -226,7 +226,7 @@ class Campaign:
             wait([*runs, *(each.future for each in judging)], None, FIRST_COMPLETED)
             for ended in [each for each in running if all(future.done() for future in each.futures)]:
                 running.remove(ended)
-                kept = outcomes_of(workers, ended.ready, ended.futures)
+                kept = outcomes_of(workers, ended.futures)
                 task = self.folder, ended.ready, kept, engine, self.store, judgements
                 judging.append(Judging(ended.ready, kept, workers.call(record_case, *task, time_limit=JUDGING)))
             for over in [each for each in judging if each.future.done()]:

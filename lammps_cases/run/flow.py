@@ -154,9 +154,9 @@ def first_step_outside(answers: Answers, record: CaseRecord, engine: str, predic
     return first_step(ready.case, ready.atoms, every_step, engine, predictor)
 
 
-def outcomes_of(workers: Workers, ready: PreparedCase, futures: Sequence[Future[Any]]) -> Outcomes:
+def outcomes_of(workers: Workers, futures: Sequence[Future[Any]]) -> Outcomes:
     """Wait for LAMMPS' runs of a case."""
-    return [workers.outcome(future, ready.case.scene.engine.time_limit) for future in futures]
+    return [workers.outcome(future) for future in futures]
 
 
 def faulty(ready: PreparedCase, engine: EngineRecord, fault: Failure | Exception) -> CaseRecord:

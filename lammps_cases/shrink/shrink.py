@@ -185,12 +185,12 @@ class WorkerJudge:
     def answers(self, ready: PreparedCase, jobs: Sequence[Job]) -> Outcomes:
         """Return what LAMMPS answers to the jobs of a case, or how it fails."""
         futures = [self.workers.submit(job, ready.case.scene.engine.time_limit) for job in jobs]
-        return outcomes_of(self.workers, ready, futures)
+        return outcomes_of(self.workers, futures)
 
     def judged(self, ready: PreparedCase, outcomes: Outcomes) -> CaseRecord:
         """Return the verdict on the answers."""
         task = self.workers.call(judge, ready, outcomes, self.engine, None, time_limit=JUDGING)
-        judged = self.workers.outcome(task, JUDGING)
+        judged = self.workers.outcome(task)
         return faulty(ready, self.engine, judged) if isinstance(judged, Failure) else judged[0]
 
 

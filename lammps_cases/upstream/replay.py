@@ -7,7 +7,6 @@ after a restart, with ``pair_modify nofdotr``, from a data file; or positions an
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,19 +66,10 @@ def replay(site: str | None, given: Commands, folder: str) -> Looks:
         return {"test_pair_style": _pair, "test_fix_timestep": _fix}[given.program](site, given, Path(folder))
 
 
-@contextmanager
-def _opened(site: str | None) -> Iterator[Any]:
-    lmp = session.open_lammps(site)
-    try:
-        yield lmp
-    finally:
-        lmp.close()
-
-
 def _pair(site: str | None, given: Commands, folder: Path) -> Looks:
     looks: Looks = {}
     for newton in ("on", "off"):
-        with _opened(site) as lmp:
+        with session.opened(site) as lmp:
             _each(lmp, f"variable newton_pair index {newton}", f"variable input_dir index {folder}", *given.before)
             lmp.file(str(folder / TEMPLATE))
             _each(lmp, f"pair_style {given.pair}", "pair_coeff * *", "pair_modify table 0", "pair_modify table/disp 0")
@@ -89,11 +79,11 @@ def _pair(site: str | None, given: Commands, folder: Path) -> Looks:
             _each(lmp, "thermo_style custom step temp pe press", "thermo 2", "fix 1 all nve")
             looks[f"newton {newton}, 4 steps"] = _looked(lmp, run=4, defined=True)
     for stage, more in (("restart", ()), ("nofdotr", ("pair_modify nofdotr",))):
-        with _opened(site) as lmp:
+        with session.opened(site) as lmp:
             _each(lmp, "newton on", f"read_restart {folder}/test.restart")
             _each(lmp, f"pair_style {given.pair}", "pair_coeff * *")
             looks[stage] = _looked(lmp, *given.after, *more)
-    with _opened(site) as lmp:
+    with session.opened(site) as lmp:
         _each(lmp, f"variable input_dir index {folder}", f"variable data_file index {folder}/test.data")
         _each(lmp, *(line for line in given.before if " data_file " not in line))
         _each(lmp, f"variable pair_style index '{given.pair}'")
@@ -105,7 +95,7 @@ def _pair(site: str | None, given: Commands, folder: Path) -> Looks:
 def _fix(site: str | None, given: Commands, folder: Path) -> Looks:
     looks: Looks = {}
     half = "run 4 post no start 0 stop 8"
-    with _opened(site) as lmp:
+    with session.opened(site) as lmp:
         _each(lmp, f"variable input_dir index {folder}", *given.before)
         lmp.file(str(folder / TEMPLATE))
         lmp.file(str(folder / COEFFICIENTS))
@@ -113,7 +103,7 @@ def _fix(site: str | None, given: Commands, folder: Path) -> Looks:
         _each(lmp, f"write_restart {folder}/test.restart", half)
         looks["normal run"] = _seen(lmp, given)
     for stage, rmass in (("restart", False), ("rmass", True)):
-        with _opened(site) as lmp:
+        with session.opened(site) as lmp:
             lmp.command(f"read_restart {folder}/test.restart")
             if rmass:
                 mass_t = lmp.numpy.extract_atom("mass")[1 : lmp.extract_global("ntypes") + 1].tolist()

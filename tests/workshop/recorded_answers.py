@@ -96,12 +96,12 @@ def record(name: str, folder: Path) -> None:
     engine = installations.resolve(name)
     shown: collections.Counter[str] = collections.Counter()
     with Workers(engine.site, 1) as workers:
-        who = engine_record(engine, workers.outcome(workers.identify(), 60.0))
+        who = engine_record(engine, workers.outcome(workers.identify()))
         for case in casefile.select(casefile.load(), candidates(who.distribution)):
             ready = following(prepare(case), who.manual)
             assert isinstance(ready, PreparedCase)
             limit = case.scene.engine.time_limit
-            outcomes = outcomes_of(workers, ready, [workers.submit(job, limit) for job in ready.jobs])
+            outcomes = outcomes_of(workers, [workers.submit(job, limit) for job in ready.jobs])
             outcomes = workers.outcome(workers.call(with_its_lists, ready, outcomes, who, time_limit=JUDGING))
             found = judged(ready, outcomes, who, Predictor())
             if any(shown[finding] < EACH for finding in found.findings):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from lammps_cases.comparison import store
-from lammps_cases.engine.workers import RECYCLED
+from lammps_cases.engine.pool import RECYCLED
 from lammps_cases.history import store as history
 from lammps_cases.records.run_record import read_run
 from tests.support import dask_cluster

@@ -190,7 +190,7 @@ def each(task: Callable[..., float], arguments: Sequence[tuple[Any, ...]]) -> li
     results = []
     with Workers(None, 1) as workers:
         for future in [workers.call(task, *given, time_limit=PATIENCE) for given in arguments]:
-            outcome = workers.outcome(future, PATIENCE)
+            outcome = workers.outcome(future)
             if isinstance(outcome, Failure):
                 raise EngineMissing(f"a worker of the cluster failed: {outcome.message}")
             results.append(outcome)

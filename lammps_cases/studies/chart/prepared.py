@@ -86,8 +86,4 @@ def still_step(lmp: Any) -> Callable[[], object]:
 
 def opened(lmp: Any | None, stack: ExitStack) -> Any | None:
     """Return one more LAMMPS, closed with the stack, so that all methods can be timed in turns; None without LAMMPS."""
-    if lmp is None:
-        return None
-    instance = session.open_lammps()
-    stack.callback(instance.close)
-    return instance
+    return None if lmp is None else stack.enter_context(session.opened())

@@ -82,7 +82,7 @@ def solve(site: str | None, start: Start) -> FlowResult:
 
 def in_worker(start: Start, workers: Workers, time_limit: float = 600.0) -> FlowResult:
     """Run a flow on LAMMPS in a process of its own, whose death becomes the message."""
-    outcome = workers.outcome(workers.call(solve, start, time_limit=time_limit), time_limit)
+    outcome = workers.outcome(workers.call(solve, start, time_limit=time_limit))
     return FlowResult((), np.nan, len(start.atoms), 0, outcome.message) if isinstance(outcome, Failure) else outcome
 
 

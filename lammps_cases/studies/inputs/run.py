@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.studies.inputs.record import InputTable
-from lammps_cases.studies.inputs.table import TIME_LIMIT, BadWords, table
+from lammps_cases.studies.inputs.table import BadWords, table
 
 
 def measure(
@@ -17,7 +17,7 @@ def measure(
     """Put inputs to a LAMMPS (folder ``site``; None: of this environment) and to the reference."""
     begin = time.perf_counter()
     with Workers(site, jobs) as workers:
-        who = workers.outcome(workers.identify(), TIME_LIMIT)
+        who = workers.outcome(workers.identify())
         rows = table(workers, progress, chosen)
     seconds = round(time.perf_counter() - begin, 1)
     return InputTable(command, {} if isinstance(who, Failure) else who, seconds, tuple(rows))

@@ -235,7 +235,7 @@ class Examiner:
             A mistake of this project's own.
         """
         try:
-            outcome = self.workers.outcome(pending.future, self.limit)
+            outcome = self.workers.outcome(pending.future)
             if not isinstance(outcome, Failure):
                 return outcome
             message = _failure_message(pending.side, outcome)
@@ -252,7 +252,7 @@ class Examiner:
         if last is not None and pending.watch.every > 1:
             single = max(last[0].step, 1)
             future = self._queue(pending.start, pending.watch, pending.side, pending.trace, single)
-            again = self.workers.outcome(future, self.limit)
+            again = self.workers.outcome(future)
             if isinstance(again, Failure):
                 message = _failure_message(pending.side, again)
             elif again.outcome.kind != "stable":

@@ -21,8 +21,9 @@ from distributed.protocol import Serialized
 
 from eos_ref import InputError
 from lammps_cases.engine import cluster
+from lammps_cases.engine.pool import limited
 from lammps_cases.engine.session import EngineMissing
-from lammps_cases.engine.workers import Workers, limited
+from lammps_cases.engine.workers import Workers
 from lammps_cases.studies.chart import flows, laws
 from tests.support import dask_cluster
 from tests.support.dask_cluster import PAUSE, DaskCluster
@@ -185,8 +186,8 @@ def test_failures_are_told_as_those_of_this_machine(steady: DaskCluster) -> None
     def failures() -> list[Any]:
         with Workers(None, 1) as workers:
             limits = {abort: 60.0, sleep: 1.0, raise_memory_error: 60.0}
-            futures = [(workers.call(task, time_limit=limit), limit) for task, limit in limits.items()]
-            return [workers.outcome(*each) for each in futures]
+            futures = [workers.call(task, time_limit=limit) for task, limit in limits.items()]
+            return [workers.outcome(future) for future in futures]
 
     here = failures()
     with cluster.used(steady.address):

@@ -1,4 +1,4 @@
-"""The servers that workers are forked from."""
+"""The server that workers are forked from."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from lammps_cases.engine.workers import Failure, Workers
 
 PROGRAM = """
 from lammps_cases.engine import forkserver
-from lammps_cases.engine.pool import OrderedPool
+from lammps_cases.engine.pool import LocalPool
 
 forkserver.start_for_judging()
-for context in (forkserver.context(), forkserver.second_context("json"), forkserver.context()):
-    with OrderedPool(max_workers=1, context=context) as pool:
-        print(pool.schedule(eval, ["'eos_ref' in __import__('sys').modules"]).result())
+for fresh in (False, True, False):
+    pool = LocalPool(1, fresh)
+    print(pool.schedule(eval, ("'eos_ref' in __import__('sys').modules",), 60.0).result())
+    pool.finish()
 """
 
 
@@ -36,7 +37,7 @@ def test_workers_look_for_garbage_but_not_in_what_the_server_imported() -> None:
 
 
 @pytest.mark.slow
-def test_processes_of_the_second_server_begin_with_no_more_than_is_asked_for() -> None:
+def test_fresh_processes_begin_with_no_more_than_is_asked_for() -> None:
     printed = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True).stdout
     assert printed.split() == ["True", "False", "True"]
 

@@ -1,53 +1,28 @@
-"""A worker's death is that of the task that it had begun last, however late its messages are read."""
+"""A worker's death is that of the task that it had begun, and comes after what it had answered before."""
 
 from __future__ import annotations
 
 import os
-import threading
-from typing import Any
 
 import pytest
-from pebble import ProcessExpired
-from pebble.pool.process import PoolManager, WorkerManager
 
-from lammps_cases.engine import forkserver
-from lammps_cases.engine.pool import OrderedPool
+from lammps_cases.engine.pool import LocalPool
+from lammps_cases.engine.session import EngineCrashed
 
 LONG = 20.0  # seconds
 
 
 @pytest.mark.slow
-def test_a_death_is_told_after_what_was_said_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    begun, told = threading.Event(), threading.Event()
-    create, tell = WorkerManager.create_channels, PoolManager.handle_worker_expiration
-
-    def creating(self: Any) -> None:
-        create(self)
-        poll = self.pool_channel.poll
-
-        def late(timeout: float) -> bool:
-            if timeout and begun.is_set():  # in the thread that reads; the one that tells deaths does not wait
-                told.wait(LONG)
-            return bool(poll(timeout))
-
-        self.pool_channel.poll = late
-
-    def telling(self: Any, expiration: tuple[int, int]) -> None:
-        tell(self, expiration)
-        told.set()
-
-    monkeypatch.setattr(WorkerManager, "create_channels", creating)
-    monkeypatch.setattr(PoolManager, "handle_worker_expiration", telling)
-    pool = OrderedPool(max_workers=1, context=forkserver.context())
+@pytest.mark.parametrize("fresh", [False, True])
+def test_a_death_comes_after_what_was_answered_before_it(fresh: bool) -> None:
+    pool = LocalPool(1, fresh)
     try:
-        assert pool.schedule(abs, [-1]).result(LONG) == 1
-        begun.set()
-        done, died, after = pool.schedule(abs, [-2]), pool.schedule(os._exit, [3]), pool.schedule(abs, [-4])
+        tasks = [(abs, (-2,)), (os._exit, (3,)), (abs, (-4,))]
+        done, died, after = (pool.schedule(*task, LONG) for task in tasks)
         assert done.result(LONG) == 2
-        with pytest.raises(ProcessExpired) as death:
+        with pytest.raises(EngineCrashed) as death:
             died.result(LONG)
-        assert death.value.exitcode == 3
+        assert death.value.died == "exit code 3"
         assert after.result(LONG) == 4
     finally:
         pool.stop()
-        pool.join()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import gc
 import os
@@ -15,22 +14,23 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import wait
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import forkserver
+from itertools import count
+from multiprocessing import connection
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pebble.pool.process
 import pytest
-from pebble.pool.channel import WorkerChannel
 
 from eos_ref import InputError
+from lammps_cases.engine import pool as processes
 from lammps_cases.engine import workers as engine
+from lammps_cases.engine.pool import LARGEST, limited, memory_share, size
 from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused, Job
 from lammps_cases.engine.stepping import instance
-from lammps_cases.engine.workers import LARGEST, Failure, KeptAnswer, Workers, limited, memory_share, size, solve
+from lammps_cases.engine.workers import Failure, KeptAnswer, Workers, solve
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene.casefile import load
 
@@ -160,16 +160,16 @@ def test_folders_of_pools_that_were_killed_are_removed_by_the_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    killed, alive, being_made, other = (tmp_path / f"{engine.FOLDER}{name}" for name in "abcd")
+    killed, alive, being_made, other = (tmp_path / f"{processes.FOLDER}{name}" for name in "abcd")
     for folder in (killed, alive, being_made):
         folder.mkdir()
-    (killed / engine.OWNER).touch()
+    (killed / processes.OWNER).touch()
     (killed / "answer").touch()
     other.symlink_to(alive)
-    with engine._hold(alive):
-        engine.remove_left()
+    with processes._hold(alive):
+        processes.remove_left()
         assert sorted(tmp_path.iterdir()) == [alive, being_made, other]
-    engine.remove_left()
+    processes.remove_left()
     assert alive not in [*tmp_path.iterdir()]
 
 
@@ -271,35 +271,45 @@ def length(site: str | None, content: bytes) -> int:
 
 
 def test_what_is_queued_when_all_workers_are_gone_is_done_by_others() -> None:
-    """Arguments that fill the pipe to the workers keep tasks in a queue of this process, where they stayed for ever."""
+    """One ends while it takes a task; the arguments of the others fill a pipe."""
     with Workers(None, 1) as pool:
         first = pool.call(length, Poison(), time_limit=LIMIT)
         others = [pool.call(length, bytes(100_000), time_limit=LIMIT) for _ in range(20)]
         assert not wait([first, *others], LIMIT / 4).not_done
-        broken = "LAMMPS' processes failed: one ended while it took a task or gave an answer"
-        assert pool.outcome(first) == Failure("crashed", broken)
+        assert pool.outcome(first) == Failure("crashed", "LAMMPS' process exited with code 1", "exit code 1")
         assert not wait(others, LIMIT / 4).not_done
         assert [pool.outcome(each) for each in others] == 20 * [100_000]
 
 
-def killed_with_the_pipe(site: str | None, mark: str, end: str) -> str:
-    """Die once in the midst of a message."""
+class KilledOnce:
+    """Whoever reads it the first time is killed, in the midst of an answer if it is asked for."""
+
+    def __init__(self, mark: str, answering: bool) -> None:
+        self.given = mark, answering
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return killed_with_the_pipe, self.given
+
+
+def killed_with_the_pipe(mark: str, answering: bool) -> str:
     if not Path(mark).exists():
         Path(mark).touch()
-        gc.unfreeze()  # what a worker begins with
-        (channel,) = (each for each in gc.get_objects() if type(each) is WorkerChannel)
-        with getattr(channel.mutex, end):
-            if end == "writer":
-                os.write(channel.writer.fileno(), b"\0\0\1")  # of the length of a message
-            os.kill(os.getpid(), signal.SIGKILL)
+        if answering:
+            gc.unfreeze()  # what a worker begins with
+            (pipe,) = (each for each in gc.get_objects() if type(each) is Connection and not each.closed)
+            os.write(pipe.fileno(), b"\0\0\1")  # of the length of a message
+        os.kill(os.getpid(), signal.SIGKILL)
     return "done"
 
 
-@pytest.mark.parametrize("end", ["reader", "writer"])
-def test_who_kills_a_worker_that_takes_a_task_or_answers_costs_no_task(end: str, tmp_path: Path) -> None:
-    """The others waited a minute for the lock of the dead one, and ended; half an answer was waited for for ever."""
+def given(site: str | None, content: str) -> str:
+    return content
+
+
+@pytest.mark.parametrize("answering", [False, True])
+def test_who_kills_a_worker_that_takes_a_task_or_answers_costs_no_task(answering: bool, tmp_path: Path) -> None:
     with Workers(None, 2) as pool:
-        task = pool.call(killed_with_the_pipe, str(tmp_path / "mark"), end, time_limit=LIMIT)
+        task = pool.call(given, KilledOnce(str(tmp_path / "mark"), answering), time_limit=LIMIT)
         others = [pool.call(length, bytes(100_000), time_limit=LIMIT) for _ in range(20)]
         assert pool.outcome(task) == "done"
         assert [pool.outcome(each) for each in others] == 20 * [100_000]
@@ -344,26 +354,29 @@ def test_a_memory_that_is_no_size_is_refused(text: str) -> None:
         size(text)
 
 
+def answer_and_die(site: str | None, number: int) -> int:
+    threading.Timer(0.2, os.kill, (os.getpid(), number)).start()
+    return os.getpid()
+
+
 @pytest.mark.parametrize("read", [0, 1, 2])
 def test_a_death_is_that_of_the_task_begun_last(read: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a worker has said of its tasks is read before its death is told, however late the reader is."""
-    late, end = threading.Event(), LIMIT / 10
+    """What a worker has answered is read before its death is seen, however late the reader is."""
+    end, waits = LIMIT / 10, count()
 
-    def reader(manager: Any) -> None:
-        with contextlib.suppress(BrokenProcessPool):  # the pool has ended: who found the death read the message
-            for _ in range(read):
-                manager.process_next_message(end)
-        late.wait(end)
-        process.message_manager_loop(manager)
+    def late(*arguments: Any) -> Any:
+        if next(waits) > 2 * read:  # for a task that begins, then for its answer
+            time.sleep(1.0)
+        return connection.wait(*arguments)
 
-    process = SimpleNamespace(message_manager_loop=pebble.pool.process.message_manager_loop)
-    monkeypatch.setattr(pebble.pool.process, "message_manager_loop", reader)
+    monkeypatch.setattr(processes, "connection", SimpleNamespace(wait=late, Connection=Connection))
     with Workers("a site", 1) as pool:
-        futures = [pool.call(pid, time_limit=end), pool.call(die, -signal.SIGSEGV, time_limit=end)]
-        first, second = (pool.outcome(future) for future in futures)
-        late.set()
-    assert not isinstance(first, Failure)
-    assert isinstance(second, Failure) and second.verdict == "crashed" and "SIGSEGV" in second.message
+        tasks = [(pid,), (answer_and_die, signal.SIGSEGV), (die, -signal.SIGSEGV), (pid,)]
+        futures = [pool.call(*task, time_limit=end) for task in tasks]
+        first, answered, died, last = map(pool.outcome, futures)
+    assert not isinstance(first, Failure) and answered == first[1]
+    assert isinstance(died, Failure) and died.verdict == "crashed" and "SIGSEGV" in died.message
+    assert not isinstance(last, Failure)
 
 
 def test_of_an_output_without_end_the_last_words_are_told_and_no_more_is_kept(workers: Workers) -> None:
@@ -375,8 +388,19 @@ def test_a_task_beyond_its_time_limit_costs_no_other(workers: Workers, tmp_path:
     slow = workers.call(sleep, str(tmp_path / "started"), time_limit=0.5)
     next_one = workers.call(pid, time_limit=LIMIT)
     expected = Failure("timeout", "LAMMPS did not finish within the time limit of 0.5 s")
-    assert workers.outcome(slow, 0.5) == expected
+    assert workers.outcome(slow) == expected
     assert not isinstance(workers.outcome(next_one), Failure)
+
+
+class SlowToRead:
+    """Whoever reads it takes a second, as one that has to import much."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return time.sleep, (1.0,)
+
+
+def test_the_time_of_a_task_begins_when_it_is_read(workers: Workers) -> None:
+    assert workers.outcome(workers.call(given, SlowToRead(), time_limit=0.5)) is None
 
 
 def test_an_exception_stops_the_workers_at_once_and_nothing_stays(tmp_path: Path) -> None:
@@ -400,13 +424,18 @@ def _late(site: str | None, seconds: float) -> int:
     return os.getpid()
 
 
+def parent(site: str | None) -> int:
+    return os.getppid()
+
+
 def test_server_that_is_killed_costs_no_task() -> None:
     """It is the parent of all workers, of whose ends only it can tell."""
     with Workers(None, 1) as pool:
         task = pool.call(_late, 1.0, time_limit=LIMIT)
         assert isinstance(pool.outcome(pool.call(_late, 0.0, time_limit=LIMIT)), int)
-        pid = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+        server = pool.outcome(pool.call(parent, time_limit=LIMIT))
+        assert isinstance(server, int)
         again = pool.call(_late, 1.0, time_limit=LIMIT)
-        os.kill(pid, signal.SIGKILL)
+        os.kill(server, signal.SIGKILL)
         assert isinstance(pool.outcome(again), int)
         assert isinstance(pool.outcome(task), int)

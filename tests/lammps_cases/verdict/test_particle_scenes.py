@@ -218,7 +218,7 @@ def test_faults_of_ranks_cost_their_case_alone(make: Make, workers: Workers, sol
         assert isinstance(got, Failure) and got.verdict == verdict
         assert message in got.message
     endless = replace(told, runs=(RunCommand("run 100000000 post no"),))
-    got = workers.outcome(workers.submit(endless, 4.0), 4.0)
+    got = workers.outcome(workers.submit(endless, 4.0))
     assert isinstance(got, Failure) and got.verdict == "timeout"
     assert solver(told).steps == (0, 1, 10, 12)
     end = time.monotonic() + 10

@@ -196,7 +196,7 @@ def _records(workers: JudgingWorkers, kind: Kind, cases: Sequence[Case], progres
     while queue:
         perturbed, future = queue.popleft()
         queue.extend(islice(waiting, 1))
-        record = workers.outcome(future, workers.limit)
+        record = workers.outcome(future)
         if isinstance(record, Failure):  # LAMMPS took the worker with it: the failure is judged here
             record = workers.judge.verdict(perturbed, [record for _ in perturbed.jobs])
         name = perturbed.ready.case.name

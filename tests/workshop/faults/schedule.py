@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import tempfile
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -12,10 +11,8 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from lammps_cases.comparison.store import Store
-from lammps_cases.engine import forkserver
 from lammps_cases.engine.installations import Engine
-from lammps_cases.engine.pool import OrderedPool
-from lammps_cases.engine.workers import Failure
+from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.prepared_case import prepare
@@ -62,11 +59,8 @@ class MutationPool:
     def __init__(self, engine: Engine, jobs: int, store: Store | None, every: bool = False) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-power-")
         self.folder = Path(self._folder.name)
-        context = forkserver.context()
+        self._substitutes = Workers(None, jobs)
         self._workers = JudgingWorkers(engine, jobs, store, LIMIT)
-        self._substitutes = OrderedPool(
-            max_workers=jobs, max_tasks=1, context=context, initializer=substitute.prepare, initargs=(os.getpid(),)
-        )
         self._workers.check_shared(self.folder)
         self.jobs, self.every = self._workers.count, every
         self.answered: list[str] = []
@@ -90,8 +84,7 @@ class MutationPool:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._substitutes.stop()
-        self._substitutes.join()
+        self._substitutes.__exit__(kind, value, trace)
         self._workers.__exit__(kind, value, trace)
         self._folder.cleanup()
 
@@ -223,9 +216,6 @@ class MutationPool:
     def _call_substitute(
         self, fault: Fault, names: list[str], engine: str | None, enough: int
     ) -> Future[list[Substitution]]:
-        future: Future[list[Substitution]] = self._substitutes.schedule(
-            substitute.answer_cases,
-            args=(fault, self.folder, names, engine, enough, CASE_LIMIT),
-            timeout=60.0 + CASE_LIMIT * len(names),
-        )
-        return future
+        given = fault, self.folder, names, engine, enough, CASE_LIMIT
+        limit = 60.0 + CASE_LIMIT * len(names)
+        return self._substitutes.call(substitute.answer_apart, limit, *given, time_limit=2 * limit)

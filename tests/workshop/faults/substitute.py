@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import pickle
 import signal
-import threading
 import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -24,7 +23,7 @@ from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import EosState
 from lammps_cases.comparison.problem import Problem, problem_of
 from lammps_cases.comparison.trajectory import visit
-from lammps_cases.engine import ranks
+from lammps_cases.engine import apart
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import shown_by
@@ -99,18 +98,15 @@ class TimeLimitExceeded(Exception):
     """A case that a mistake keeps from ending."""
 
 
-def prepare(parent: int) -> None:
-    """Begin a process: it ends with its parent, and has nothing to say."""
-    threading.Thread(target=ranks.die_with, args=(parent,), daemon=True).start()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGVTALRM, _stop)
-    warnings.simplefilter("ignore")
+def answer_apart(site: str | None, time_limit: float, *given: Any) -> list[Substitution]:
+    """Task: do `answer_cases` in a fork of this process, of which nothing remains."""
+    return apart.call(answer_cases, *given, time_limit=time_limit)
 
 
 def answer_cases(
     mistake: Mistake, folder: Path, names: Sequence[str], engine: str | None, enough: int, limit: float
 ) -> list[Substitution]:
-    """Answer cases until some answers differ from those without the mistake; a task for a fresh process.
+    """Answer cases until some answers differ from those without the mistake.
 
     Parameters
     ----------
@@ -124,6 +120,8 @@ def answer_cases(
     list of Substitution
         Only of cases whose answers differ, in order.
     """
+    signal.signal(signal.SIGVTALRM, _stop)
+    warnings.simplefilter("ignore")
     differing: list[Substitution] = []
     for name in names:
         if len(differing) >= enough:

@@ -8,9 +8,8 @@ is witnessed by the cases that take it. A twin compares LAMMPS with itself and w
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from lammps_cases.comparison.problem import Problem, problem_of
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine import forkserver
+from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import NEWEST, shown_by
 from lammps_cases.findings.variants import combined
 from lammps_cases.records.progress import SILENT, Progress
@@ -36,6 +36,8 @@ from tests.workshop.faults import formula
 from tests.workshop.faults.substitute import mistaken
 
 ENOUGH = 2  # witnesses of a rule, in different scenes, in every dimension in which it has to have them
+
+LIMIT = 3600.0  # seconds that a case may take
 
 
 @dataclass(frozen=True)
@@ -180,17 +182,22 @@ def examine(case: Case, every: bool = False, store: Store | None = None) -> Case
     return CaseRules(case.name, scene_of(case), case.scene.dimension, counts, depends)
 
 
+def examine_here(site: None, *given: Any) -> CaseRules:
+    """Task: do `examine`, which needs no LAMMPS."""
+    return examine(*given)
+
+
 def collect(
     cases: Sequence[Case], every: bool = False, jobs: int = 1, store: Store | None = None, progress: Progress = SILENT
 ) -> list[CaseRules]:
     """Examine cases in some processes; in the order of the cases."""
     chosen = [case for case in cases if case.scene.expect is None]
-    context = forkserver.context("tests.workshop.faults.witnesses")
+    forkserver.context("tests.workshop.faults.witnesses")
     examined: list[CaseRules] = []
-    with ProcessPoolExecutor(jobs, context) as pool:
-        for one in pool.map(partial(examine, every=every, store=store), chosen):
-            examined.append(one)
-            progress.advance(len(examined), len(chosen), one.case)
+    with Workers(None, jobs) as workers:
+        for future in [workers.call(examine_here, case, every, store, time_limit=LIMIT) for case in chosen]:
+            examined.append(future.result())
+            progress.advance(len(examined), len(chosen), examined[-1].case)
     return examined
 
 

@@ -158,12 +158,12 @@ class Hunt:
                 left = None if left is None else left - 1
             if running and len(judging) <= workers.count:
                 drawn, futures = running.popleft()
-                outcomes = flow.outcomes_of(workers, drawn.ready, futures)
+                outcomes = flow.outcomes_of(workers, futures)
                 task = workers.call(flow.judge, drawn.ready, outcomes, judge.engine, None, time_limit=JUDGING)
                 judging.append((drawn, task))
             elif judging:
                 drawn, task = judging.popleft()
-                outcome = workers.outcome(task, JUDGING)
+                outcome = workers.outcome(task)
                 yield drawn, record_of(drawn, outcome, judge.engine)
             else:
                 return

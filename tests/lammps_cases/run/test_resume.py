@@ -46,11 +46,13 @@ class Interrupts(Progress):
             raise KeyboardInterrupt
 
 
-def run(cases: list[Case], out: Path, resume: bool | None, after: int = 0, **options: Any) -> list[str]:
+def run(
+    cases: list[Case], out: Path, resume: bool | None, after: int = 0, store: Store | None = None, **options: Any
+) -> list[str]:
     """Run cases; return those that were judged."""
     progress = Interrupts(after)
     asked = campaign.Request("eos-ref run", **options)
-    campaign.run_cases(cases, Engine(), 2, out, asked, progress=progress, resume=resume)
+    campaign.run_cases(cases, Engine(), 2, out, asked, progress, store, resume)
     return progress.told
 
 

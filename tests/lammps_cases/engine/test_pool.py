@@ -26,3 +26,5 @@ def test_a_death_comes_after_what_was_answered_before_it(fresh: bool) -> None:
         assert after.result(LONG) == 4
     finally:
         pool.stop()
+    with pytest.raises(RuntimeError, match="has ended"):
+        pool.schedule(abs, (-5,), LONG)

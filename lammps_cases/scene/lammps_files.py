@@ -73,7 +73,7 @@ class FileSnapshot:
             raise InputError("column", f"must be one of {', '.join(self.columns)}{nearest(name, self.columns)}", name)
         values_n = self.columns[name]
         if kind is int and self.exact:
-            for wrong in np.flatnonzero(~(np.isfinite(values_n) & (values_n == np.rint(values_n)))).tolist():
+            for wrong in np.flatnonzero(~((np.abs(values_n) < 2**63) & (values_n == np.rint(values_n)))).tolist():
                 raise self._refused(name, "must hold whole numbers", wrong)
         try:
             return values_n.astype(kind)

@@ -171,6 +171,7 @@ def test_a_binary_dump_is_as_one_with_all_digits(written: tuple[Path, int, Any])
         (118, "<i", 4, "columns: must be the 4"),
         (-80, "<d", 1.5, "column id: must hold whole numbers"),
         (-80, "<d", float("nan"), "column id: must hold whole numbers"),
+        (-80, "<d", 1e19, "column id: must hold whole numbers"),
     ],
 )
 def test_binary_dumps_of_other_kinds(at: int, form: str, value: float, rule: str, tmp_path: Path) -> None:

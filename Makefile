@@ -57,7 +57,7 @@ slurm: $(READY) ## the tests of the kit for Slurm, on a Slurm started for them (
 	$(BIN)/python -m pytest -m slurm tests/workshop
 
 unittest: $(READY) ## LAMMPS' own test programs on the kit for them; LAMMPS=TREE, with a serial build in its folder build
-	EOS_REF_TREE='$(LAMMPS)' $(BIN)/python -m pytest -m unittest tests/lammps_cases/upstream
+	EOS_REF_TREE='$(LAMMPS)' $(BIN)/python -m pytest -m unittest tests/lammps_cases/bugs/upstream
 
 workshop: $(READY) ## the tests of what only the makers run, tests/workshop (half an hour)
 	$(BIN)/python -m pytest -m workshop tests/workshop

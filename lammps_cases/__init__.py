@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lammps_cases.audit.command import audit
-    from lammps_cases.regression.command import compare
     from lammps_cases.run.calculators import EosRefCalculator, LammpsRheoCalculator
     from lammps_cases.run.command import run
+    from lammps_cases.versions.command import compare
 
 __all__ = ["EosRefCalculator", "LammpsRheoCalculator", "audit", "compare", "run"]
 
@@ -29,7 +29,7 @@ def __getattr__(name: str) -> Any:
     if name in ("EosRefCalculator", "LammpsRheoCalculator"):
         return getattr(import_module("lammps_cases.run.calculators"), name)
     if name == "compare":
-        return import_module("lammps_cases.regression.command").compare
+        return import_module("lammps_cases.versions.command").compare
     if name in ("audit", "run"):
         return import_module(f"lammps_cases.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

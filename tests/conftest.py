@@ -18,7 +18,7 @@ from lammps_cases.comparison import store
 from lammps_cases.engine import containment, forkserver
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Workers
-from lammps_cases.history import store as history
+from lammps_cases.report.history import store as history
 from tests.support.outcome import Outcome, Solver
 
 BASE: dict[str, Any] = {

@@ -20,6 +20,8 @@ from lammps_cases.bugs import deck, hand
 from lammps_cases.bugs.deck import BugDeck, Check
 from lammps_cases.bugs.demonstration import AtomNumber, case_of, demonstrations, smaller
 from lammps_cases.bugs.hand import Line
+from lammps_cases.claims.probes import manual
+from lammps_cases.claims.probes.manual import ManualProbe
 from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.pair_sums import Sum
 from lammps_cases.comparison.predictor import Predictor
@@ -29,8 +31,6 @@ from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.findings.variants import combined
-from lammps_cases.probes import manual
-from lammps_cases.probes.manual import ManualProbe
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import campaign, prepared_case, provenance
 from lammps_cases.scene import casefile

@@ -17,8 +17,8 @@ from typing import Literal, get_args
 
 from eos_ref.syntax.manual import FIRST, Manual
 from lammps_cases.claims.model import Claim, claims
+from lammps_cases.claims.probes import PREFIX
 from lammps_cases.findings import severities
-from lammps_cases.probes import PREFIX
 from lammps_cases.records.headline import HERE, Headline, headline
 from lammps_cases.records.levels import FailOn
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord

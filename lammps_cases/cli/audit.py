@@ -259,7 +259,7 @@ def readable(place: Path) -> None:
     """
     from eos_ref import InputError
     from lammps_cases.records import folders
-    from lammps_cases.regression.baseline import IDENTITY
+    from lammps_cases.versions.baseline import IDENTITY
 
     if not (folders.present(place) / IDENTITY).exists():
         raise InputError("baseline", "none is accepted here (eos-ref audit DECK --accept)", where=str(place))
@@ -268,9 +268,9 @@ def readable(place: Path) -> None:
 def accepted(directory: Path, reason: str, place: Path, prune: bool) -> list[str]:
     """Accept the report of an audit as the baseline of its decks; return lines that say what changed."""
     from lammps_cases.records.wording import counted
-    from lammps_cases.regression import pairs
-    from lammps_cases.regression.acceptance import accept_decks
     from lammps_cases.run.provenance import command_line
+    from lammps_cases.versions import pairs
+    from lammps_cases.versions.acceptance import accept_decks
 
     of = accept_decks(directory, reason, place, command_line(), prune)
     changes = [f"first baseline: {counted(of.cases, 'deck')}"]
@@ -282,10 +282,10 @@ def accepted(directory: Path, reason: str, place: Path, prune: bool) -> list[str
 
 def against(place: Path, run: RunRecord, directory: Path, deck: Path, as_json: bool) -> Iterable[str]:
     """Compare the audits of decks with a baseline; return lines, and keep in the run how many changes count."""
-    from lammps_cases.regression import pairs
-    from lammps_cases.regression.baseline import check_decks
     from lammps_cases.report.annotations import announce_changes
     from lammps_cases.run import report_files
+    from lammps_cases.versions import pairs
+    from lammps_cases.versions.baseline import check_decks
 
     changes = check_decks(run, directory, place, whole=deck.is_dir())
     run.changed = len(changes.faults)

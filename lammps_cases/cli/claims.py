@@ -20,10 +20,10 @@ from lammps_cases.run.options import Jobs, LevelOptions, processes
 
 if TYPE_CHECKING:
     from lammps_cases.claims.model import Claim
-    from lammps_cases.claims.page import Column
     from lammps_cases.claims.trace import Trace
     from lammps_cases.records.levels import FailOn
     from lammps_cases.records.run_record import CaseRecord, RunRecord
+    from lammps_cases.report.claims.page import Column
     from lammps_cases.scene.casefile import Case
 
 MOST_TEXT = 160  # characters of evidence
@@ -65,8 +65,8 @@ def claims_command(
     if not (runs or listed.traceability or listed.manuals):
         shared.start_fork_server()
     from lammps_cases.claims import model
+    from lammps_cases.claims.probes import manual
     from lammps_cases.claims.trace import trace
-    from lammps_cases.probes import manual
     from lammps_cases.records import kept
     from lammps_cases.records.run_record import read_run
     from lammps_cases.scene import casefile
@@ -114,10 +114,11 @@ def _judge(
     as_json: bool,
 ) -> int:
     """Judge claims by runs, each with the folder of its report, and write the page; return the exit code."""
-    from lammps_cases.claims import model, page
-    from lammps_cases.claims.page import Column
+    from lammps_cases.claims import model
     from lammps_cases.claims.verdicts import BROKEN, of_all, of_run
     from lammps_cases.records.files import write_atomically
+    from lammps_cases.report.claims import page
+    from lammps_cases.report.claims.page import Column
 
     labels = _labels(answers)
     chosen = [claim for claim in chosen if any(claim.made_in(run.engine.manual) for run, _ in answers)]
@@ -183,11 +184,11 @@ def _answers(
     tuple of RunRecord and Path
         The record of both, and the folder with the report of the cases.
     """
+    from lammps_cases.claims.probes import manual
     from lammps_cases.claims.verdicts import Names
     from lammps_cases.comparison import prediction_keys
     from lammps_cases.engine import installations
     from lammps_cases.engine.workers import Workers
-    from lammps_cases.probes import manual
     from lammps_cases.records.files import write_atomically
     from lammps_cases.records.wording import folder_name
     from lammps_cases.run import campaign, provenance

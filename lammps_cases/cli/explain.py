@@ -192,7 +192,7 @@ def _exercises(case: Any, ready: Any) -> list[dict[str, Any]]:
     """List the rules that a case is for, then those it takes besides, with the number of particles or pairs of each."""
     from lammps_cases.comparison.prediction_keys import open_store
     from lammps_cases.comparison.predictor import Predictor
-    from lammps_cases.rules import RULES
+    from lammps_cases.scene.rules import RULES
     from lammps_cases.verdict import exercise
 
     taken = exercise.counts(case, ready.atoms, Predictor(open_store()))

@@ -154,11 +154,11 @@ def shrink_command(
     """
     shared.start_fork_server()
     from eos_ref import InputError
+    from lammps_cases.bugs.shrink import shrink
     from lammps_cases.engine import installations
     from lammps_cases.findings import check_names
     from lammps_cases.records.files import write_atomically
     from lammps_cases.scene import casefile
-    from lammps_cases.shrink import shrink
 
     check_names([finding] if finding else [])
     case = casefile.only(casefile.load(paths(files)), name)

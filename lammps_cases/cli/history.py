@@ -19,10 +19,10 @@ from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import brief, counted, plain
 
 if TYPE_CHECKING:
-    from lammps_cases.history.model import StoredRun
-    from lammps_cases.history.store import History
-    from lammps_cases.history.views import CaseView, RunLine, Spread
     from lammps_cases.records.outcome import CaseOutcome
+    from lammps_cases.report.history.model import StoredRun
+    from lammps_cases.report.history.store import History
+    from lammps_cases.report.history.views import CaseView, RunLine, Spread
 
 SHOWN = 20  # runs listed by default
 Only = Literal["verdicts", "times", "errors"]
@@ -71,9 +71,9 @@ def history_command(
               eos-ref history 'forces.*' --times --engine 2025.7.22
               eos-ref history --add reports/latest --last 5
     """
-    from lammps_cases.history import page, views
-    from lammps_cases.history.store import History
-    from lammps_cases.history.versions import engines
+    from lammps_cases.report.history import page, views
+    from lammps_cases.report.history.store import History
+    from lammps_cases.report.history.versions import engines
 
     with Bar(quiet=as_json) as bar, History(_file(db, bool(add))) as history:
         if forget:
@@ -131,7 +131,7 @@ def _add(history: History, reports: Sequence[Path], bar: Bar) -> None:
 
 def _file(db: Path | None, added: bool) -> Path:
     from eos_ref import InputError
-    from lammps_cases.history.store import OFF, VARIABLE, history_file
+    from lammps_cases.report.history.store import OFF, VARIABLE, history_file
 
     if db is not None and not db.exists() and not added:
         raise InputError("history", "does not exist", where=str(db))
@@ -197,7 +197,7 @@ def _show_runs(lines: Sequence[RunLine], every: int, more: str) -> None:
 
 
 def _show_case(view: CaseView, only: Only | None) -> None:
-    from lammps_cases.history.draw import spark
+    from lammps_cases.report.history.draw import spark
 
     errors = spark([span.outcome.worst for span in view.spans], logarithmic=True)
     times = spark([span.lammps.median for span in view.spans])
@@ -223,7 +223,7 @@ def _show_case(view: CaseView, only: Only | None) -> None:
 
 def _changes(view: CaseView) -> list[str]:
     """Return a line for every engine that changed a case."""
-    from lammps_cases.history.page import findings, steps
+    from lammps_cases.report.history.page import findings, steps
 
     lines: list[str] = []
     for step in steps([view]):
@@ -241,7 +241,7 @@ def _changes(view: CaseView) -> list[str]:
 
 
 def _show_cases(case_views: Sequence[CaseView], labels: Sequence[str], only: Only | None) -> None:
-    from lammps_cases.history.draw import spark
+    from lammps_cases.report.history.draw import spark
 
     rows = []
     for view in case_views:

@@ -154,9 +154,9 @@ def dev(context: click.Context) -> None:
 def _index(context: click.Context, code: object) -> object:
     """Bring the index of the reports up to date after a command that wrote a report there."""
     if Path("reports").is_dir():
-        from lammps_cases.pages import index
         from lammps_cases.records.faults import MissingPart, part
         from lammps_cases.records.wording import lacks
+        from lammps_cases.report.pages import index
 
         faults: list[MissingPart] = []
         part("reports/index.html", faults, lambda: index.refresh(Path("reports"), context.obj), None)

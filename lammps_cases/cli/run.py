@@ -76,7 +76,7 @@ def run_command(
     if shard:
         chosen = shards.part_of(chosen, shard, shards.DOCUMENT.read(costs) if costs else None)
     if baseline is not None:
-        from lammps_cases.regression import baseline as accepted
+        from lammps_cases.versions import baseline as accepted
 
         accepted.readable(baseline)  # a typing mistake is said before the run, not after it
     resolved = installations.resolve(options.engine)
@@ -120,10 +120,10 @@ def _notes(own: Sequence[Case], run: RunRecord) -> Iterator[str]:
 
 def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json: bool) -> Iterable[str]:
     """Hold a run against what was accepted, unless the engine failed; return lines, and keep in the run what counts."""
-    from lammps_cases.regression import pairs
-    from lammps_cases.regression.baseline import check
     from lammps_cases.report.annotations import announce_changes
     from lammps_cases.run import report_files
+    from lammps_cases.versions import pairs
+    from lammps_cases.versions.baseline import check
 
     if run.failed:
         return ()

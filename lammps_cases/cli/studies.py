@@ -19,7 +19,7 @@ from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import EngineName, processes
 
 if TYPE_CHECKING:
-    from lammps_cases.studies.inputs.record import InputTable
+    from lammps_cases.versions.inputs.record import InputTable
 
 
 @command(LAUNCHER)
@@ -215,8 +215,8 @@ def examples_command(
     Examples: eos-ref examples --engine path:~/lammps/build
               eos-ref examples taylor-green --from ~/lammps/examples/rheo
     """
+    from lammps_cases.audit.examples import collect, decks, page
     from lammps_cases.engine import installations
-    from lammps_cases.examples import collect, decks, page
     from lammps_cases.run import provenance
 
     chosen = installations.resolve(engine)
@@ -260,10 +260,10 @@ def inputs_command(
               eos-ref inputs --engine pypi:2025.7.22.1.0 --against reports/inputs --out reports/inputs-1.0
     """
     from eos_ref import InputError
+    from lammps_cases.claims.probes.probe import commands
     from lammps_cases.engine import installations
-    from lammps_cases.probes.probe import commands
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.studies.inputs import page, record, run, table
+    from lammps_cases.versions.inputs import page, record, run, table
 
     chosen = table.select(names)
     if deck:

@@ -213,10 +213,10 @@ def _check_options(name: str, others: Sequence[str]) -> None:
 
 def _upstream_files(out: Path | None, notes: list[str]) -> list[KitFile]:
     """Return the tests and decks for LAMMPS' own tree; note it if no LAMMPS is there that writes the decks' logs."""
+    from lammps_cases.bugs.upstream.examples import example_files
+    from lammps_cases.bugs.upstream.files import kit_files
     from lammps_cases.engine import installations
     from lammps_cases.engine.session import EngineMissing
-    from lammps_cases.upstream.examples import example_files
-    from lammps_cases.upstream.files import kit_files
 
     files = kit_files()
     try:
@@ -245,8 +245,8 @@ def _costs(words: list[str], shards: int) -> tuple[Costs, str]:
     from eos_ref import InputError
     from lammps_cases.cli.run import run_command
     from lammps_cases.engine import installations
-    from lammps_cases.history.store import History, history_file
     from lammps_cases.records.wording import counted
+    from lammps_cases.report.history.store import History, history_file
     from lammps_cases.run.shards import Costs, balanced
     from lammps_cases.scene import casefile
 

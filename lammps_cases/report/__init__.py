@@ -16,7 +16,7 @@ from lammps_cases.records.run_record import HeadlineRecord, RunRecord
 
 if TYPE_CHECKING:
     from lammps_cases.findings import Finding
-    from lammps_cases.history.reported import Past
+    from lammps_cases.report.history.reported import Past
     from lammps_cases.report.page import Making
 
 
@@ -38,7 +38,8 @@ def write_report(
     ledger : sequence of Finding, optional
         The findings to look for in the run; the project's own unless given.
     history : Past, optional
-        The runs before this one, as `lammps_cases.history.past` gives them; without them the page has no such part.
+        The runs before this one, as `lammps_cases.report.history.past` gives them; without them the page has no
+        such part.
     making : Making, optional
         What makes the articles of cases, such as other processes; this one unless given.
 

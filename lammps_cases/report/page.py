@@ -15,10 +15,6 @@ from markupsafe import Markup
 
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
-from lammps_cases.history.draw import RunMark
-from lammps_cases.history.reported import Past
-from lammps_cases.pages import frame
-from lammps_cases.pages.packed import packed, packed_once
 from lammps_cases.records import deck_wording, wording
 from lammps_cases.records.faults import MissingPart, part
 from lammps_cases.records.levels import SEVERITIES
@@ -26,11 +22,15 @@ from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord
 from lammps_cases.report import agreement, plots
 from lammps_cases.report.drawn import Drawn, drawn_from
 from lammps_cases.report.findings import Outcome
+from lammps_cases.report.history.draw import RunMark
+from lammps_cases.report.history.reported import Past
+from lammps_cases.report.pages import frame
+from lammps_cases.report.pages.packed import packed, packed_once
 from lammps_cases.report.statements import SUBJECTS, statements
-from lammps_cases.rules import RULES
+from lammps_cases.scene.rules import RULES
 
 ASSETS = Path(__file__).parent / "assets"
-HISTORY_CSS = Path(__file__).parent.parent / "history" / "assets" / "history.css"
+HISTORY_CSS = Path(__file__).parent / "history" / "assets" / "history.css"
 ROWS = 200  # checks of an audit listed per case
 LISTED = 1000  # cases that the page lists: a browser opens twice as many in two seconds
 PICTURES = "pictures"  # what a case lacks

@@ -314,7 +314,7 @@ def triaged(run: RunRecord, cases: Sequence[Case], folder: Path, store: Store | 
     if all(record.as_expected or record.limits for record in run.cases):
         return None
     from lammps_cases.comparison.predictor import Predictor
-    from lammps_cases.diagnosis.triage import triage
+    from lammps_cases.verdict.diagnosis.triage import triage
 
     return triage(run, cases, folder / "fields", Predictor(store))
 

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lammps_cases import history
 from lammps_cases.records.faults import part
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.run_record import HeadlineRecord, RunRecord
+from lammps_cases.report import history
 
 if TYPE_CHECKING:
-    from lammps_cases.history.reported import Past
+    from lammps_cases.report.history.reported import Past
     from lammps_cases.report.page import Making
 
 

@@ -2,7 +2,8 @@
 
 A file holds ``name``, ``about``, ``tags``, a ``scene`` and, optionally, a ``matrix``: axes of named patches that are
 merged into the scene (``key+`` appends to a list, null removes), every combination one case ``name.label1.label2``.
-``exercises`` says which rules of the reference (`lammps_cases.rules`) its cases are for, by patterns of their labels.
+``exercises`` says which rules of the reference (`lammps_cases.scene.rules`) its cases are for, by
+patterns of their labels.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from eos_ref.errors import nearest, together, unknown
 from eos_ref.syntax.manual import Manual
 from lammps_cases.records.wording import some
 from lammps_cases.records.yaml_files import flow, if_deck, read_yaml
-from lammps_cases.rules import RULES
 from lammps_cases.scene import FromFile, Scene, check_name
 from lammps_cases.scene.complaints import Combination, Complaint, Format, Keys, Source, complaints, explained, refused
+from lammps_cases.scene.rules import RULES
 
 MAX_CASES = 10_000  # of one file
 SCENES = ("scene", "matrix")  # the keys that make scenes

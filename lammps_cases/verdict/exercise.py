@@ -11,9 +11,9 @@ from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Halt, own_stages, reached
-from lammps_cases.rules import RULES, Evaluated
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.rules import RULES, Evaluated
 from lammps_cases.setup import reference_side
 
 

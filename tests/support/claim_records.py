@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from lammps_cases.claims.probes import manual
 from lammps_cases.findings import LEDGER
-from lammps_cases.probes import manual
 from lammps_cases.records.run_record import CaseRecord, FieldRecord
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case

@@ -16,10 +16,9 @@ import numpy as np
 
 from eos_ref import InputError, parse_fix_rheo, parse_fix_rheo_pressure
 from lammps_cases.audit import guard, messages
-from lammps_cases.history.store import History
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import read_run
-from lammps_cases.regression import baseline
+from lammps_cases.report.history.store import History
 from lammps_cases.run.shards import part_of
 from lammps_cases.scene import casefile
 from lammps_cases.scene.ase_io import _read_with_ase
@@ -29,6 +28,7 @@ from lammps_cases.scene.lammps_files import arrays, data_file, snapshots
 from lammps_cases.scene.particles import ValueTable
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
+from lammps_cases.versions import baseline
 from tests.support import made_runs
 
 ROOT = Path(__file__).parents[2]

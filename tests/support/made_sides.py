@@ -9,9 +9,9 @@ import numpy as np
 
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
 from lammps_cases.records.run_record import Ended, EngineRecord, Verdict, as_expected
-from lammps_cases.regression.change import Policy, SideChange
-from lammps_cases.regression.changes import compare
-from lammps_cases.regression.outcomes import Sample, Samples, Side
+from lammps_cases.versions.change import Policy, SideChange
+from lammps_cases.versions.changes import compare
+from lammps_cases.versions.outcomes import Sample, Samples, Side
 
 
 def field(

@@ -12,12 +12,12 @@ from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.trajectory import visit
-from lammps_cases.diagnosis.triage import triage
 from lammps_cases.records.files import arrays_files, write_arrays
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, worst
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import particle_model
+from lammps_cases.verdict.diagnosis.triage import triage
 
 ENGINE = "2099.1.1"
 

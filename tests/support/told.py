@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.eos.bounds import EPS
+from lammps_cases.claims.probes.probe import Input, edited
+from lammps_cases.claims.probes.run import Reply, put
 from lammps_cases.comparison.problem import Problem, problem_of
 from lammps_cases.comparison.trajectory import Prediction, predict
 from lammps_cases.engine import installations
@@ -20,8 +22,6 @@ from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Snapshot, combined
-from lammps_cases.probes.probe import Input, edited
-from lammps_cases.probes.run import Reply, put
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup.commands import job

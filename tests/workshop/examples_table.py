@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from lammps_cases.audit import balance
-from lammps_cases.examples.collect import DOCUMENT, NAME, Examples
+from lammps_cases.audit.examples.collect import DOCUMENT, NAME, Examples
 from lammps_cases.records.files import write_atomically
 
 FILE = Path(__file__).with_suffix(".json")

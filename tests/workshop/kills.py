@@ -20,8 +20,8 @@ import psutil
 
 from lammps_cases.comparison import store
 from lammps_cases.engine import mpi
-from lammps_cases.history import store as history
 from lammps_cases.records import folders
+from lammps_cases.report.history import store as history
 from tests.support import dask_cluster
 from tests.support.resumed import report
 

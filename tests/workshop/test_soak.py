@@ -11,8 +11,8 @@ import pytest
 
 from lammps_cases.comparison import store
 from lammps_cases.engine.pool import RECYCLED
-from lammps_cases.history import store as history
 from lammps_cases.records.run_record import read_run
+from lammps_cases.report.history import store as history
 from tests.support import dask_cluster
 from tests.workshop import soak
 

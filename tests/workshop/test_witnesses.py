@@ -10,10 +10,10 @@ import pytest
 import yaml
 
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.rules import RULES, Rule
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.rules import RULES, Rule
 from tests.workshop.faults import witnesses
 from tests.workshop.faults.schedule import in_order
 from tests.workshop.faults.witnesses import ENOUGH, CaseRules, ExaminedCase, RuleRow

@@ -36,7 +36,7 @@ class Kit:
     about: str
     files: Mapping[str, str]
     cluster: bool = False
-    tests: bool = False  # force-style tests and decks come with them (`lammps_cases.upstream`)
+    tests: bool = False  # force-style tests and decks come with them (`lammps_cases.bugs.upstream`)
 
     def filled(self, values: Mapping[str, str]) -> list[KitFile]:
         """Return the files with the values of their places."""

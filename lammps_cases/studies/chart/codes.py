@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref import InputError
-from lammps_cases.probes.reaction import said
+from lammps_cases.claims.probes.reaction import said
 from lammps_cases.studies.chart import pysph as peer
 from lammps_cases.studies.chart.record import Chart
 from lammps_cases.studies.flows.cavity import CAVITY, STORED

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis
+from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis
 from lammps_cases.studies.chart.codes import compared, name
 from lammps_cases.studies.chart.points import DIGITS, LAMMPS, Map, MethodPoint, Panel, frontier
 from lammps_cases.studies.flows.converge import Convergence

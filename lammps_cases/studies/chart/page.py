@@ -11,9 +11,9 @@ from typing import Any
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from lammps_cases.pages import frame
-from lammps_cases.pages.figures import saved
 from lammps_cases.records.files import write_atomically
+from lammps_cases.report.pages import frame
+from lammps_cases.report.pages.figures import saved
 from lammps_cases.studies.chart import codes, draw
 from lammps_cases.studies.chart.points import LAMMPS, MethodPoint, Panel, frontier
 from lammps_cases.studies.chart.record import Chart, Section

@@ -12,10 +12,10 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from lammps_cases.pages import frame
-from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, saved
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.wording import brief, number
+from lammps_cases.report.pages import frame
+from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, saved
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
 from lammps_cases.studies.flows.flow import Flow, FlowPanel, ReferenceCurve
 from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, Validated, called

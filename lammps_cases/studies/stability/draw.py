@@ -20,7 +20,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.box import BoolArray
-from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis, plain_text
+from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis, plain_text
 from lammps_cases.scene.atoms import IntArray
 from lammps_cases.studies.stability.model import KINDS, Axis, Boundary, CellRun, Engine, Kind, MapCell, Theory
 from lammps_cases.studies.stability.record import MapRecord

@@ -16,9 +16,9 @@ from markupsafe import Markup
 from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from lammps_cases.engine.session import Job, RunCommand
-from lammps_cases.pages import frame
-from lammps_cases.pages.figures import saved
 from lammps_cases.records.files import write_atomically
+from lammps_cases.report.pages import frame
+from lammps_cases.report.pages.figures import saved
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.flows.flow import Start

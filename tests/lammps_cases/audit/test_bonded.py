@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lammps_cases.audit.supervise import audit_deck
-from lammps_cases.probes.probe import edited
+from lammps_cases.claims.probes.probe import edited
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.audited_decks import case_of
 

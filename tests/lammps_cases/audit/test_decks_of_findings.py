@@ -13,9 +13,9 @@ from lammps_cases.audit.deck import Deck
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.bugs.deck import DECK
+from lammps_cases.claims.probes import manual
+from lammps_cases.claims.probes.probe import commands
 from lammps_cases.findings import LEDGER, Finding
-from lammps_cases.probes import manual
-from lammps_cases.probes.probe import commands
 from tests.support.audited_decks import case_of
 from tests.support.bug_decks import ENGINES, engine_of, finding_of, report_of, said_in, version_of
 

@@ -15,8 +15,8 @@ from eos_ref import InputError
 from lammps_cases.audit import settings
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.records.run_record import read_run
-from lammps_cases.regression import baseline, decks
-from lammps_cases.regression.outcomes import Sample, read
+from lammps_cases.versions import baseline, decks
+from lammps_cases.versions.outcomes import Sample, read
 from tests.support.audited_decks import FIXES, write_deck
 from tests.support.outcome import Outcome
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from lammps_cases.audit.examples import collect as examples_collect
 from lammps_cases.engine import session
-from lammps_cases.examples import collect as examples_collect
 from lammps_cases.studies.chart import collect as chart_collect
 from lammps_cases.studies.chart.record import DOCUMENT, Section
 from lammps_cases.studies.flows import run

@@ -13,10 +13,10 @@ import pytest
 
 from lammps_cases.cli import findings, shared
 from lammps_cases.findings import KNOWN, LEDGER
-from lammps_cases.history import store
-from lammps_cases.history.store import History
 from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.wording import MEANINGS
+from lammps_cases.report.history import store
+from lammps_cases.report.history.store import History
 from lammps_cases.scene.fields import FIELDS
 from tests.conftest import ROOT
 from tests.support import made_runs

@@ -24,11 +24,11 @@ from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, Mismatch, RunRecord
 from lammps_cases.records.wording import by_file
-from lammps_cases.regression import acceptance, baseline, evidence
 from lammps_cases.report import findings as reported
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import particle_model
+from lammps_cases.versions import acceptance, baseline, evidence
 from tests.support.outcome import Outcome
 from tests.workshop.faults.alarms import KINDS
 
@@ -100,7 +100,7 @@ def test_a_finding_about_two_decks_predicts_the_field_in_which_they_differ() -> 
 @pytest.mark.slow
 def test_the_generated_files_are_current() -> None:
     for path, content in evidence.documents().items():
-        assert path.read_text() == content, f"{path.name} is old: python -m lammps_cases.regression.evidence"
+        assert path.read_text() == content, f"{path.name} is old: python -m lammps_cases.versions.evidence"
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import pytest
 from eos_ref import EOS, InputError, Viscosity, parse_fix_rheo
 from eos_ref.model.commands import parse_pair_style_rheo
 from eos_ref.syntax.ranges import type_range
-from lammps_cases.probes.run import Reply
+from lammps_cases.claims.probes.run import Reply
 from tests.support.told import ENTRIES, Engine, quoted
 
 pytestmark = pytest.mark.lammps

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lammps_cases.probes.run import Reply
+from lammps_cases.claims.probes.run import Reply
 from tests.support.told import Engine, quoted
 
 pytestmark = pytest.mark.lammps

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from eos_ref.eos.bounds import EPS
-from lammps_cases.probes.manual import probes
-from lammps_cases.probes.probe import edited
+from lammps_cases.claims.probes.manual import probes
+from lammps_cases.claims.probes.probe import edited
 from tests.support.told import ENTRIES, Engine, Told, agree, is_multiple, said, told
 
 pytestmark = pytest.mark.lammps

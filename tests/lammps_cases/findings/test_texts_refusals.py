@@ -12,11 +12,11 @@ from eos_ref import EOS, InputError, parse_fix_rheo, parse_fix_rheo_pressure
 from eos_ref.eos import bounds, rounded_eos
 from eos_ref.numbers.rounded import Rounded
 from eos_ref.syntax.ranges import type_range
+from lammps_cases.claims.probes.run import Reply
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import problem_of
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
-from lammps_cases.probes.run import Reply
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from eos_ref.kernels.quintic import normalisation, quintic
-from lammps_cases.probes import manual
-from lammps_cases.probes.manual import ManualProbe
-from lammps_cases.probes.probe import edited
-from lammps_cases.probes.run import Reply
+from lammps_cases.claims.probes import manual
+from lammps_cases.claims.probes.manual import ManualProbe
+from lammps_cases.claims.probes.probe import edited
+from lammps_cases.claims.probes.run import Reply
 from tests.support.roundings import rounded
 from tests.support.told import ENTRIES, NUMBER, Engine, Quoted, engine, quoted, said
 

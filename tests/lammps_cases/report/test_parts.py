@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.history import draw
 from lammps_cases.records.outcome import CaseOutcome
 from lammps_cases.records.run_record import (
     CaseRecord,
@@ -19,6 +18,7 @@ from lammps_cases.records.run_record import (
     Verdict,
 )
 from lammps_cases.report import agreement, markdown, plots
+from lammps_cases.report.history import draw
 
 
 @pytest.mark.parametrize(

@@ -15,10 +15,10 @@ from lammps_cases.cli import shared
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.comparison.compare import EosState, compare_pressure
 from lammps_cases.engine.installations import Engine
-from lammps_cases.history import store as history
 from lammps_cases.records import folders
 from lammps_cases.records.files import write_arrays
 from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, HarnessError, StepRecord, read_run
+from lammps_cases.report.history import store as history
 from lammps_cases.run import campaign, case_journal
 from lammps_cases.run.campaign import Campaign
 from lammps_cases.run.prepared_case import prepare
@@ -30,9 +30,9 @@ from tests.support.broken import called, plant, public
 from tests.support.outcome import Outcome
 
 ROOMS = (
-    "lammps_cases.diagnosis.triage",
-    "lammps_cases.history",
-    "lammps_cases.pages",
+    "lammps_cases.verdict.diagnosis.triage",
+    "lammps_cases.report.history",
+    "lammps_cases.report.pages",
     "lammps_cases.report",
     "lammps_cases.run.article_task",
 )
@@ -40,8 +40,8 @@ FUNCTIONS = public(*ROOMS)
 CASES = ("near-rho0.linear.2d", "ranges.override")
 COLOURS = {"green": 1.0, "red": 2.0}  # of runs in which LAMMPS' pressures are so many times those of the reference
 PARTS = {  # what a room may cost; the others make what all of a page or summary needs
-    "diagnosis.": {"triage"},
-    "history.": {"history", "entry in the history"},
+    "verdict.diagnosis.": {"triage"},
+    "report.history.": {"history", "entry in the history"},
     "report.agreement.matri": {"agreement", "agreement in summary.md"},
     "report.drawn.": {"pictures"},
     "report.plots.": {"pictures"},
@@ -110,7 +110,7 @@ def run(earlier: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_
                     meanwhile(case.name)
             return {}
 
-        monkeypatch.setattr(Campaign, "judge", judge)
+        monkeypatch.setattr(Campaign, "run_all", judge)
         return eos_ref_command("run", *CASES, "--out", "reports/run", *words)
 
     return command
@@ -249,7 +249,7 @@ def test_a_command_that_cannot_resume_leaves_what_was_judged(
         self.journal.keep(judged(cases[0], self.folder, 1.0))
         return {}
 
-    monkeypatch.setattr(Campaign, "judge", judge)
+    monkeypatch.setattr(Campaign, "run_all", judge)
     monkeypatch.setattr(campaign, "write_kept_run", raises(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt, match=r"interrupted after 1 of 1 case: see .*/summary.md$"):
         campaign.run_cases(cases, Engine(), 1, tmp_path / "report")

@@ -6,7 +6,7 @@ import difflib
 
 import pytest
 
-from lammps_cases.probes.probe import load_scene
+from lammps_cases.claims.probes.probe import load_scene
 from lammps_cases.scene import casefile
 from lammps_cases.scene.violations import VIOLATIONS, broken
 from lammps_cases.setup.commands import job

@@ -27,10 +27,10 @@ from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import NEWEST, shown_by
 from lammps_cases.findings.variants import combined
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.rules import RULES, Rule
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.rules import RULES, Rule
 from lammps_cases.verdict import exercise, law_mistakes, model_mistakes
 from tests.workshop.faults import formula
 from tests.workshop.faults.substitute import mistaken

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 
 from eos_ref import InputError
 from eos_ref.methods.laws import METHODS as LAW_METHODS
-from lammps_cases.pages.figures import RED
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.records.measure import ConfidenceInterval, Timing
+from lammps_cases.report.pages.figures import RED
 from lammps_cases.studies.chart import collect, draw, flows, page, record
 from lammps_cases.studies.chart.points import Map, MethodPoint, Panel, compared, frontier, point
 from lammps_cases.studies.chart.record import Chart, Section

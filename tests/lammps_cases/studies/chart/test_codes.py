@@ -13,7 +13,7 @@ import pytest
 
 from eos_ref import InputError
 from eos_ref.analytic import waves
-from lammps_cases.pages.figures import BLUE, RED
+from lammps_cases.report.pages.figures import BLUE, RED
 from lammps_cases.studies.chart import codes, draw, pysph, record
 from lammps_cases.studies.chart.codes import COMPARED, SWIRL, by_pysph
 from lammps_cases.studies.chart.record import Chart, Section

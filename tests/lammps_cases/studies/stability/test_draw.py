@@ -11,7 +11,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from lammps_cases.pages.figures import svg
+from lammps_cases.report.pages.figures import svg
 from lammps_cases.studies.flows.layout import rows
 from lammps_cases.studies.stability import draw
 from lammps_cases.studies.stability.model import KINDS, Boundary, Engine, Kind

@@ -1,0 +1,215 @@
+"""LAMMPS' own test programs on the tests of the kit: which of their checks fail, and by which findings.
+
+``python -m lammps_cases.bugs.upstream.programs TREE`` builds them for a source tree with a serial build of LAMMPS in
+its folder ``build`` (a C++ compiler, googletest and libyaml: Debian's libgmock-dev and libyaml-dev), runs them, and
+writes what came of it into measured.json and the table of docs/upstream.md.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from eos_ref import InputError
+from lammps_cases.bugs.upstream.files import kit_files, write_folder
+from lammps_cases.bugs.upstream.form import ForceTest, shipped
+from lammps_cases.bugs.upstream.numbers import COLUMNS, STAGES, expected
+from lammps_cases.bugs.upstream.replay import TIME_LIMIT, Commands, explained, failing, replay
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.engine import installations
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.records.files import write_atomically
+
+INCLUDE = ("src", "third_party", "src/STUBS")  # of a tree; the stubs stand for MPI
+PAGE = Path("docs/upstream.md")
+MEASURED = Path(__file__).with_name("measured.json")
+MARKS = "<!-- measured -->", "<!-- end -->"
+FAILURE = re.compile(r"^\S+/(\w+)\.cpp:(\d+): Failure$", re.M)  # source and line
+TRACE = re.compile(r"EXPECT_\w+: (.+)$", re.M)  # the check that a failure belongs to
+By = dict[str, tuple[str, ...]]  # findings, by check that fails
+
+
+class Measured(BaseModel):
+    """What the test programs said of a LAMMPS: for each test the checks that fail, each with its findings."""
+
+    lammps: str
+    tests: dict[str, By]
+
+
+def build(tree: Path, folder: Path) -> None:
+    """Build the two test programs alone, for the library of a tree.
+
+    Raises
+    ------
+    InputError
+        The tree has no library, or the compiler refuses.
+    """
+    library, own = tree / "build", tree / "unittest"
+    if not (library / "liblammps.so").is_file():
+        raise InputError("tree", "must hold build/liblammps.so", where=str(tree))
+    include = [f"-I{place}" for place in (own, own / "force-styles", *(tree / of for of in INCLUDE))]
+    defined = ["-DLAMMPS_SMALLBIG", "-DLAMMPS_MEMALIGN=64", f"-DTEST_INPUT_FOLDER={own / 'force-styles' / 'tests'}"]
+    names = ["../yaml_writer", "../error_stats", "test_config_reader", "test_main"]
+    for name in (*names, *STAGES):
+        source = own / "force-styles" / f"{name}.cpp"
+        _compile("-O1", "-std=c++17", *defined, *include, "-c", str(source), "-o", str(folder / f"{source.stem}.o"))
+    shared = [str(folder / f"{Path(name).name}.o") for name in names]
+    for name in STAGES:
+        linked = [f"-L{library}", f"-Wl,-rpath,{library}", "-llammps", "-lgmock", "-lgtest", "-lyaml", "-lpthread"]
+        _compile(str(folder / f"{name}.o"), *shared, *linked, "-o", str(folder / name))
+
+
+def _compile(*arguments: str) -> None:
+    done = subprocess.run(["c++", *arguments], capture_output=True, text=True, check=False)
+    if done.returncode:
+        error = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip())
+        raise InputError("test program", f"must compile: {error}", where=arguments[-1])
+
+
+def untraced(tree: Path) -> dict[int, str]:
+    """Return the checks that failures do not name, by their lines in the source of test_fix_timestep, in its order."""
+    lines = (tree / "unittest" / "force-styles" / "test_fix_timestep.cpp").read_text(encoding="utf-8").splitlines()
+    at = [n for n, line in enumerate(lines, 1) if "EXPECT_FP_LE_WITH_EPS(test_config.global_vector[i]," in line]
+    return dict(zip(at, (stage.checks[COLUMNS] for stage in STAGES["test_fix_timestep"]), strict=False))
+
+
+def failed_checks(program: Path, file: Path, lines: Mapping[int, str]) -> set[str]:
+    """Run a test program on a file, beside which the others lie; return the checks that fail, by lines if need be.
+
+    Raises
+    ------
+    InputError
+        The program ends otherwise than with tests passed or failed, or a failure belongs to no check.
+    """
+    done = subprocess.run(
+        [str(program), str(file), "-d", str(file.parent)],
+        cwd=file.parent,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=TIME_LIMIT,
+        check=False,
+    )
+    _, *failures = FAILURE.split(done.stdout)
+    failed = set[str]()
+    for line, output in zip(failures[1::3], failures[2::3], strict=True):
+        trace = TRACE.search(output)
+        failed.add(trace[1] if trace else lines.get(int(line), ""))
+    ended = done.returncode in (0, 1) and "[  PASSED  ]" in done.stdout and bool(done.returncode) == bool(failed)
+    if not ended or "" in failed:
+        last = (done.stderr or done.stdout).strip().splitlines()[-1:]
+        raise InputError("test program", f"must end with what passed and failed: {' '.join(last)}", where=str(file))
+    return failed
+
+
+def replayed(chosen: Iterable[ForceTest], folder: Path, workers: Workers, engine: str) -> Mapping[str, By]:
+    """Put tests, whose files lie in a folder, to LAMMPS' Python module; return the checks that fail, with findings.
+
+    Raises
+    ------
+    InputError
+        LAMMPS does not run a test.
+    """
+    predictor, findings = Predictor(), dict[str, By]()
+    for test in chosen:
+        looks = workers.outcome(workers.call(replay, Commands.of(test), str(folder), time_limit=TIME_LIMIT))
+        if isinstance(looks, Failure):
+            raise InputError("test", f"must run: {looks.message}", test.name)
+        numbers = expected(test, predictor)
+        findings[test.name] = {
+            stage.checks[field]: explained(test, stage, field, looks[stage.name], engine, predictor)
+            for stage, field in failing(test, numbers, looks)
+        }
+    return findings
+
+
+def measure(tree: Path) -> Measured:
+    """Run all tests by the programs of a tree and by LAMMPS' Python module, which have to say the same.
+
+    Raises
+    ------
+    InputError
+        They do not.
+    """
+    site = installations.resolve(f"path:{tree}").site
+    with tempfile.TemporaryDirectory() as place, Workers(site, 1) as workers:
+        folder = Path(place)
+        build(tree, folder)
+        write_folder(folder, kit_files())
+        who = workers.outcome(workers.identify())
+        if isinstance(who, Failure):
+            raise InputError("engine", f"must start: {who.message}", where=str(tree))
+        findings = replayed(shipped(), folder, workers, who["distribution"])
+        for test in shipped():
+            failed = failed_checks(folder / test.program, folder / f"{test.name}.yaml", untraced(tree))
+            if failed != set(findings[test.name]):
+                other = sorted(failed ^ set(findings[test.name]))
+                raise InputError("test program", "must fail where LAMMPS' Python module does", other, test.name)
+    return Measured(lammps=who["distribution"], tests=dict(findings))
+
+
+def measured() -> Measured:
+    """Return what was measured last."""
+    return Measured.model_validate_json(MEASURED.read_text(encoding="utf-8"))
+
+
+def text(result: Measured) -> str:
+    """Return what was measured as a file with a line for every test."""
+    lines = [f"  {json.dumps(name)}: {json.dumps(by)}" for name, by in result.tests.items()]
+    return f'{{\n "lammps": {json.dumps(result.lammps)},\n "tests": {{\n' + ",\n".join(lines) + "\n }\n}\n"
+
+
+def table(result: Measured) -> str:
+    """Return what was measured as a table: the tests that fail in the same way, the checks, and the findings."""
+    groups: dict[str, list[str]] = {}
+    for name, by in result.tests.items():
+        groups.setdefault(json.dumps(by), []).append(name)
+    rows = ["| tests | checks that fail | by |", "|---|---|---|"]
+    for key, names in sorted(groups.items(), key=lambda group: len(json.loads(group[0]))):
+        of_findings: dict[tuple[str, ...], list[str]] = {}
+        for check, ids in json.loads(key).items():
+            of_findings.setdefault(tuple(ids), []).append(check)
+        first = _pattern(names, list(result.tests))
+        for ids, failed in of_findings.items() or [((), ["none"])]:
+            rows.append(f"| {first} | {', '.join(failed)} | {', '.join(f'`{name}`' for name in ids)} |")
+            first = ""
+    return "\n".join(rows)
+
+
+def _pattern(names: list[str], every: list[str]) -> str:
+    """Return how many tests a group has, and the shortest words for them: what only their names hold, or the names."""
+    every = [name for name in every if name.partition("_")[0] == names[0].partition("_")[0]]
+    words = {name: set(name.split("_")[1:]) for name in every}
+    own = set().union(*(words[name] for name in names))
+    tails = [name.partition("_")[2] for name in names]
+    in_both = {tail[:-3] for tail in tails if {tail[:-3] + "_2d", tail[:-3] + "_3d"} <= set(tails)}
+    short = dict.fromkeys(f"`{tail[:-3]}_*`" if tail[:-3] in in_both else f"`{tail}`" for tail in tails)
+    shortest = ", ".join(short)
+    for word in sorted(own) if len(names) > 1 else ():
+        others = [words[name] for name in every if word in words[name] and name not in names]
+        unlike = sorted(set().union(*others) - own)
+        if all(word in words[name] for name in names) and all(other & set(unlike) for other in others):
+            without = f" without {', '.join(f'`{other}`' for other in unlike)}" if unlike else ""
+            shortest = min(shortest, f"all of `{word}`{without}", key=len)
+    return f"{len(names)} of `{names[0].partition('_')[0]}`: {shortest}"
+
+
+def updated(page: str, result: Measured) -> str:
+    """Return a page with the table between its marks."""
+    begin, end = MARKS
+    before, _, rest = page.partition(begin)
+    return f"{before}{begin}\n\n{table(result)}\n\n{end}{rest.partition(end)[2]}"
+
+
+if __name__ == "__main__":
+    result = measure(Path(sys.argv[1]).resolve())
+    write_atomically(MEASURED, text(result))
+    PAGE.write_text(updated(PAGE.read_text(encoding="utf-8"), result), encoding="utf-8")

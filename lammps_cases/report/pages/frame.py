@@ -1,0 +1,126 @@
+"""What the pages share: one frame, one style sheet, one set of parts; each is one file that opens offline."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup
+
+from eos_ref.cache import cache_folder
+from lammps_cases.records import wording
+from lammps_cases.report.pages.packed import packed
+
+SHARED = Path(__file__).parent / "assets"
+FILTER = SHARED / "filter.js"  # a script of pages that filter rows
+PACKED = SHARED / "packed.js"  # a script of pages with parts that `packed` made
+
+
+@dataclass(frozen=True)
+class TableCell:
+    """A cell of a table: its text, its CSS classes, what a pointer over it says, where it leads."""
+
+    text: object
+    css: str = ""
+    title: str = ""
+    link: str = ""
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """A row of a table, headed by a name; ``data`` are its ``data-`` attributes, for the page's script."""
+
+    name: str
+    cells: Sequence[TableCell | None]
+    css: str = ""
+    data: Mapping[str, str] = field(default_factory=dict)
+    hidden: bool = False
+
+
+def page(
+    assets: Path,
+    name: str,
+    status: str = "",
+    *,
+    engine: str = "",
+    date: str = "",
+    styles: Sequence[Path] = (),
+    scripts: Sequence[Path] = (),
+    unpacked: Sequence[str] = (),
+    filters: Mapping[str, Callable[..., object]] | None = None,
+    **content: object,
+) -> str:
+    """Render a page; the same content gives the same bytes.
+
+    Parameters
+    ----------
+    assets : Path
+        Folder of the template ``NAME.html.j2``, which extends ``frame.html.j2``, and of ``NAME.css`` and ``NAME.js``,
+        which the page embeds where they exist.
+    name : str
+        Of the page, and of the command that writes it.
+    status : str
+        Colour of the header: good, known, bad, empty or none.
+    engine, date : str
+        What the page is about and when that was measured, for the index of the reports.
+    styles, scripts : sequence of Path
+        Further ones, embedded before those of the page.
+    unpacked : sequence of str
+        Scripts that the page holds packed.
+    filters : mapping
+        Of the page, besides ``packed`` and ``number``, ``brief`` and ``counted`` of `lammps_cases.records.wording`.
+    content
+        What the template shows.
+    """
+    css = [SHARED / "page.css", *styles, assets / f"{name}.css"]
+    embedded = [_script(path) for path in (*scripts, assets / f"{name}.js") if path.is_file()]
+    environment = environment_of(assets)
+    environment.filters |= filters or {}
+    return environment.get_template(f"{name}.html.j2").render(
+        command=name,
+        status=status,
+        about_engine=engine,
+        about_date=date,
+        css=Markup("\n".join(path.read_text(encoding="utf-8") for path in css if path.is_file())),
+        policy=policy((*embedded, *unpacked)),
+        scripts=embedded,
+        **content,
+    )
+
+
+def environment_of(assets: Path) -> jinja2.Environment:
+    """Return what renders the templates of a folder: all that they show is text, none of it markup."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([assets, SHARED]),
+        # Compiling the templates takes a fifth of the time of a report.
+        bytecode_cache=jinja2.FileSystemBytecodeCache(str(cache_folder("templates"))),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "number": wording.number,
+        "brief": wording.brief,
+        "counted": wording.counted,
+        "packed": packed,
+    }
+    return environment
+
+
+def policy(scripts: Iterable[str]) -> str:
+    """Return a page's content-security policy: it loads nothing, and runs these scripts and no other."""
+    hashes = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
+    allowed = " ".join(f"'sha256-{each}'" for each in hashes) or "'none'"
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _script(path: Path) -> Markup:
+    """Return a script as it may stand in a page."""
+    return Markup(path.read_text(encoding="utf-8").replace("</script", "<\\/script"))

@@ -1,0 +1,163 @@
+"""The functions of the reference that a run goes through, and the changes of each."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, is_dataclass
+from functools import cache, cached_property
+from inspect import CO_GENERATOR, CO_VARARGS, CO_VARKEYWORDS
+from pathlib import Path
+from types import CodeType, FrameType, FunctionType
+from typing import Any
+
+import numpy as np
+
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.evaluator import Evaluator
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.verdict.diagnosis.edits import EVERYWHERE, ExpressionEdit, FunctionEdits, made, operands
+
+# Where formulas are; the others find pairs, propagate errors and read commands.
+MODULES = (
+    "eos.laws", "eos.table", "eos.rounded_eos", "kernels.quintic", "kernels.kernel", "kernels.reproducing",
+    "model.interactions", "model.per_atom", "evaluation.array_evaluator", "evaluation.evaluator",
+    "evaluation.time_step", "numbers.matrices",
+)  # fmt: skip
+NO_FORMULA = {"pairs", "constant", "_apart", "output", "run", "conversion", "__init__", "_start", "__iter__", "__len__"}
+
+
+@dataclass(frozen=True)
+class Reached:
+    """A function, and one call of it: its arguments, its result, and its local variables at the end."""
+
+    function: FunctionType
+    arguments: Mapping[str, Any]
+    result: Any
+    scope: Mapping[str, Any]
+
+    @property
+    def words(self) -> str:
+        """What it computes, by its docstring, and where it is."""
+        text = (self.function.__doc__ or "").partition("\n")[0]
+        found = re.match(r"(?:Return|Evaluate|Set|Add|Take|Keep|Find) (.+?)(?:, \(|[,.;:(]|$)", text)
+        name = self.function.__qualname__
+        what = found[1].strip() if found else name.rpartition(".")[2].strip("_").replace("_", " ")
+        path = Path(self.function.__code__.co_filename)
+        return f"{what} ({name}, {path.parent.name}/{path.name}:{{}})"
+
+    def sentence(self, edit: ExpressionEdit) -> str:
+        """Say what an edit changes: "as if ...", without these words."""
+        where = self.words.format(edit.line)
+        if not edit.after:
+            return f"{where} left out `{edit.before}`"
+        around = {edit.before: "", EVERYWHERE: f" {EVERYWHERE}"}.get(edit.statement, f" in `{edit.statement}`")
+        return f"{where} had `{edit.after}` for `{edit.before}`{around}"
+
+    def edits(self) -> Iterator[ExpressionEdit]:
+        """Yield its edits, but for those that make no difference to the call."""
+        again = self._repeatable()
+        for edit in self._all():
+            if not (again and self._idle(edit)):
+                yield edit
+
+    def _repeatable(self) -> bool:
+        """Return whether the call can be made once more: it has a result, and leaves nothing changed."""
+        if self.result is None or self.function.__code__.co_flags & (CO_VARARGS | CO_VARKEYWORDS | CO_GENERATOR):
+            return False
+        return not isinstance(self.scope.get("self"), Simulation) and self._as_before()
+
+    def _as_before(self) -> bool:
+        """Return whether the call has the same result once more."""
+        try:
+            with np.errstate(all="ignore"), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                return _same(self.function(**self.arguments), self.result)
+        except Exception:  # the evaluator has gone on to other particles
+            return False
+
+    def _idle(self, edit: ExpressionEdit) -> bool:
+        """Return whether an edit makes no difference to the call, or no sense."""
+        try:
+            with made([edit]):
+                return self._as_before()
+        except (SyntaxError, TypeError, ValueError):
+            return True
+
+    def _all(self) -> Iterator[ExpressionEdit]:
+        tree = _tree(self.function.__module__)
+        mine = "." in self.function.__qualname__ and isinstance(self.scope.get("self"), ArrayEvaluator)
+        yield from FunctionEdits(self.function, tree, self.scope, _of_stages() if mine else ())
+
+
+@cache
+def _tree(module: str) -> ast.Module:
+    return ast.parse(inspect.getsource(sys.modules[module]))
+
+
+@cache
+def _of_stages() -> tuple[str, ...]:
+    """Return what the stages of an evaluation take from the evaluator."""
+    trees = (_tree(of.__module__) for of in (ArrayEvaluator, Evaluator))
+    return tuple(sorted({text for tree in trees for text in operands(tree) if text.startswith("self.")}))
+
+
+def reached(run: Callable[[], Any]) -> list[Reached]:
+    """Return the functions with formulas that a run calls, those first that it calls last."""
+    last: dict[CodeType, int] = {}
+    begun: dict[FrameType, dict[str, Any]] = {}
+    ended: dict[CodeType, tuple[str, dict[str, Any], Any, dict[str, Any]]] = {}
+    calls = 0
+
+    def watch(frame: FrameType, event: str, argument: object) -> None:
+        nonlocal calls
+        module = frame.f_globals.get("__name__", "").removeprefix("eos_ref.")
+        if module not in MODULES or event not in ("call", "return"):
+            return
+        if event == "call":
+            if frame.f_code not in ended:
+                begun[frame] = dict(frame.f_locals)
+            return
+        calls += 1
+        last[frame.f_code] = calls
+        if (arguments := begun.pop(frame, None)) is not None and frame.f_code not in ended:
+            ended[frame.f_code] = frame.f_globals["__name__"], arguments, argument, dict(frame.f_locals)
+
+    before = sys.getprofile()
+    sys.setprofile(watch)
+    try:
+        run()
+    finally:
+        sys.setprofile(before)
+    found = []
+    for code in sorted(last, key=last.__getitem__, reverse=True):
+        module, arguments, result, scope = ended[code]
+        function = _function(module, code.co_qualname)
+        if function is not None and function.__code__ is code and function.__name__ not in NO_FORMULA:
+            found.append(Reached(function, arguments, result, scope))
+    return found
+
+
+def _function(module: str, name: str) -> FunctionType | None:
+    """Return what a module defines by a qualified name, if it is a function, a method or a property."""
+    of: Any = sys.modules[module]
+    for part in name.split("."):
+        of = getattr(of, "__dict__", {}).get(part)
+    of = of.fget if isinstance(of, property) else of.func if isinstance(of, cached_property) else of
+    of = getattr(of, "__wrapped__", getattr(of, "__func__", of))
+    return of if isinstance(of, FunctionType) else None
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Return whether results are the same bits."""
+    if isinstance(a, list | tuple):
+        return isinstance(b, list | tuple) and len(a) == len(b) and all(map(_same, a, b))
+    if is_dataclass(a):
+        return type(a) is type(b) and _same(list(vars(a).values()), list(vars(b).values()))
+    if isinstance(a, np.ndarray | np.generic | float | int):
+        return np.shape(a) == np.shape(b) and bool(np.array_equal(a, b, equal_nan=True))
+    return a is b

@@ -1,0 +1,238 @@
+"""The triage of a red run: groups of one first cause, what their scenes have in common, hypotheses.
+
+Cases are grouped by how they ended, or by the first step, stage and field outside the bound. A group in which some
+hypothesis reproduces only a part of the cases is split: what is left is a group of its own.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from eos_ref import InputError
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.predictor import Made, Predictor
+from lammps_cases.comparison.problem import problem_of
+from lammps_cases.findings import LEDGER
+from lammps_cases.findings.variants import combined
+from lammps_cases.records import wording
+from lammps_cases.records.faults import part
+from lammps_cases.records.run_record import CaseRecord, Hypothesis, RunRecord, Triage, TriageGroup
+from lammps_cases.scene.atoms import build, seed
+from lammps_cases.scene.casefile import Case
+from lammps_cases.verdict.case_arrays import read_steps
+from lammps_cases.verdict.diagnosis import laws
+from lammps_cases.verdict.diagnosis.features import features, in_common
+from lammps_cases.verdict.diagnosis.trials import HypothesisSearch, RedCase, Tried, Work, red_case
+
+SECONDS = 30.0  # of work on hypotheses, as estimated
+STARTS = 3  # cases of a group, at most, whose formulas are searched from the beginning
+TRIED = 12  # hypotheses of one case that are tried on the others of its group
+NAMED = 6  # hypotheses of a group that are named; the others are counted
+
+Key = tuple[str, ...]
+
+
+def triage(
+    run: RunRecord,
+    cases: Iterable[Case],
+    fields: Path,
+    predictor: Predictor | None = None,
+    seconds: float = SECONDS,
+) -> Triage | None:
+    """Return the triage of a run; None if all of it is as expected.
+
+    Parameters
+    ----------
+    cases : those of the run; what is said of scenes leaves out any that are not among them
+    fields : folder of the run's arrays
+    seconds : of work on hypotheses, as estimated
+    """
+    red = [record for record in run.cases if not record.as_expected and not record.limits]  # whose cause is known
+    if not red:
+        return None
+    by_name = {case.name: case for case in cases}
+    said = {record.case: features(by_name[record.case].scene) for record in run.cases if record.case in by_name}
+    green = [
+        said[record.case]
+        for record in run.cases
+        if record.as_expected and record.verdict != "skipped" and record.case in said
+    ]
+    members: dict[Key, list[CaseRecord]] = defaultdict(list)
+    for record in red:
+        members[_key(record)].append(record)
+    in_order = sorted(members.values(), key=lambda records: (-len(records), _key(records[0])))
+    diagnosis = _Diagnosis(by_name, fields, predictor or Predictor(), seconds)
+    groups: list[TriageGroup] = []
+    for at, records in enumerate(in_order):
+        names = [record.case for record in records]
+        work = Work(diagnosis.left / (len(in_order) - at))
+        search = partial(diagnosis.parts, records, work)
+        for found in part("hypotheses", run.faults, search, [_Part(_group(records), records)], names):
+            common = in_common([said[r.case] for r in found.records if r.case in said], green)
+            groups.append(
+                found.group.model_copy(
+                    update={"common": list(common.features), "green_with": common.green, "green": len(green)}
+                )
+            )
+    return Triage(groups=sorted(groups, key=lambda group: -len(group.cases)))
+
+
+def _key(record: CaseRecord) -> Key:
+    first = record.headline
+    if first is None:
+        return record.verdict, record.ended, wording.error_text(record.engine_error)
+    when = "" if first.step is None else "later" if first.step else "first"  # a case of laws has no steps
+    return record.verdict, first.stage, first.field, when, record.twin
+
+
+@dataclass
+class _Part:
+    group: TriageGroup
+    records: list[CaseRecord]
+
+
+@dataclass
+class _Diagnosis:
+    cases: Mapping[str, Case]
+    fields: Path
+    predictor: Predictor
+    left: float
+    _kept: dict[tuple[str, tuple[str, ...]], RedCase | None] = field(default_factory=dict)
+    _found: list[Tried] = field(default_factory=list)  # what reproduces another group, which a fault may have, too
+
+    def parts(self, records: Sequence[CaseRecord], work: Work) -> list[_Part]:
+        """Return the groups that records of one first cause fall into."""
+        begin = work.left
+        scene = self.cases[records[0].case].scene if records[0].case in self.cases else None
+        if scene is None or records[0].twin or records[0].blame is None:
+            parts = [_Part(_group(records), list(records))]
+        elif scene.whole_model:
+            parts = list(self._of_model(records, work))
+        else:
+            parts = list(self._of_laws(records))
+        self.left -= begin - max(work.left, 0.0)
+        return parts
+
+    def _of_laws(self, records: Sequence[CaseRecord]) -> Iterator[_Part]:
+        rest = list(records)
+        while rest:
+            tried, reproduced = laws.hypotheses(rest, self.cases, self.fields)
+            own = [record for record in rest if record.case in reproduced.cases]
+            named = [Hypothesis(sentence=sentence) for sentence in reproduced.sentences]
+            yield _Part(_group(own or rest, named, tried), own or rest)
+            if not own:
+                return
+            rest = [record for record in rest if record not in own]
+
+    def _of_model(self, records: Sequence[CaseRecord], work: Work) -> Iterator[_Part]:
+        rest, tried, spent, starts = list(records), 0, False, 0
+        unexplained: list[CaseRecord] = []
+        while rest and starts < STARTS and not spent:
+            ready = [(started[0], record) for record in rest if (started := self._started(record))]
+            if not ready:
+                break
+            own = min(ready, key=lambda pair: pair[0].size)[1]
+            starts += 1
+            begun = self._started(own)
+            reproduced, named = self._reproduced(self._found, own, rest, work)
+            if reproduced:
+                yield _Part(_group(reproduced, named, tried := tried + len(self._found)), reproduced)
+            share = work.left / len(begun)  # that one of them has no pair takes nothing from the other
+            searches = [HypothesisSearch(case, Work(share)) for case in begun]
+            for paired, search in itertools.product((False, True), searches):
+                if reproduced:
+                    break
+                before = search.tried
+                survivors = search.pairs() if paired else search.singles()
+                tried, spent = tried + search.tried - before, spent or search.spent
+                reproduced, named = self._reproduced(survivors, own, rest, work)
+                if reproduced:
+                    self._found += [changes for changes in survivors if changes not in self._found]
+                    yield _Part(_group(reproduced, named, tried, spent), reproduced)
+            work.left -= sum(share - max(search.work.left, 0.0) for search in searches)
+            rest = [record for record in rest if record not in reproduced]
+            if not reproduced:
+                unexplained.append(own)
+                rest.remove(own)
+        if rest or unexplained:
+            yield _Part(_group([*unexplained, *rest], (), tried, spent), [*unexplained, *rest])
+
+    def _reproduced(
+        self, survivors: Sequence[Tried], own: CaseRecord, records: Sequence[CaseRecord], work: Work
+    ) -> tuple[list[CaseRecord], list[Hypothesis]]:
+        """Return the most cases that changes which reproduce one case reproduce, and the changes that do."""
+        holds = {
+            at: frozenset(record.case for record in records if self._holds(changes, record, work))
+            for at, changes in enumerate(survivors[:TRIED])
+        }
+        best = max((names for names in holds.values() if own.case in names), key=len, default=frozenset())
+        named = [survivors[at] for at, names in holds.items() if best and names == best]
+        sentences = [" and ".join(change.sentence for change in changes) for changes in named]
+        return [record for record in records if record.case in best], [Hypothesis(sentence=s) for s in sentences]
+
+    def _holds(self, changes: Tried, record: CaseRecord, work: Work) -> bool:
+        """Return whether changes reproduce a case."""
+        return any(case.reproduced(changes, Work(max(work.left, 1.0))) for case in self._started(record))
+
+    def _started(self, record: CaseRecord) -> list[RedCase]:
+        """Return a case beside the findings with which it is red last: those that come furthest, or none."""
+        made = [case for base in _bases(record) if (case := self._red(record, base)) is not None]
+        last = max((case.place for case in made), default=None)
+        return [case for case in made if case.place == last]
+
+    def _red(self, record: CaseRecord, base: tuple[str, ...]) -> RedCase | None:
+        key = record.case, base
+        if key not in self._kept:
+            self._kept[key] = self._read(record, base)
+        return self._kept[key]
+
+    def _read(self, record: CaseRecord, base: tuple[str, ...]) -> RedCase | None:
+        case = self.cases.get(record.case)
+        snapshots = None if case is None else read_steps(self.fields, record.case, case.scene)
+        if case is None or snapshots is None:
+            return None
+        try:
+            atoms = build(case, case.scene.eos(case.where))
+            problem = problem_of(case.scene, atoms, case.where, case.scene.snapshots)
+            variants = [e.model_variant for e in LEDGER if e.id in base and e.model_variant]
+            if any(variant.lists for variant in variants):
+                return None
+            made: Made | None = combined(variants, problem, snapshots[0]) if variants else (ArrayEvaluator, Simulation)
+            if made is None:
+                return None
+            return red_case(record.case, problem, snapshots, made, seed(f"{record.case}/moved runs"), self.predictor)
+        except InputError:  # another case now than the one that ran
+            return None
+
+
+def _bases(record: CaseRecord) -> list[tuple[str, ...]]:
+    """Return the findings beside which a case is diagnosed: those that it shows, and none."""
+    beside = tuple(dict.fromkeys(record.beyond.known + record.beyond.findings)) if record.beyond else ()
+    return [beside, ()] if beside else [()]
+
+
+def _group(
+    records: Sequence[CaseRecord], hypotheses: Sequence[Hypothesis] = (), tried: int = 0, spent: bool = False
+) -> TriageGroup:
+    one = records[0]
+    first = one.headline
+    steps = [blame.step for r in records if (blame := r.headline) and blame.step is not None]
+    return TriageGroup(
+        cases=sorted(record.case for record in records),
+        verdict=one.verdict,
+        twin=one.twin,
+        stage=first.stage if first else "",
+        field=first.field if first else "",
+        step=min(steps, default=None),
+        text="" if first else wording.end(one) or one.message,
+        hypotheses=list(hypotheses[:NAMED]),
+        more=max(0, len(hypotheses) - NAMED),
+        tried=tried,
+        cut_short=spent,
+    )

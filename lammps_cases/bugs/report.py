@@ -25,7 +25,7 @@ from lammps_cases.claims.probes.manual import ManualProbe
 from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.pair_sums import Sum
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Workers
@@ -38,6 +38,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.problems import problem_of
 
 
 @dataclass(frozen=True)

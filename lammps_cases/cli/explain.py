@@ -175,8 +175,8 @@ def _compared(scene: Scene) -> str | None:
 def _evaluator(case: Any, ready: Any) -> str | None:
     """Name the body of the reference that judges a case, and the size that decides it."""
     from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-    from lammps_cases.comparison.problem import problem_of
     from lammps_cases.comparison.trajectory import COMPILED_ABOVE, evaluations, own_stages
+    from lammps_cases.verdict.problems import problem_of
 
     scene = case.scene
     if scene.expect:

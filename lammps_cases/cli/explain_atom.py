@@ -13,10 +13,10 @@ import numpy as np
 from eos_ref.errors import InputError
 from lammps_cases.cli import shared
 from lammps_cases.comparison.pair_sums import Sum, added_up, terms
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.records.wording import counted, number, some
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene.casefile import Case
+from lammps_cases.verdict.problems import problem_of
 
 DIGITS = 6
 

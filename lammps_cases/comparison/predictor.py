@@ -23,7 +23,7 @@ from eos_ref.evaluation.pairs import Candidates, sharing
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import (
     Fields,
@@ -36,8 +36,6 @@ from lammps_cases.comparison.trajectory import (
     visit,
     widening,
 )
-from lammps_cases.scene import Scene
-from lammps_cases.scene.atoms import Atoms
 
 Made = tuple[type[ArrayEvaluator], type[Simulation]]  # the stages and the stepping of a variant
 Arrays = dict[str, npt.NDArray[Any]]
@@ -63,11 +61,11 @@ class Predictor:
     _halts: dict[str, dict[int, Halt]] = field(default_factory=dict, repr=False)
     _found: list[Candidates] = field(default_factory=list, repr=False)
 
-    def problem_of(self, scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -> Problem:
-        """Return `lammps_cases.comparison.problem.problem_of`, made once of the same objects."""
-        key = id(scene), id(atoms), steps
-        if key not in self._problems:  # kept with its objects: no others have their ids meanwhile
-            self._problems[key] = (scene, atoms), problem_of(scene, atoms, where, steps)
+    def problem(self, of: tuple[object, ...], steps: tuple[int, ...], make: Callable[[], Problem]) -> Problem:
+        """Return the problem that is made of some objects at some steps; of the same objects it is made once."""
+        key = (*map(id, of), steps)
+        if key not in self._problems:
+            self._problems[key] = of, make()  # kept with its objects: no others have their ids meanwhile
         return self._problems[key][1]
 
     def predict(self, problem: Problem, made: Made | None = None, seed: int = 0) -> Prediction:

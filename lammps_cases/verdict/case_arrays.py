@@ -22,6 +22,7 @@ from lammps_cases.records.files import arrays_files, read_arrays, write_arrays
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.snapshots import read_snapshots
 
 Arrays = dict[str, Any]
@@ -67,7 +68,7 @@ def pair_arrays(
     if not looked or not scene.interacts or len(atoms) > LARGEST:
         return {}
     rows = [(step, int(np.searchsorted(atoms.id_n, atom))) for step, atom in looked]
-    columns = dict(predictor.pair_sums(predictor.problem_of(scene, atoms, where, tuple(steps)), rows))
+    columns = dict(predictor.pair_sums(problem_of(scene, atoms, where, tuple(steps), predictor), rows))
     ids = {"atom": atoms.id_n[columns.pop("row")], "id": atoms.id_n[columns.pop("other")]}
     return {f"@pairs {name}": values for name, values in (columns | ids).items()}
 

@@ -16,7 +16,6 @@ from eos_ref import EOSTable, InputError
 from eos_ref.model.parameters import Model
 from lammps_cases.comparison.compare import Comparison, EosState, compare_pressure
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import Finding, explain_pressure, with_gap
@@ -37,6 +36,7 @@ from lammps_cases.verdict.outcome import (
     record_lost_atoms,
 )
 from lammps_cases.verdict.particle_model import Reason
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.runaway import Attempts, diverged, left_open
 from lammps_cases.verdict.snapshots import read_snapshots
 
@@ -75,7 +75,7 @@ def compare_case(
         arrays = compare_laws(record, case, eos, atoms, outcome)
     if case.scene.whole_model and diverged(record):
         with contextlib.suppress(InputError):  # the reference does not take the particles as they are
-            start = predictor.problem_of(case.scene, atoms, case.where, (0,))
+            start = problem_of(case.scene, atoms, case.where, (0,), predictor)
             outlook = Attempts(start, case.scene.snapshots[-1], atoms.id_n).cause(engine.distribution, 1, 0)
             if outlook.cause == "not understood" and (names := left_open(start, engine.distribution)):
                 outlook = outlook.model_copy(update={"cause": "findings", "findings": names})
@@ -144,7 +144,7 @@ def compare_model(
 ) -> Arrays:
     """Judge the fields of the whole model, and the input that LAMMPS has not changed since."""
     scene = case.scene
-    problem = predictor.problem_of(scene, atoms, case.where, scene.snapshots)
+    problem = problem_of(scene, atoms, case.where, scene.snapshots, predictor)
     inputs = compare_model_inputs(case, atoms, answer, predictor)
     judged = particle_model.compare_and_explain(
         problem,

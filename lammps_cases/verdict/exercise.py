@@ -15,6 +15,7 @@ from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.rules import RULES, Evaluated
 from lammps_cases.setup import reference_side
+from lammps_cases.verdict.problems import problem_of
 
 
 def counts(case: Case, atoms: Atoms, predictor: Predictor, names: Sequence[str] = tuple(RULES)) -> dict[str, int]:
@@ -26,7 +27,7 @@ def counts(case: Case, atoms: Atoms, predictor: Predictor, names: Sequence[str] 
         return {}
     scene = case.scene
     if scene.interacts:
-        problem = predictor.problem_of(scene, atoms, case.where, scene.snapshots)
+        problem = problem_of(scene, atoms, case.where, scene.snapshots, predictor)
     else:  # states of a law: a density may have any sign
         given = reference_side.unchecked_state(scene, atoms, case.where)
         model, box = reference_side.model(scene, atoms, case.where), reference_side.box(scene, atoms)

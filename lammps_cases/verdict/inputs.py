@@ -12,7 +12,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.model.box import Box
 from lammps_cases.comparison.compare import Comparison, compare_field
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import TEXT_DIGITS, Problem, stops_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.engine.session import Answer
 from lammps_cases.records import field_names
 from lammps_cases.records.run_record import Beyond, Blame
@@ -22,6 +22,7 @@ from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM
 from lammps_cases.verdict.case_arrays import Arrays
 from lammps_cases.verdict.model_fields import blame_of
 from lammps_cases.verdict.particle_model import Reason
+from lammps_cases.verdict.problems import TEXT_DIGITS, problem_of, stops_of
 
 BY_IMAGES = "; two roundings of place and edge of a particle outside the box; fractions of tilted edges"
 
@@ -34,7 +35,7 @@ def compare_model_inputs(
     through_text = any(stop.step == 0 and stop.digits for stop in stops_of(scene, atoms))
     unchanged = scene.snapshots[0] == 0 and not scene.rheo.interface_reconstruct and not through_text
     held = compare_inputs(case, atoms, answer.snapshots[0], unchanged)
-    problem = predictor.problem_of(scene, atoms, case.where, scene.snapshots)
+    problem = problem_of(scene, atoms, case.where, scene.snapshots, predictor)
     return [*((0, comparison) for comparison in held), *compare_carried(case, atoms, answer, TEXT_DIGITS, problem)]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.engine.session import Answer, Array
 from lammps_cases.findings import applicable
 from lammps_cases.findings.neighbour_lists import NeighbourList
@@ -13,6 +12,7 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS
+from lammps_cases.verdict.problems import problem_of
 
 
 def snapshot(scene: Scene, arrays: dict[str, Array]) -> Snapshot:

@@ -36,6 +36,7 @@ from lammps_cases.verdict.outcome import (
     record_failure,
     record_lost_atoms,
 )
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.snapshots import read_snapshots
 
 
@@ -110,7 +111,7 @@ def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predict
             problem = replace(sides[0].problem, ranks=scene.engine.ranks, newton=scene.engine.newton_flags)
             sides.append(replace(sides[0], problem=problem, snapshots=snapshots))
             continue
-        problem, random = predictor.problem_of(scene, atoms, case.where, twin.steps), seed(f"{name}/moved runs")
+        problem, random = problem_of(scene, atoms, case.where, twin.steps, predictor), seed(f"{name}/moved runs")
         prediction = predictor.predict(problem, seed=random)
         rounds = twin.rounds_input and not sides
         spread = predictor.input_spread(problem, prediction, random) if rounds else ()

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.engine.interlude import Carried
 from lammps_cases.engine.session import Answer
 from lammps_cases.findings import LEDGER
@@ -15,6 +14,7 @@ from lammps_cases.findings.variants import combined
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.fields import FIELDS
+from lammps_cases.verdict.problems import problem_of
 
 SECONDS = 0.5
 PREDICTOR = Predictor()  # each answer is computed once

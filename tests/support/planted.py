@@ -10,7 +10,6 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.records.files import arrays_files, write_arrays
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, worst
@@ -18,6 +17,7 @@ from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.diagnosis.triage import triage
+from lammps_cases.verdict.problems import problem_of
 
 ENGINE = "2099.1.1"
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from eos_ref.eos.bounds import EPS
 from lammps_cases.claims.probes.probe import Input, edited
 from lammps_cases.claims.probes.run import Reply, put
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Prediction, predict
 from lammps_cases.engine import installations
 from lammps_cases.engine.session import Answer, Job
@@ -26,6 +26,7 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.snapshots import read_snapshots
 
 Floats = npt.NDArray[np.floating]

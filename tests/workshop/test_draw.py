@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from eos_ref.model.box import TILTED
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.findings.units import UnitsUnconverted
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
+from lammps_cases.verdict.problems import problem_of
 from tests.workshop.fuzz import rules, schema
 from tests.workshop.fuzz.chance import Chance, rounded
 from tests.workshop.fuzz.draw import SOURCE, DrawnScene, content_of, draw

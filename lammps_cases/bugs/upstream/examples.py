@@ -18,13 +18,13 @@ from lammps_cases.bugs.deck import BugDeck, Check
 from lammps_cases.bugs.upstream.form import with_manual
 from lammps_cases.ci.kits.files import KitFile
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import build, seed
 from lammps_cases.setup import commands
 from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.problems import problem_of
 
 CASES = Path(__file__).with_name("decks") / "examples.yaml"
 FOLDER = "examples/rheo/reference"  # in LAMMPS' tree

@@ -21,10 +21,11 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from lammps_cases.bugs.upstream.form import ForceTest, Program
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import TEXT_DIGITS, Problem, ProblemStop, problem_of
+from lammps_cases.comparison.problem import Problem, ProblemStop
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import FIELDS
+from lammps_cases.verdict.problems import TEXT_DIGITS, problem_of
 
 COLUMNS = "columns"  # those of compute rheo/property/atom, reduced over all particles, as one field
 VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # the order of the components of a virial

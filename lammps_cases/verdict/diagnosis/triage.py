@@ -17,7 +17,6 @@ from eos_ref import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Made, Predictor
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import combined
 from lammps_cases.records import wording
@@ -29,6 +28,7 @@ from lammps_cases.verdict.case_arrays import read_steps
 from lammps_cases.verdict.diagnosis import laws
 from lammps_cases.verdict.diagnosis.features import features, in_common
 from lammps_cases.verdict.diagnosis.trials import HypothesisSearch, RedCase, Tried, Work, red_case
+from lammps_cases.verdict.problems import problem_of
 
 SECONDS = 30.0  # of work on hypotheses, as estimated
 STARTS = 3  # cases of a group, at most, whose formulas are searched from the beginning

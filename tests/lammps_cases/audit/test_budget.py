@@ -19,12 +19,12 @@ from lammps_cases.audit.closed import closed, deviation
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.outlook import Good
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.records.audit_record import ClosedRecord, SeriesRecord
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 from tests.support import made_runs
 
 FORCES, SHIFT, THERMAL = "forces.all.quintic.2d", "shift.all.2d", "thermal.arithmetic.2d"

@@ -9,9 +9,9 @@ from eos_ref.evaluation import blocks
 from eos_ref.model.quantities import has, keyword_of
 from lammps_cases.audit import fields
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 
 
 def sample_of(name: str) -> ParticleSample:

@@ -17,11 +17,11 @@ from lammps_cases.claims import model
 from lammps_cases.claims.model import KINDS, Claim, Page, claims
 from lammps_cases.claims.trace import trace
 from lammps_cases.claims.verdicts import Names
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.trajectory import predict
 from lammps_cases.findings import LEDGER
 from lammps_cases.run import prepared_case
 from lammps_cases.scene.casefile import Case
+from lammps_cases.verdict.problems import problem_of
 from tests.support.claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, fields_of
 
 NAMES = Names(KNOWN)

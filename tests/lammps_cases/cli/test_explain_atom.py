@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from lammps_cases.comparison import pair_sums
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 from tests.support.outcome import Outcome
 
 ATOM = 5

@@ -11,11 +11,12 @@ from eos_ref.evaluation import blocks, rounded_loops
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.box import Box
 from eos_ref.numbers.rounded import Rounded
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Prediction, precise_setup, predict
 from lammps_cases.findings.forces import ForcePerVolume, MassOfFirst
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 
 # Reproducing kernels, sums of densities, walls, surfaces, shifts between types, heat, tilted boxes, virials.
 CASES = (

@@ -18,10 +18,10 @@ from lammps_cases.comparison.pair_sums import (
     sums,
     terms,
 )
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.trajectory import halted, predict
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 from tests.support.roundings import rounded
 
 PARTS = {"f": "force", "drho": "drho", "heatflow": "heat"}

@@ -22,7 +22,7 @@ from eos_ref.model.box import Box
 from lammps_cases.comparison import prediction_keys, store
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import Prediction, input_spread, predict
 from lammps_cases.findings.forces import ForcePerVolume
@@ -30,6 +30,7 @@ from lammps_cases.findings.shifting import NormalOfLastPair
 from lammps_cases.findings.thermal import HeatOverDensity
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]

@@ -10,11 +10,12 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.rounded_input import ROUNDING, moved_input
 from lammps_cases.comparison.trajectory import MOVED_RUNS, input_spread, predict
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 
 SCENE = {
     "dimension": 3,

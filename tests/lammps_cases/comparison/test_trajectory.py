@@ -17,7 +17,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import trajectory
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.signs import Signs
 from lammps_cases.comparison.trajectory import (
     COMPILED_ABOVE,
@@ -35,6 +35,7 @@ from lammps_cases.comparison.trajectory import (
 )
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 
 Write = Callable[..., Path]
 

@@ -11,11 +11,12 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box, Deform
-from lammps_cases.comparison.problem import Problem, ProblemStop, problem_of
+from lammps_cases.comparison.problem import Problem, ProblemStop
 from lammps_cases.comparison.signs import Signs
 from lammps_cases.comparison.trajectory import halted, predict, shaken, visit
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 
 DT = 0.004
 WALLS, FLUID = "runs-walls.fluid.settings", "runs.summed.settings"

@@ -17,7 +17,6 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.findings import LEDGER, accepted_cases, engines, forces, ledger_of
 from lammps_cases.findings.engines import SEEN_ON
 from lammps_cases.findings.entry import Finding
@@ -28,6 +27,7 @@ from lammps_cases.report import findings as reported
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import particle_model
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.versions import acceptance, baseline, evidence
 from tests.support.outcome import Outcome
 from tests.workshop.faults.alarms import KINDS

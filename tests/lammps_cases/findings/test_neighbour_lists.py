@@ -14,7 +14,7 @@ import yaml
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.findings import shown_by
@@ -27,6 +27,7 @@ from lammps_cases.run import answers, flow, prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.problems import problem_of
 from tests.support.outcome import Outcome, Solver
 from tests.workshop.faults.substitute import in_place_of
 

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.findings import refusals
 from lammps_cases.findings.forces import has_means_of_zeros
 from lammps_cases.findings.kernels import WENDLAND_C4, falls_back
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 from tests.support.roundings import rounded
 
 Write = Callable[..., Path]

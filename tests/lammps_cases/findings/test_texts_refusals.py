@@ -14,11 +14,11 @@ from eos_ref.numbers.rounded import Rounded
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.claims.probes.run import Reply
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
 
 pytestmark = pytest.mark.lammps

@@ -13,7 +13,7 @@ import pytest
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.rounded import value
-from lammps_cases.comparison.problem import Problem, ProblemStop, problem_of
+from lammps_cases.comparison.problem import Problem, ProblemStop
 from lammps_cases.findings import variants
 from lammps_cases.findings.forces import ForcePerVolume, has_forces
 from lammps_cases.findings.thermal import HeatOverDensity
@@ -21,6 +21,7 @@ from lammps_cases.findings.variants import Variant, combined
 from lammps_cases.findings.walls import WallsSummedAfterSetup, WallVelocityLost, sums_walls
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 from tests.support.particle_scenes import scene
 
 

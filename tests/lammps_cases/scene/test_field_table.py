@@ -18,7 +18,6 @@ from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import PRESSURE, QUANTITIES, Quantity, evaluated_for, order, required
 from lammps_cases.audit import fields as audit
 from lammps_cases.audit.deck import Deck
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.engine.session import Answer
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import flow, prepared_case
@@ -27,6 +26,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS, Field, in_step_order
 from lammps_cases.setup import commands, twins
 from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.snapshots import snapshot
 from tests.support.outcome import Solver
 from tests.workshop.faults import output_faults

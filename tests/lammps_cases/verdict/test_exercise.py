@@ -14,13 +14,13 @@ import yaml
 from eos_ref import InputError
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.store import Store
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import exercise
+from lammps_cases.verdict.problems import problem_of
 from tests.support.outcome import Outcome
 from tests.support.pages import unpacked
 

@@ -14,7 +14,7 @@ import pytest
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import LEDGER, Finding, applicable, shown_by
 from lammps_cases.findings.variants import Snapshot, Variant, combined
 from lammps_cases.records import wording
@@ -22,6 +22,7 @@ from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import explanation, particle_model
+from lammps_cases.verdict.problems import problem_of
 
 CASES = {case.name: case for case in casefile.load()}
 BY_ID = {entry.id: entry for entry in LEDGER}

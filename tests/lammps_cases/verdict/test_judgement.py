@@ -16,7 +16,7 @@ from lammps_cases import findings
 from lammps_cases.comparison import compare
 from lammps_cases.comparison.compare import EosState, compare_field
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
@@ -41,6 +41,7 @@ from lammps_cases.verdict.cases import compare_case, first_step
 from lammps_cases.verdict.law_mistakes import MUTANTS
 from lammps_cases.verdict.model_fields import derived, over_steps, sides
 from lammps_cases.verdict.model_mistakes import unseen_in_model
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.snapshots import asks_for_lists, read_snapshots
 from tests.support import made_answers
 from tests.support.made_findings import finding

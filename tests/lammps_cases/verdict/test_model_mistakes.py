@@ -13,12 +13,13 @@ import pytest
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import model_mistakes
 from lammps_cases.verdict.model_mistakes import MUTANTS, ModelMutant, shown, unseen_in_model
+from lammps_cases.verdict.problems import problem_of
 
 # A scene that shows each mistake.
 SHOWN = {

@@ -15,7 +15,6 @@ from eos_ref import EOS, EOSTable
 from eos_ref.eos.bounds import EPS
 from eos_ref.model.box import Box
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.engine.interlude import Carried
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
@@ -29,6 +28,7 @@ from lammps_cases.verdict.case_arrays import sampled
 from lammps_cases.verdict.cases import compare_case
 from lammps_cases.verdict.inputs import BY_IMAGES, compare_carried
 from lammps_cases.verdict.outcome import blank_record, explain_ending, finish
+from lammps_cases.verdict.problems import problem_of
 from tests.support import made_answers
 from tests.support.roundings import rounded
 

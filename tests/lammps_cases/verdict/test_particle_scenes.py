@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.trajectory import predict
 from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.engine.workers import Failure, Workers
@@ -24,6 +23,7 @@ from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.model_fields import nearest_image
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.snapshots import snapshot
 from tests.support.outcome import Solver
 

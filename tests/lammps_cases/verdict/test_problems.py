@@ -11,11 +11,12 @@ import pytest
 
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
+from lammps_cases.verdict.problems import problem_of
 
 Write = Callable[..., Path]
 TWO = [{"mass": 1.31, "rho0": 1.2, "cs": 3.1}] * 2
@@ -107,5 +108,5 @@ def test_a_scene_without_runs_has_no_time_step_and_no_stops(made: Callable[..., 
 def test_a_problem_is_made_once_for_the_same_steps(made: Callable[..., Any]) -> None:
     ready, _ = made()
     scene, atoms, predictor = ready.case.scene, ready.atoms, Predictor()
-    one, other, again = (predictor.problem_of(scene, atoms, "", steps) for steps in ((0,), (0, 9), (0,)))
+    one, other, again = (problem_of(scene, atoms, "", steps, predictor) for steps in ((0,), (0, 9), (0,)))
     assert again is one and (one.steps, other.steps) == ((0,), (0, 9))

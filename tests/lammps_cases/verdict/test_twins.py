@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
@@ -26,6 +26,7 @@ from lammps_cases.setup.twins import Twin
 from lammps_cases.verdict import twins
 from lammps_cases.verdict.explanation import Explanation, Trial
 from lammps_cases.verdict.model_fields import derived
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.twins import compare_twin
 from tests.support import made_answers
 from tests.support.twin_kinds import KINDS, PLAIN

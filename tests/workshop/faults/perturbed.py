@@ -15,7 +15,7 @@ from eos_ref.model.box import Box
 from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.prediction_keys import current
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.installations import Engine
@@ -32,6 +32,7 @@ from lammps_cases.scene.fields import in_step_order
 from lammps_cases.verdict.cases import compare_case, first_step
 from lammps_cases.verdict.model_fields import nearest_image
 from lammps_cases.verdict.particle_model import Reason
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.snapshots import snapshot
 from lammps_cases.verdict.twins import compare_twin
 

@@ -21,7 +21,7 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import EosState
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine import apart
 from lammps_cases.engine.session import Answer
@@ -34,6 +34,7 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict import law_mistakes, model_mistakes
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.snapshots import snapshot
 from tests.workshop.faults.formula import LintFault, SourceFault, made, plain_arrays
 

@@ -19,7 +19,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import EosState, evaluate, excess
 from lammps_cases.comparison.predictor import Made, Predictor
-from lammps_cases.comparison.problem import Problem, problem_of
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine import forkserver
@@ -32,6 +32,7 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.rules import RULES, Rule
 from lammps_cases.verdict import exercise, law_mistakes, model_mistakes
+from lammps_cases.verdict.problems import problem_of
 from tests.workshop.faults import formula
 from tests.workshop.faults.substitute import mistaken
 

@@ -18,7 +18,6 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases.bugs.shrink.failure import FailureMode, failure_mode
 from lammps_cases.bugs.shrink.shrink import WorkerJudge, shrink
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Answer
@@ -34,6 +33,7 @@ from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict.cases import is_nondeterministic
+from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.runaway import LOST
 from tests.workshop.fuzz import schema
 from tests.workshop.fuzz.draw import DrawnScene, draws

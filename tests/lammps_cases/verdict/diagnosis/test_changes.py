@@ -10,10 +10,10 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.quantities import needed_to_step
 from eos_ref.numbers.rounded import placed
-from lammps_cases.comparison.problem import problem_of
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.diagnosis.changes import Watched, stale
+from lammps_cases.verdict.problems import problem_of
 
 
 def test_walls_keep_their_densities_while_others_meet_fluid() -> None:

@@ -80,7 +80,7 @@ class Samples:
         return Sample(None if step == -1 else step, values_n, bound_n)
 
     def kept(self, field: str) -> list[Sample]:
-        """Return samples of a deck, the first is of its set-up; none of a case. See `regression.decks`."""
+        """Return samples of a deck, the first is of its set-up; none of a case. See `versions.decks`."""
         return []
 
 

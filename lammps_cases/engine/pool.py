@@ -136,7 +136,7 @@ def _prepare(folder: str, memory: int, parent: int) -> None:
 
 
 def _do(content: bytes, pipe: connection.Connection) -> Any:
-    """Do a task, of which nothing is kept that earlier ones printed: no words of theirs are its last."""
+    """Run a task after discarding the output of earlier ones, so that a last message is its own."""
     os.ftruncate(1, 0)
     function, arguments = pickle.loads(content)
     pipe.send_bytes(b"")  # begun
@@ -160,7 +160,7 @@ def work_alone() -> None:
 
 
 class _Program:
-    """A process with nothing imported, by what is used of multiprocessing's, of which a Dask worker may start none."""
+    """A process without preloaded imports, as a Dask worker may start none of multiprocessing's."""
 
     def __init__(self, pipe: connection.Connection, *arguments: Any) -> None:
         words = [sys.executable, "-P", "-c", "from lammps_cases.engine import pool; pool.work_alone()"]

@@ -42,7 +42,7 @@ class Drawn:
 
 
 def drawn(case: CaseRecord, arrays: plots.Arrays, beside: plots.Arrays = MappingProxyType({})) -> Drawn:
-    """Return what is shown of the arrays of a case (none: no arrays), and of those in the file beside them."""
+    """Return the data drawn from the arrays of a case, which may be empty, and from its file ``CASE@page.npz``."""
     # A case without fields was not compared in this run: a file of its name is left over from an earlier one.
     at_hand = bool(case.fields) and "id" in arrays and bool(arrays["id"].size)
     reduced = one_per_atom({name: np.asarray(arrays[name]) for name in sorted(arrays)}) if at_hand else None

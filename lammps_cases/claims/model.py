@@ -5,17 +5,17 @@ from __future__ import annotations
 import fnmatch
 import functools
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
 
 from eos_ref import InputError
 from eos_ref.errors import unknown
+from lammps_cases.records.files import DATA
 from lammps_cases.records.manuals import OfManual
 from lammps_cases.records.yaml_files import read_yaml
 
-FOLDER = Path(__file__).parent
+FOLDER = DATA / "claims"
 Page = Literal["fix rheo", "fix rheo/pressure"]
 Kind = Literal[
     "syntax",

@@ -55,7 +55,7 @@ def _files() -> Iterator[dict[str, Any]]:
     import yaml
 
     loader: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
-    for path in sorted((ROOT / "cases").rglob("*.yaml")):
+    for path in sorted((ROOT / "data" / "cases").rglob("*.yaml")):
         yield yaml.load(path.read_text(encoding="utf-8"), loader)
 
 
@@ -73,7 +73,7 @@ def _kept() -> dict[str, list[str]]:
     """Return names and tags; they are kept, as reading all files takes as long as all else that a shell waits for."""
     import platformdirs  # not eos_ref.cache and records.files, which load numpy
 
-    at = [(str(path), path.stat().st_mtime_ns) for path in sorted((ROOT / "cases").rglob("*.yaml"))]
+    at = [(str(path), path.stat().st_mtime_ns) for path in sorted((ROOT / "data" / "cases").rglob("*.yaml"))]
     key, kept = json.dumps(at), Path(platformdirs.user_cache_dir("eos-ref")) / "completion.json"
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         document = json.loads(kept.read_text(encoding="utf-8"))

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from eos_ref.errors import InputError
 from lammps_cases.records import untrusted
 
+DATA = Path(__file__).parents[1] / "data"  # what is shipped: cases, claims, probes, templates, measured curves
 LARGEST = 4096 * untrusted.MIB  # of a file of arrays, unpacked
 # What a damaged archive makes of zipfile and of numpy's reader of headers.
 DAMAGED: tuple[type[Exception], ...] = (

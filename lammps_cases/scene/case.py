@@ -33,7 +33,7 @@ STOPS, DEFORM = ("evolve", "stops"), ("evolve", "deform")
 
 
 class Scene(SceneModel):
-    """One case. See `lammps_cases/cases` for examples."""
+    """One case. See `lammps_cases/data/cases` for examples."""
 
     manual: Manual = Field(FIRST, description="version of the manual that the reference follows, set by the engine")
     units: UnitStyle = "lj"

@@ -23,6 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, WithJsonSche
 from eos_ref import InputError
 from eos_ref.errors import nearest, together, unknown
 from eos_ref.syntax.manual import Manual
+from lammps_cases.records.files import DATA
 from lammps_cases.records.wording import some
 from lammps_cases.records.yaml_files import flow, if_deck, read_yaml
 from lammps_cases.scene import FromFile, Scene, check_name
@@ -31,7 +32,7 @@ from lammps_cases.scene.rules import RULES
 
 MAX_CASES = 10_000  # of one file
 SCENES = ("scene", "matrix")  # the keys that make scenes
-SHIPPED = Path(__file__).parents[1] / "cases"
+SHIPPED = DATA / "cases"
 RuleName = Annotated[str, WithJsonSchema({"enum": list(RULES)})]  # for editors; checked by its own complaint
 
 

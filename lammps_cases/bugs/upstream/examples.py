@@ -20,13 +20,14 @@ from lammps_cases.ci.kits.files import KitFile
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing
+from lammps_cases.records.files import DATA
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import build, seed
 from lammps_cases.setup import commands
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.problems import problem_of
 
-CASES = Path(__file__).with_name("decks") / "examples.yaml"
+CASES = DATA / "upstream" / "examples.yaml"
 FOLDER = "examples/rheo/reference"  # in LAMMPS' tree
 THERMO = 20  # steps between lines of the log
 

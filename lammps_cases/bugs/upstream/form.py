@@ -10,19 +10,19 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Literal
 
 from eos_ref.syntax.manual import MANUALS
 from lammps_cases.bugs.deck import data_file
 from lammps_cases.engine.session import Job
+from lammps_cases.records.files import DATA
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.atoms import Atoms, build
 from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import commands
 from lammps_cases.setup.plan import plan
 
-SCENES = Path(__file__).with_name("scenes")
+SCENES = [DATA / "upstream" / f"{of}.yaml" for of in ("compute", "density", "fix", "pair", "walls")]
 TEMPLATE, COEFFICIENTS = "in.rheo", "coeffs.rheo"
 WRITE_DATA = "write_data_pair"  # the variable of test_pair_style behind its ``write_data FILE pair``; ii by default
 MODES = ("sumsq", "min", "max")  # of a column over all particles; sums of conserved fields are rounding alone
@@ -166,7 +166,7 @@ def template() -> str:
 def shipped() -> tuple[ForceTest, ...]:
     """Return all tests, by the newest manual."""
     names: dict[str, str] = {}
-    cases = (case for path in sorted(SCENES.glob("*.yaml")) for case in casefile.load_file(path))
+    cases = (case for path in SCENES for case in casefile.load_file(path))
     return tuple(_named(of_case(case), names) for case in cases)
 
 

@@ -25,11 +25,11 @@ from lammps_cases.bugs.upstream.replay import TIME_LIMIT, Commands, explained, f
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine import installations
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records.files import DATA, write_atomically
 
 INCLUDE = ("src", "third_party", "src/STUBS")  # of a tree; the stubs stand for MPI
 PAGE = Path("docs/upstream.md")
-MEASURED = Path(__file__).with_name("measured.json")
+MEASURED = DATA / "upstream" / "measured.json"
 MARKS = "<!-- measured -->", "<!-- end -->"
 FAILURE = re.compile(r"^\S+/(\w+)\.cpp:(\d+): Failure$", re.M)  # source and line
 TRACE = re.compile(r"EXPECT_\w+: (.+)$", re.M)  # the check that a failure belongs to

@@ -11,11 +11,11 @@ from pathlib import Path
 
 from eos_ref import InputError
 from eos_ref.errors import nearest
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records.files import DATA, write_atomically
 from lammps_cases.run.shards import DOCUMENT as COSTS
 from lammps_cases.run.shards import Costs
 
-TEMPLATES = Path(__file__).with_name("templates")
+TEMPLATES = DATA / "kits"
 PLACE = re.compile(r"@([A-Z]+)@")  # in a template: a value that is given when the kit is made
 
 

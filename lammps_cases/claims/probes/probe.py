@@ -14,13 +14,14 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from eos_ref import InputError
 from lammps_cases.engine.session import Job, RunCommand
+from lammps_cases.records.files import DATA
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.scene import atoms, casefile
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 
-FOLDER = Path(__file__).parent
+FOLDER = DATA / "probes"
 
 Edits = tuple[tuple[str, str], ...]  # texts, and what stands in their place: nothing, or several lines
 Commands = tuple[str, ...]

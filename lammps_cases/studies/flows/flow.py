@@ -10,7 +10,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KernelStyle
 from lammps_cases.findings.entry import Finding
+from lammps_cases.records.files import DATA
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 
@@ -105,7 +105,6 @@ def relative(error_n: FloatArray, scale_n: FloatArray) -> float:
 
 # --- what others know
 
-DATA = Path(__file__).parent / "data"
 Curve = tuple[tuple[float, ...], tuple[float, ...]]  # x, y
 Read = Callable[[int, Options, Sequence[Snapshot]], Curve]
 Measures = Callable[[int, Options, Sequence[Snapshot]], dict[str, float]]
@@ -133,7 +132,7 @@ class ReferenceCurve:
 
 def table(name: str, label: str) -> ReferenceCurve:
     """Return the points of ``data/NAME.csv``: lines ``# source`` and ``# scatter``, a header, x and y."""
-    lines = (DATA / f"{name}.csv").read_text(encoding="utf-8").splitlines()
+    lines = (DATA / "flows" / f"{name}.csv").read_text(encoding="utf-8").splitlines()
     about = dict(line.removeprefix("# ").split(": ", 1) for line in lines if line.startswith("# "))
     _, *points = csv.reader(line for line in lines if not line.startswith("#"))
     x, y = zip(*((float(a), float(b)) for a, b in points), strict=True)

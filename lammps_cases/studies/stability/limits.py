@@ -16,11 +16,12 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.model.parameters import Model
 from eos_ref.model.state import State, masses
 from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.files import DATA
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability.model import Boundary, Engine, Kind, StabilityMap
 
-FILE = Path(__file__).parent / "atlas-limits.json"
+FILE = DATA / "atlas-limits.json"
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,15 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from lammps_cases.claims.probes.probe import Commands, Edits, base, commands, replaced
+from lammps_cases.records.files import DATA
 from lammps_cases.records.yaml_files import read_yaml
 
-FILE = Path(__file__).with_name("syntax.yaml")
+FILE = DATA / "syntax.yaml"
 Kind = Literal["number", "integer", "choice", "types", "group", "id", "name"]
 NTYPES = 2  # of the decks
 # Before the fixes: a group that is not all particles.

@@ -70,10 +70,10 @@ def test_nothing_heavy_is_imported(call: str) -> None:
 
 
 def test_names_are_kept_until_a_file_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path / "root" / "cases"
+    folder = tmp_path / "root" / "data" / "cases"
     folder.mkdir(parents=True)
     (folder / "one.yaml").write_text("name: one\ntags: [small]\nmatrix: {}\n")
-    monkeypatch.setattr(completion, "ROOT", folder.parent)
+    monkeypatch.setattr(completion, "ROOT", tmp_path / "root")
     monkeypatch.setattr(platformdirs, "user_cache_dir", lambda _: str(tmp_path))
     reads: list[int] = []
     load = yaml.load

@@ -137,7 +137,7 @@ def test_a_variant_from_elsewhere_is_never_kept(problem: Problem, tmp_path: Path
 def test_any_byte_of_the_sources_is_another_context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     copied = ("eos_ref", "lammps_cases")
     for package in copied:
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__", "cases"))
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__", "data"))
     assert prediction_keys.context(tmp_path) == prediction_keys.context()
     hashed = prediction_keys.hashed(tmp_path)
     assert len(hashed) > 30

@@ -97,7 +97,7 @@ def test_place_is_relative_to_the_repository(tmp_path: Path) -> None:
     assert place(a_case("mine.two.2d", source=str(tmp_path / "mine.yaml")), tmp_path) == ("mine.yaml", 7)
     shipped = a_case("near-rho0.linear.2d")
     at = place(shipped, ROOT)
-    assert at is not None and at[0] == "lammps_cases/cases/near-rho0.yaml" and at[1] > 1
+    assert at is not None and at[0] == "lammps_cases/data/cases/near-rho0.yaml" and at[1] > 1
     assert place(shipped, tmp_path) is None, "an installed eos-ref lies outside the repository"
     deck = CaseRecord(case="in.deck", verdict="differs", reproduce=f"eos-ref audit '{tmp_path}/a b/in.deck' --every 1")
     assert place(deck, tmp_path) == ("a b/in.deck", 1)
@@ -127,7 +127,7 @@ def test_commands_of_a_run() -> None:
         ("notice", "eos-ref"),
     ]
     assert found[0][2].startswith("2 cases not as expected: 1 differs, 1 crashed; 1 known bug seen in this LAMMPS")
-    assert found[1][1]["file"] == "lammps_cases/cases/near-rho0.yaml"
+    assert found[1][1]["file"] == "lammps_cases/data/cases/near-rho0.yaml"
     assert found[1][2] == "SIGSEGV\neos-ref run near-rho0.linear.3d"
     strict = workflow_commands(a_run(*cases, fail_on="high"), ROOT)
     assert "explained: known" in [read_back(line)[1]["title"] for line in strict]
@@ -156,7 +156,10 @@ def test_code_quality() -> None:
     one, other = json.loads(code_quality(run, ROOT))
     assert (one["check_name"], one["severity"], one["description"]) == ("eos-ref/timeout", "critical", "x: timeout")
     assert (other["severity"], other["description"]) == ("major", "near-rho0.linear.2d: LAMMPS 1.0")
-    assert other["location"]["path"] == "lammps_cases/cases/near-rho0.yaml" and other["location"]["lines"]["begin"] > 1
+    assert (
+        other["location"]["path"] == "lammps_cases/data/cases/near-rho0.yaml"
+        and other["location"]["lines"]["begin"] > 1
+    )
     assert one["fingerprint"] != other["fingerprint"]
     later = a_run(a_case("near-rho0.linear.2d", message="LAMMPS 2.0"))
     assert json.loads(code_quality(later, ROOT))[0]["fingerprint"] == other["fingerprint"], (
@@ -182,7 +185,7 @@ def test_announced_where_the_service_says(tmp_path: Path, capsys: pytest.Capture
     summary.write_text("of another step\n")
     environ = {"GITHUB_ACTIONS": "true", "GITHUB_WORKSPACE": str(ROOT), "GITHUB_STEP_SUMMARY": str(summary)}
     announce(run, tmp_path, environ)
-    assert "\n::error file=lammps_cases/cases/near-rho0.yaml,line=" in capsys.readouterr().out
+    assert "\n::error file=lammps_cases/data/cases/near-rho0.yaml,line=" in capsys.readouterr().out
     assert summary.read_text().startswith("of another step\n## eos-ref: 🔴 FAIL\n")
     (tmp_path / "report").mkdir()
     (tmp_path / "report" / "summary.md").write_text("as written\n")

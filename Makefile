@@ -19,7 +19,7 @@ ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
   --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
 
-.PHONY: help setup validate campaign quick fast test browser kills large soak environment slurm unittest workshop check bench claims docs versions engines power witnesses binary judge fuzz fuzz-nightly pictures clean
+.PHONY: help setup validate campaign quick fast test browser kills large soak environment slurm unittest workshop check bench claims docs versions engines power binary judge fuzz fuzz-nightly pictures clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
@@ -107,9 +107,6 @@ twins: $(READY) ## the same LAMMPS twice, memory filled with other bytes, TWINS=
 
 power: $(READY) ## plant faults, measure what goes unseen, look for false alarms (long); POWER='faults --quick-only'
 	$(BIN)/python -m tests.workshop.power $(POWER)
-
-witnesses: $(READY) ## every rule of the reference with the cases that depend on it (minutes)
-	$(BIN)/python -m tests.workshop.witnesses $(WITNESSES)
 
 binary: $(READY) ## plant faults in LAMMPS' own machine code (x86-64), MACHINE='COUNT [ENGINE]' (a minute or more each)
 	$(BIN)/python -m tests.workshop.machine_code '$(MACHINED)' $(MACHINE)

@@ -30,15 +30,16 @@ def explain_command(
         int | None, Option("For --atom: after N steps.  [default: the last that is compared]", metavar="N")
     ] = None,
     full: Annotated[
-        bool, Option("Also show all rules it exercises, what is modelled and why, and LAMMPS' commands.")
+        bool, Option("Also show all changes of the reference it sees, what is modelled and why, and LAMMPS' commands.")
     ] = False,
     files: Files = (),
     as_json: Json = False,
 ) -> int:
-    """Show a case: its scene, laws, bounds and the rules it exercises; with --full what is modelled and LAMMPS' input.
+    """Show a case: its scene, laws, bounds and what it exercises; with --full what is modelled and LAMMPS' input.
 
-    The rules it exercises are counted by running the reference on it. Cases whose names begin alike are listed; --full
-    and --json show each. For a finding, a field or a verdict, say what it is.
+    It exercises the changes of the reference that move a field it compares out of its bound; --full tries all of the
+    catalogue, in seconds to minutes. Several cases are listed; --full and --json show each. For a finding, a field or a
+    verdict, say what it is.
 
     \b
     Example:  eos-ref explain near-rho0
@@ -76,7 +77,7 @@ def explain_command(
     if len(selected) > 1 and not (full or as_json):
         _list(selected)
         return 0
-    explanations = [_explanation(case) for case in selected]
+    explanations = [_explanation(case, full) for case in selected]
     if as_json:
         click.echo(json.dumps({"cases": explanations}, indent=1))
         return 0
@@ -125,7 +126,7 @@ def _verdict(name: str, as_json: bool) -> None:
         shared.show(f"{name}: {meaning}", "  ")
 
 
-def _explanation(case: Any) -> dict[str, Any]:
+def _explanation(case: Any, full: bool) -> dict[str, Any]:
     from dataclasses import asdict
 
     from eos_ref.eos import bounds
@@ -155,7 +156,7 @@ def _explanation(case: Any) -> dict[str, Any]:
         "evaluated_by": _evaluator(case, ready),
         "reference": [asdict(item) for item in the_plan.reference],
         "lammps": [asdict(item) for item in the_plan.lammps],
-        "exercises": _exercises(case, ready),
+        "exercises": _exercises(case, ready, full),
         "stability": _stability(case, ready),
         "twin": twins.describe(case.scene.twin) if case.scene.twin else None,
         "commands": _commands(ready.jobs[0]),
@@ -188,24 +189,19 @@ def _evaluator(case: Any, ready: Any) -> str | None:
     return f"the {name} evaluator ({evaluations(problem)} evaluations of a particle; compiled above {COMPILED_ABOVE})"
 
 
-def _exercises(case: Any, ready: Any) -> list[dict[str, Any]]:
-    """List the rules that a case is for, then those it takes besides, with the number of particles or pairs of each."""
+def _exercises(case: Any, ready: Any, full: bool) -> list[dict[str, Any]]:
+    """List the changes that a case has to see, or all that it sees, with the number of particles that each moves."""
     from lammps_cases.comparison.prediction_keys import open_store
     from lammps_cases.comparison.predictor import Predictor
-    from lammps_cases.scene.rules import RULES
-    from lammps_cases.verdict import exercise
+    from lammps_cases.scene.changes import catalogue
+    from lammps_cases.verdict.exercise import exercised
 
-    taken = exercise.counts(case, ready.atoms, Predictor(open_store()))
-    names = [*case.exercises, *(name for name in RULES if name in taken and name not in case.exercises)]
+    names = tuple(catalogue()) if full else case.exercises
+    moved = exercised(case, ready.eos, ready.atoms, Predictor(open_store()), names)
     return [
-        {
-            "rule": name,
-            "sentence": RULES[name].sentence,
-            "count": taken.get(name, 0),
-            "of": RULES[name].of,
-            "for": name in case.exercises,
-        }
-        for name in names
+        {"change": name, "what": catalogue()[name].what, "moved": count, "for": name in case.exercises}
+        for name, count in moved.items()
+        if count or name in case.exercises
     ]
 
 
@@ -238,12 +234,12 @@ def _commands(job: Job) -> list[str]:
 
 
 def _list(cases: Sequence[Case]) -> None:
-    """List cases: what each file of theirs is for, then the laws of each case, and the rules that it is for."""
+    """List cases: what each file of theirs is for, then the laws of each case, and the changes it has to see."""
     from lammps_cases.records.wording import counted
 
     for about in dict.fromkeys(case.about for case in cases):
         shared.show(about)
-    columns = ("case", "laws", "rules exercised")
+    columns = ("case", "laws", "exercises")
     rows = [
         (case.name, ", ".join(dict.fromkeys(law.style for law in case.scene.pressure)), ", ".join(case.exercises))
         for case in cases
@@ -273,28 +269,24 @@ def _show(explanation: dict[str, Any], full: bool) -> None:
         click.echo("stability:")
         for line in explanation["stability"]:
             shared.show(f"  {line}", "    ")
-    _show_rules(explanation["exercises"], full)
+    _show_changes(explanation["exercises"], full)
     if full:
         _show_sides(explanation)
-        return
-    besides = sum(not row["for"] for row in explanation["exercises"])
-    rules = "rule" if besides == 1 else "rules"
-    rest = f"the {besides} other {rules} it exercises, what" if besides else "what"
-    shared.show(f"--full also shows {rest} is modelled and why, and LAMMPS' commands", "  ")
+    else:
+        shared.show("--full also shows all changes that it sees, what is modelled and why, and LAMMPS' commands", "  ")
 
 
-def _show_rules(exercises: Sequence[dict[str, Any]], full: bool) -> None:
-    """Show the rules that a case is for, or all that it takes."""
+def _show_changes(exercises: Sequence[dict[str, Any]], full: bool) -> None:
+    """Show the changes that a case has to see, or all that it sees."""
     from lammps_cases.records.wording import counted
 
-    columns = ("purpose", "rule", "exercised by", "what the reference does")
+    columns = ("required", "change", "moves", "the reference, changed")
     rows = [
-        ("yes" if row["for"] else "", row["rule"], counted(row["count"], row["of"]), row["sentence"])
+        ("yes" if row["for"] else "", row["change"], counted(row["moved"], "particle"), row["what"])
         for row in exercises
-        if full or row["for"]
     ]
     if rows:
-        title = f"{'all ' * full}rules exercised (counted on the reference)"
+        title = f"{'all ' * full}changes of the reference that move a field out of its bound"
         at = 0 if full else 1
         shared.table(columns[at:], [row[at:] for row in rows], title, drop=columns[2:3], prose=columns[3:])
 

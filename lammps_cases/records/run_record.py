@@ -245,7 +245,8 @@ class CaseRecord(Record):
     )
     lint: list[str] = Field([], description="formulas that this scene cannot tell apart")
     exercises: dict[str, int] = Field(
-        {}, description="rules of the reference that the case is for: number of particles or pairs that take each"
+        {},
+        description="changes of the reference that the case has to see: particles that each moves out of a bound",
     )
     warnings: list[str] = Field([], description="questionable set-ups of an audited deck")
     brief: str = Field("", description="the most questionable of them, in a few words")
@@ -293,8 +294,8 @@ class CaseRecord(Record):
 
     @property
     def unexercised(self) -> list[str]:
-        """The rules that the case says it is for, and that nothing in its scene takes."""
-        return [rule for rule, count in self.exercises.items() if not count]
+        """The changes that the case has to see, and that move nothing it compares out of a bound."""
+        return [change for change, count in self.exercises.items() if not count]
 
 
 class EngineRecord(Record):

@@ -365,10 +365,10 @@ def unpredictable(case: CaseRecord) -> str:
 
 
 def unexercised(case: CaseRecord) -> str:
-    """Say which rules a case is for although its scene takes none of them; empty if there is none."""
+    """Say which changes named in `exercises` a case does not see; empty if it sees all."""
     if not case.unexercised:
         return ""
-    return f"the case says it exercises {', '.join(case.unexercised)}, but nothing in its {case.dimension}D scene does"
+    return f"no field that the case compares shows {', '.join(case.unexercised)}, which it names in exercises"
 
 
 def blame(case: CaseRecord, findings: bool = True) -> str:

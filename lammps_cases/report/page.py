@@ -27,7 +27,7 @@ from lammps_cases.report.history.reported import Past
 from lammps_cases.report.pages import frame
 from lammps_cases.report.pages.packed import packed, packed_once
 from lammps_cases.report.statements import SUBJECTS, statements
-from lammps_cases.scene.rules import RULES
+from lammps_cases.scene.changes import catalogue
 
 ASSETS = Path(__file__).parent / "assets"
 HISTORY_CSS = Path(__file__).parent / "history" / "assets" / "history.css"
@@ -124,7 +124,7 @@ def _articles(family: Family, template: jinja2.Template) -> FamilyArticles:
             deck_wording=deck_wording,
             statements_of=statements,
             subjects=SUBJECTS,
-            rules=RULES,
+            changes=catalogue(),
         )
         return packed(made)
 

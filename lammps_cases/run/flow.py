@@ -95,7 +95,7 @@ def _judged(answers: Answers, engine: EngineRecord, store: Store | None) -> tupl
     listed: Outcomes = []
     try:
         with stage("exercises"):
-            exercises = exercised(ready.case, ready.atoms, predictor)
+            exercises = exercised(ready.case, ready.eos, ready.atoms, predictor)
         record, arrays = compared(ready, answers.outcomes, engine, predictor)
     except Exception as error:
         record, arrays = faulty(ready, engine, error), {}

@@ -2,7 +2,7 @@
 
 A file holds ``name``, ``about``, ``tags``, a ``scene`` and, optionally, a ``matrix``: axes of named patches that are
 merged into the scene (``key+`` appends to a list, null removes), every combination one case ``name.label1.label2``.
-``exercises`` says which rules of the reference (`lammps_cases.scene.rules`) its cases are for, by
+``exercises`` names the changes of the reference (`lammps_cases.scene.changes`) that its cases have to see, by
 patterns of their labels.
 """
 
@@ -16,9 +16,9 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
 from eos_ref.errors import nearest, together, unknown
@@ -27,18 +27,17 @@ from lammps_cases.records.files import DATA
 from lammps_cases.records.wording import some
 from lammps_cases.records.yaml_files import flow, if_deck, read_yaml
 from lammps_cases.scene import FromFile, Scene, check_name
+from lammps_cases.scene.changes import catalogue
 from lammps_cases.scene.complaints import Combination, Complaint, Format, Keys, Source, complaints, explained, refused
-from lammps_cases.scene.rules import RULES
 
 MAX_CASES = 10_000  # of one file
 SCENES = ("scene", "matrix")  # the keys that make scenes
 SHIPPED = DATA / "cases"
-RuleName = Annotated[str, WithJsonSchema({"enum": list(RULES)})]  # for editors; checked by its own complaint
 
 
 @dataclass(frozen=True)
 class Case:
-    """One case: a scene with a name, where it comes from, its seed (the name itself), and the rules it is for."""
+    """One case: a scene with a name, where it comes from, its seed (the name itself), and the changes it has to see."""
 
     name: str
     about: str
@@ -79,8 +78,10 @@ class CaseFile(BaseModel):
     name: str
     about: str = Field(description="what the case is for, in a sentence or two")
     tags: list[str] = []
-    exercises: dict[str, list[RuleName]] = Field(
-        {}, description="pattern of labels (*, rk1.*): rules of the reference that these cases are for"
+    exercises: dict[str, list[str]] = Field(
+        {},
+        description="pattern of labels (*, rk1.*): changes of the reference that these cases have to see",
+        json_schema_extra=lambda schema: schema["additionalProperties"]["items"].update(enum=list(catalogue())),
     )
     matrix: dict[str, dict[str, dict[str, Any]]] = Field({}, description="axis: {label: patch of the scene}")
     scene: dict[str, Any]
@@ -203,22 +204,23 @@ def _labels(name: str) -> str:
 
 
 def _exercises(file: CaseFile, name: str) -> tuple[str, ...]:
-    """Return the rules that a file names for one of its cases, each once."""
-    chosen = [rules for pattern, rules in file.exercises.items() if fnmatch.fnmatchcase(_labels(name), pattern)]
+    """Return the changes that a file names for one of its cases, each once."""
+    chosen = [changes for pattern, changes in file.exercises.items() if fnmatch.fnmatchcase(_labels(name), pattern)]
     return tuple(dict.fromkeys(itertools.chain.from_iterable(chosen)))
 
 
 def _check_exercises(file: CaseFile, names: Sequence[str], source: Source) -> None:
-    """Check that a file's patterns are of its cases, and its rules of the reference.
+    """Check that a file's patterns are of its cases, and its changes in the catalogue.
 
     Raises
     ------
     InputError
     """
-    for pattern, rules in file.exercises.items():
-        for rule in rules:
-            if rule not in RULES:
-                raise unknown("rule", rule, RULES).at(source.place(("exercises", pattern, rules.index(rule))))
+    for pattern, changes in file.exercises.items():
+        for change in changes:
+            if change not in catalogue():
+                place = source.place(("exercises", pattern, changes.index(change)))
+                raise unknown("change", change, catalogue()).at(place)
         if not fnmatch.filter(map(_labels, names), pattern):
             place = source.place(("exercises", pattern), at_key=True)
             raise InputError("exercises", "a pattern must be of labels of the file's cases", pattern, place)

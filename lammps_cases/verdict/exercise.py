@@ -1,79 +1,119 @@
-"""Which rules of the reference a scene exercises: particles and pairs counted by running the reference on it."""
+"""Which changes of the reference a case sees: those that move a field it compares out of its bound."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
+from contextlib import closing, nullcontext
+from typing import Any
 
 import numpy as np
 
+from eos_ref import EOSTable
+from eos_ref.eos import bounds
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.changed import made
+from lammps_cases.comparison.compare import EosState, evaluate, excess
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.comparison.trajectory import Halt, own_stages, reached
-from lammps_cases.scene.atoms import Atoms
+from lammps_cases.comparison.trajectory import Prediction, visit
+from lammps_cases.scene.atoms import Atoms, seed
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.rules import RULES, Evaluated
-from lammps_cases.setup import reference_side
+from lammps_cases.scene.changes import Change, catalogue
+from lammps_cases.verdict import law_mistakes, model_mistakes
 from lammps_cases.verdict.problems import problem_of
 
 
-def counts(case: Case, atoms: Atoms, predictor: Predictor, names: Sequence[str] = tuple(RULES)) -> dict[str, int]:
-    """Return how many particles or pairs of a case take some rules: the most of the steps compared; others have none.
-
-    A case that LAMMPS has to refuse takes none.
-    """
-    if case.scene.expect is not None:
-        return {}
-    scene = case.scene
-    if scene.interacts:
-        problem = problem_of(scene, atoms, case.where, scene.snapshots, predictor)
-    else:  # states of a law: a density may have any sign
-        given = reference_side.unchecked_state(scene, atoms, case.where)
-        model, box = reference_side.model(scene, atoms, case.where), reference_side.box(scene, atoms)
-        problem = Problem(model, box, given, 0.0, scene.compare, (0,))
-    shared = scene.interacts and own_stages(problem) is ArrayEvaluator
-    halts = predictor.halts(problem) if shared else None
-    what = " ".join(("rules", *names))
-    return predictor.counts(what, problem, lambda: counted(problem, scene.interacts, halts, names))
+def can_see(case: Case) -> bool:
+    """Return whether LAMMPS is compared with the reference: not with a refusal, nor with a twin."""
+    return case.scene.twin is None and case.scene.expect is None
 
 
-def exercised(case: Case, atoms: Atoms, predictor: Predictor) -> dict[str, int]:
-    """Return the counts of the rules that a case says it exercises."""
-    if not case.exercises:
-        return {}
-    every = counts(case, atoms, predictor, case.exercises)
-    return {name: every.get(name, 0) for name in case.exercises}
-
-
-def counted(
-    problem: Problem,
-    interacts: bool = True,
-    halts: dict[int, Halt] | None = None,
-    names: Sequence[str] = tuple(RULES),
+def exercised(
+    case: Case, eos: EOSTable | None, atoms: Atoms, predictor: Predictor, names: Sequence[str] | None = None
 ) -> dict[str, int]:
-    """Return the largest count of the rules named that a problem takes; without neighbours if nothing needs any.
+    """Return how many particles some changes move out of their bounds; by default those that the case is for.
 
-    ``halts`` takes the reference as it is at every step, of which a prediction can be made.
+    A change is 0 if no field that the case compares leaves its bound on any particle, at any step.
     """
-    most: dict[str, int] = {}
-    with np.errstate(all="ignore"):
-        for evaluated in _visited(problem, interacts, halts):
-            for name in names:
-                most[name] = max(most.get(name, 0), RULES[name].count(evaluated))
-    return {name: count for name, count in most.items() if count}
+    names = case.exercises if names is None else names
+    if not names or not can_see(case):
+        return {}
+    changes = [catalogue()[name] for name in names]
+    if not case.scene.whole_model:
+        assert eos is not None
+        of_law = _Law(case, eos, atoms)
+        return {change.id: of_law.moved(change) for change in changes}
+    problem = problem_of(case.scene, atoms, case.where, case.scene.snapshots, predictor)
+
+    def counts() -> dict[str, int]:
+        prediction = predictor.predict(problem, seed=seed(f"{case.name}/moved runs"))
+        return {change.id: _moved(change, problem, prediction) for change in changes}
+
+    return predictor.counts(" ".join(("changes", *names)), problem, counts)
 
 
-def _visited(problem: Problem, interacts: bool, halts: dict[int, Halt] | None) -> Iterator[Evaluated]:
-    """Yield the reference at every step compared."""
-    start = problem.state
-    if interacts:
-        sim: Simulation = problem.simulation()
-        for step, _ in reached(problem, sim, halts):
-            if step in problem.steps:
-                yield Evaluated(sim, start, problem.fields, step, problem.box, problem.step_changed(step))
-    else:
-        evaluator = ArrayEvaluator(problem.model, problem.box, start.type_n, start.solid_n)
-        sim = Simulation.with_evaluator(start.copy(), evaluator, problem.fields)
-        sim.evaluate()
-        yield Evaluated(sim, start, problem.fields, 0, problem.box)
+class _Law:
+    """States of the equations of state of a case, their pressures and bounds."""
+
+    def __init__(self, case: Case, eos: EOSTable, atoms: Atoms) -> None:
+        rho_n, energy_n = atoms.rho_n, atoms.energy_n
+        if rho_n is None or case.scene.interacts:  # at the end of a run
+            problem = problem_of(case.scene, atoms, case.where, case.scene.snapshots)
+            sim: Simulation = problem.simulation()
+            for _ in visit(sim, problem.steps, problem.timestep, problem.stops):
+                pass
+            rho_n, energy_n = sim.state.rho_n, sim.state.energy_n
+        self.eos = eos
+        self.state = EosState(atoms.id_n, atoms.type_n, rho_n, atoms.mass_n, energy_n)
+        self.p_n = evaluate(eos, self.state)
+        self.bound_n = bounds.comparison(eos, rho_n, atoms.type_n, self.state.e_n)
+
+    def moved(self, change: Change) -> int:
+        with np.errstate(all="ignore"):
+            if change.mistake == "law":
+                p_n = law_mistakes.MUTANTS[change.what](self.eos, self.state)
+            elif change.function:
+                with made(change):
+                    p_n = evaluate(self.eos, self.state)
+            else:
+                p_n = None
+        return 0 if p_n is None else count_outside([(p_n, self.p_n, self.bound_n)])
+
+
+def _moved(change: Change, problem: Problem, prediction: Prediction) -> int:
+    """Return how many particles leave a bound at the first step that shows it; all if the changed reference fails."""
+    with np.errstate(all="ignore"), closing(_changed(change, problem)) as outputs:
+        for fields, bound in zip(prediction.fields, prediction.bounds, strict=True):
+            try:
+                changed = next(outputs)
+            except Exception:  # a changed formula may fail in any way
+                return len(problem.state.x_nc)
+            if moved := count_outside([(changed[field], fields[field], bound[field]) for field in problem.fields]):
+                return moved
+    return 0
+
+
+def _changed(change: Change, problem: Problem) -> Generator[dict[str, Any]]:
+    """Yield the fields of the changed reference at the steps of a problem."""
+    stages = model_mistakes.MUTANTS[change.what].stages if change.mistake == "stage" else ArrayEvaluator
+    with made(change) if change.function else nullcontext():
+        sim: Simulation = problem.simulation(in_blocks(stages, len(problem.state.x_nc)))
+        for _ in visit(sim, problem.steps, problem.timestep, problem.stops):
+            yield {field: sim.output(field) for field in problem.fields}
+
+
+def count_outside(fields: Sequence[tuple[Any, Any, Any]]) -> int:
+    """Return how many particles, or components of a global value, leave the bound of a field: the most of any field.
+
+    Where the reference has no number, or no bound, nothing shows.
+    """
+    most = 0
+    for changed, reference, bound in fields:
+        reference_n = np.atleast_1d(np.asarray(reference, float))
+        bound_n = np.broadcast_to(bound, reference_n.shape)
+        ratio_n = excess(np.atleast_1d(np.asarray(changed, float)), reference_n, bound_n)[1]
+        outside_n = ~(ratio_n <= 1) & np.isfinite(reference_n) & np.isfinite(bound_n)
+        most = max(most, int(np.count_nonzero(outside_n.reshape(len(outside_n), -1).any(axis=1))))
+    return most

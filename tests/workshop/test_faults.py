@@ -16,6 +16,7 @@ from lammps_cases.engine import cluster, installations
 from lammps_cases.records.progress import SILENT
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from lammps_cases.scene.changes import Change
 from tests.support import dask_cluster
 from tests.workshop import power
 from tests.workshop.faults import (
@@ -60,10 +61,11 @@ SEEN: dict[str, tuple[str, str, str] | None] = {
 }
 
 
-def _own_fault(name: str, statement: str) -> formula.SourceFault:
+def _own_fault(name: str, statement: str) -> formula.FormulaFault:
     """A fault in the law of NAMES[0]."""
     law = ("eos_ref.eos.laws:linear", "return cs * cs * (rho - rho0)")
-    return formula.SourceFault(f"formula.{name}", "option", statement, *law, statement)
+    change = Change(name, "option", statement, "", *law, statement)
+    return formula.FormulaFault(f"formula.{name}", "option", statement, change)
 
 
 OWN = {

@@ -9,7 +9,8 @@ import pytest
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from tests.workshop.faults import formula, substitute, tasks
+from lammps_cases.scene.changes import catalogue
+from tests.workshop.faults import substitute, tasks
 from tests.workshop.faults.perturbed import PerturbedJudge
 
 pytestmark = pytest.mark.lammps
@@ -32,7 +33,7 @@ def test_a_mistake_in_what_a_finding_replaces_is_seen_in_place_of_a_lammps_witho
     (case,) = casefile.select(casefile.load(), ("twins-units.fluids.real",))
     control = tasks.answer_case(None, judge, tmp_path, prepared_case.prepare(case))
     assert (control.answered, control.played, control.manual, control.red) == (True, True, True, ())
-    mistake = formula.edits()["formula.units-k-unconverted"]
+    mistake = catalogue()["units-k-unconverted"]
     found = {
         engine: substitute.answer_cases(mistake, tmp_path, [case.name], engine, 1, 30.0)
         for engine in (judge.engine.distribution, None)

@@ -11,7 +11,7 @@ import ast
 import copy
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import CodeType, FunctionType
@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from lammps_cases.comparison.changed import installed
 
 Kind = tuple[Any, ...] | None
 Scope = Mapping[str, Any]
@@ -86,17 +86,8 @@ def made(edits: Iterable[ExpressionEdit]) -> Iterator[None]:
     codes = {
         function: own[0].code if len(own) == 1 else own[0].of.compiled(own) for function, own in by_function.items()
     }
-    right = {function: function.__code__ for function in codes}
-    loops = ArrayEvaluator.loops
-    ArrayEvaluator.loops = None if codes else loops
-    try:
-        for function, code in codes.items():
-            function.__code__ = code
+    with installed(codes) if codes else nullcontext():
         yield
-    finally:
-        ArrayEvaluator.loops = loops
-        for function, code in right.items():
-            function.__code__ = code
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""A case that does not do what it says it is for is an error of the case; what it does is counted."""
+"""A case has to see the changes of the reference that it names; one that does not is an error of the case."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ import pytest
 import yaml
 
 from eos_ref import InputError
-from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from lammps_cases.scene.atoms import seed
+from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict import exercise
+from lammps_cases.verdict.exercise import count_outside
 from lammps_cases.verdict.problems import problem_of
 from tests.support.outcome import Outcome
 from tests.support.pages import unpacked
@@ -37,7 +39,7 @@ VACUUM = {"regions": [{"type": None, "low": [0.5, 0], "high": [1, 1]}]}
 
 @pytest.fixture
 def written(case_file: Write) -> Callable[..., Path]:
-    """Write a case file that says what its cases are for."""
+    """Write a case file that names the changes its cases have to see."""
 
     def write(exercises: dict[str, list[str]], **changes: Any) -> Path:
         path = case_file(**{**BLOCK, **changes})
@@ -48,88 +50,91 @@ def written(case_file: Write) -> Callable[..., Path]:
     return write
 
 
-def test_what_a_case_names_is_counted_and_kept(written: Callable[..., Path], tmp_path: Path) -> None:
-    vacuum = {**BLOCK["positions"], **VACUUM}
-    (case,) = casefile.load_file(written({"*": ["surface-normal", "splash-by-coordination"]}, positions=vacuum))
+def exercised(case: Case, predictor: Predictor, names: tuple[str, ...] = ()) -> dict[str, int]:
     ready = prepared_case.prepare(case)
-    named = exercise.exercised(case, ready.atoms, Predictor())
-    assert list(named) == ["surface-normal", "splash-by-coordination"]
-    assert named["surface-normal"] > 4 and named["splash-by-coordination"] == 0
-    every = exercise.counts(case, ready.atoms, Predictor())
-    assert every["surface-normal"] == named["surface-normal"] and 0 not in every.values()
+    return exercise.exercised(case, ready.eos, ready.atoms, predictor, names or case.exercises)
+
+
+def test_particles_that_a_change_moves_are_counted_and_kept(written: Callable[..., Path], tmp_path: Path) -> None:
+    """No particle has fewer than five neighbours, so that none is a splash."""
+    vacuum = {**BLOCK["positions"], **VACUUM}
+    names = ["surface-never-by-coordination", "splash-never-by-coordination", "surface-never-by-divergence"]
+    (case,) = casefile.load_file(written({"*": names}, positions=vacuum))
     kept = Predictor(Store(tmp_path / "store", "context"))
-    assert exercise.counts(case, ready.atoms, kept) == every and kept.computed == 1
+    moved = exercised(case, kept)
+    assert list(moved) == names and list(moved.values()) == [moved[names[0]], 0, 0] and moved[names[0]] > 4
     again = Predictor(Store(tmp_path / "store", "context"))
-    assert exercise.counts(case, ready.atoms, again) == every and again.stored == 1
+    assert exercised(case, again) == moved and (again.computed, again.stored) == (0, 1)
 
 
-def test_a_law_has_states_of_any_sign(case_file: Write) -> None:
+def test_laws_are_changed_in_states_of_any_sign(case_file: Write) -> None:
     (case,) = casefile.load_file(case_file(pressure=CUBE, rho={"ratio": [-1.4, 1.4]}))
-    counts = exercise.counts(case, prepared_case.prepare(case).atoms, Predictor())
-    assert (counts["law-tait-general"], counts["field/pressure"]) == (20, 20)
-    assert "images" not in counts, "nobody asks for neighbours"
+    names = (
+        "tait-not-over-gamma",
+        "lint-sign-of-the-pressure",
+        "water-of-six",
+        "lint-masses-ignored",
+        "slope-sign",
+    )
+    assert list(exercised(case, Predictor(), names).values()) == [20, 20, 0, 0, 0]
+
+
+def test_a_particle_without_a_number_shows_nothing() -> None:
+    """An infinite bound, and NaN on the side of the reference, are no evidence; NaN by the change is."""
+    reference, bound = np.array([1.0, np.nan, 1.0, 1.0]), np.array([0.1, 0.1, np.inf, 0.1])
+    assert count_outside([(np.array([9.0, 9.0, 9.0, np.nan]), reference, bound)]) == 2
+    assert count_outside([(5.0, 1.0, 0.1), (np.ones(6), np.zeros(6), np.full(6, 0.5))]) == 6, "global values"
 
 
 @pytest.mark.lammps
-def test_a_case_that_does_not_do_what_it_says_is_an_error_of_the_case(
+def test_a_change_that_is_not_seen_is_an_error_of_the_case(
     written: Callable[..., Path], eos_ref_command: Callable[..., Outcome], tmp_path: Path
 ) -> None:
-    path = written({"*": ["surface-normal", "surface-bulk"]})
+    path = written({"*": ["kernel-support-two", "surface-never-by-divergence"]})
     outcome = eos_ref_command("run", "--cases", path, "--out", tmp_path / "out")
     assert outcome.code == 2
     (line,) = re.findall(r"error +mine: (.*)", outcome.out)
-    assert line.startswith("the case says it exercises surface-normal, but nothing in its 2D scene does")
+    assert line.startswith("no field that the case compares shows surface-never-by-divergence")
     page = unpacked((tmp_path / "out" / "report.html").read_text())
-    assert "54 particles" in page and "Fluid that is not at the surface is bulk." in page
+    assert "54 particles" in page and "h of cut/2 for cut/3" in page
 
 
 def test_the_exit_code_of_a_bad_case_goes_before_that_of_a_difference() -> None:
-    bad = CaseRecord(case="a", verdict="error", dimension=3, exercises={"layer": 0, "shift": 7})
-    differs = CaseRecord(case="b", verdict="differs", exercises={"layer": 0})
-    assert bad.unexercised == ["layer"]
-    assert wording.message(bad) == "the case says it exercises layer, but nothing in its 3D scene does"
+    bad = CaseRecord(case="a", verdict="error", dimension=3, exercises={"self-value": 0, "slope-sign": 7})
+    differs = CaseRecord(case="b", verdict="differs", exercises={"self-value": 0})
+    assert bad.unexercised == ["self-value"]
+    assert wording.message(bad) == "no field that the case compares shows self-value, which it names in exercises"
     assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs, bad]).exit_code() == 2
     assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs]).exit_code() == 1, "what it compares is wrong"
 
 
-def test_patterns_are_of_labels_and_rules_of_the_reference(written: Callable[..., Path]) -> None:
-    with pytest.raises(InputError, match=r"no such rule: 'surface-normals' \(did you mean 'surface-normal'\?\)"):
-        casefile.load_file(written({"*": ["surface-normals"]}))
+def test_patterns_are_of_labels_and_changes_of_the_catalogue(written: Callable[..., Path]) -> None:
+    with pytest.raises(InputError, match=r"no such change: 'surfaces-never' \(did you mean 'surface-never'\?\)"):
+        casefile.load_file(written({"*": ["surfaces-never"]}))
     with pytest.raises(InputError, match=r"exercises: a pattern must be of labels .* found 'rk1'"):
-        casefile.load_file(written({"rk1": ["shift"]}))
+        casefile.load_file(written({"rk1": ["slope-sign"]}))
 
 
 def test_patterns_pick_cases_by_their_labels(case_file: Write) -> None:
     axes = {"1": {"quintic": {}, "rk1": {}}, "2": {"2d": {}, "same": {}}}
     path = case_file(matrix=axes)
-    named = {"*": ["law-tait-general"], "rk1.*": ["above-rho0"], "*.same": ["rho0", "above-rho0"]}
+    named = {"*": ["slope-sign"], "rk1.*": ["self-value"], "*.same": ["rho0-of-one", "self-value"]}
     path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | {"exercises": named}))
     assert {case.name: case.exercises for case in casefile.load_file(path)} == {
-        "mine.quintic.2d": ("law-tait-general",),
-        "mine.quintic.same": ("law-tait-general", "rho0", "above-rho0"),
-        "mine.rk1.2d": ("law-tait-general", "above-rho0"),
-        "mine.rk1.same": ("law-tait-general", "rho0", "above-rho0"),
+        "mine.quintic.2d": ("slope-sign",),
+        "mine.quintic.same": ("slope-sign", "rho0-of-one", "self-value"),
+        "mine.rk1.2d": ("slope-sign", "self-value"),
+        "mine.rk1.same": ("slope-sign", "rho0-of-one", "self-value"),
     }
 
 
-@pytest.mark.parametrize("name", ["forces.all.rk1.2d", "walls.stored.gravity", "runs.thermal.anew"])
-def test_the_run_whose_rules_are_counted_is_that_of_the_prediction(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    (case,) = casefile.select(casefile.load(), (name,))
-    atoms, run = prepared_case.prepare(case).atoms, list[str]()
-    problem = problem_of(case.scene, atoms, case.where, case.scene.snapshots)
-    alone = Predictor().predict(problem, seed=1)
-    setup = Simulation.setup
-
-    def counted(sim: Simulation) -> None:
-        run.append(type(sim).__name__ + type(sim.state.x_nc).__name__)
-        setup(sim)
-
-    monkeypatch.setattr(Simulation, "setup", counted)
+def test_the_prediction_is_that_of_the_comparison() -> None:
+    """The bounds that a change has to leave are computed once for a case."""
+    (case,) = casefile.select(casefile.load(), ("forces.all.rk1.2d",))
     predictor = Predictor()
-    assert exercise.counts(case, atoms, predictor)
-    begun = run.count("Simulationndarray")
-    shared = predictor.predict(problem, seed=1)
-    assert run.count("Simulationndarray") == begun > 0
-    for ours, theirs in ((shared.fields, alone.fields), (shared.bounds, alone.bounds)):
-        for one, other in zip(ours, theirs, strict=True):
-            assert all(np.array_equal(one[f], other[f], equal_nan=True) for f in problem.fields)
+    assert 0 not in exercised(case, predictor).values()
+    computed = predictor.computed
+    atoms = prepared_case.prepare(case).atoms
+    problem = problem_of(case.scene, atoms, case.where, case.scene.snapshots, predictor)
+    predictor.predict(problem, seed=seed(f"{case.name}/moved runs"))
+    assert predictor.computed == computed

@@ -6,26 +6,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar, get_args
 
+from lammps_cases.scene.changes import Kind
+
 SECTIONS = ("faults", "resolution", "alarms")  # of a measurement
 Family = Literal["told", "read", "formula"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
-Kind = Literal[
-    "constant",
-    "sign",
-    "exponent",
-    "units",
-    "missing term",
-    "exchanged",
-    "type range",
-    "option",
-    "volume or mass",
-    "stale",
-    "neighbours",
-    "order of operations",
-    "single precision",
-    "unset",
-    "last digits",
-]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 

@@ -19,6 +19,7 @@ from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene.casefile import Case
 from tests.workshop.faults import substitute, tasks
 from tests.workshop.faults.fault import Detection, Fault, files
+from tests.workshop.faults.formula import FormulaFault
 from tests.workshop.faults.perturbed import JudgingWorkers
 from tests.workshop.faults.substitute import Substitution
 from tests.workshop.faults.tasks import Control
@@ -216,6 +217,7 @@ class MutationPool:
     def _call_substitute(
         self, fault: Fault, names: list[str], engine: str | None, enough: int
     ) -> Future[list[Substitution]]:
-        given = fault, self.folder, names, engine, enough, CASE_LIMIT
+        assert isinstance(fault, FormulaFault)
+        given = fault.change, self.folder, names, engine, enough, CASE_LIMIT
         limit = 60.0 + CASE_LIMIT * len(names)
         return self._substitutes.call(substitute.answer_apart, limit, *given, time_limit=2 * limit)

@@ -20,6 +20,7 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.changed import made, plain_arrays
 from lammps_cases.comparison.compare import EosState
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import visit
@@ -32,14 +33,14 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
+from lammps_cases.scene.changes import Change
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict import law_mistakes, model_mistakes
 from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.snapshots import snapshot
-from tests.workshop.faults.formula import LintFault, SourceFault, made, plain_arrays
 
 Outcome = Answer | Failure
-Mistake = LintFault | SourceFault | None
+Mistake = Change | None
 
 
 @dataclass(frozen=True)
@@ -168,7 +169,7 @@ def answer_case(mistake: Mistake, folder: Path, name: str, engine: str | None) -
     case = recall(folder, name)
     answers: list[Answer] = []
     same = case.ready.twin is not None and case.ready.twin.same_problem
-    with made(mistake) if isinstance(mistake, SourceFault) else nullcontext(), plain_arrays():
+    with made(mistake) if mistake and mistake.function else nullcontext(), plain_arrays():
         for scene, atoms, answer in case.sides:
             if same and answers and len(answers[0].snapshots) == len(answer.snapshots):
                 answers.append(answers[0])
@@ -198,8 +199,8 @@ def _answer_law(mistake: Mistake, where: str, scene: Scene, atoms: Atoms, answer
     got = answer.arrays
     state = EosState(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
     eos, p_n = scene.eos(where), None
-    if isinstance(mistake, LintFault) and mistake.table == "law":
-        p_n = law_mistakes.MUTANTS[mistake.name](eos, state)
+    if mistake and mistake.mistake == "law":
+        p_n = law_mistakes.MUTANTS[mistake.what](eos, state)
     if p_n is None:
         p_n = np.empty(len(state.rho_n))
         for t, law in enumerate(eos, 1):
@@ -225,8 +226,8 @@ def _stages_of(mistake: Mistake, problem: Problem, first: dict[str, Any], engine
     shown = [] if engine is None else shown_by(problem, engine)
     variants = [entry.model_variant for entry in shown if entry.model_variant]
     stages, stepping = combined(variants, problem, first) or (ArrayEvaluator, Simulation)
-    if isinstance(mistake, LintFault) and mistake.table == "stage":
-        stages = mistaken(model_mistakes.MUTANTS[mistake.name].stages, stages)
+    if mistake and mistake.mistake == "stage":
+        stages = mistaken(model_mistakes.MUTANTS[mistake.what].stages, stages)
     return stages, stepping
 
 

@@ -13,10 +13,11 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.kernels import quintic
 from eos_ref.model import interactions
 from eos_ref.model.parameters import Model
+from lammps_cases.comparison.changed import edited, made
+from lammps_cases.scene.changes import Change, catalogue
 from tests.support.roundings import rounded
-from tests.workshop.faults import formula
 
-MADE = formula.edits()
+CHANGES = catalogue()
 TEXT = """
 class Law:
     def pressure(self, rho):
@@ -30,8 +31,8 @@ class Law:
 """
 
 
-def _edit(name: str, replace: str, by: str, at: int | None = None) -> formula.SourceFault:
-    return formula.SourceFault("here", "constant", "", f"eos_ref.eos.laws:{name}", replace, by, at)
+def _edit(name: str, replace: str, by: str, at: int | None = None) -> Change:
+    return Change("here", "constant", "", "", f"eos_ref.eos.laws:{name}", replace, by, at)
 
 
 @pytest.mark.parametrize(
@@ -47,12 +48,12 @@ def _edit(name: str, replace: str, by: str, at: int | None = None) -> formula.So
 )
 def test_one_place_is_changed(name: str, replace: str, by: str, at: int | None, line: str) -> None:
     before = ast.unparse(ast.parse(TEXT)).splitlines()
-    after = formula.edited(TEXT, _edit(name, replace, by, at)).splitlines()
+    after = edited(TEXT, _edit(name, replace, by, at)).splitlines()
     assert [text for text in after if text not in before][-1] == line
 
 
 def test_a_statement_left_out_beside_others_leaves_nothing() -> None:
-    after = formula.edited(TEXT, _edit("Law.pressure", "total = total * 2", ""))
+    after = edited(TEXT, _edit("Law.pressure", "total = total * 2", ""))
     assert after == ast.unparse(ast.parse(TEXT)).replace("        total = total * 2\n", "")
 
 
@@ -68,7 +69,7 @@ def test_a_statement_left_out_beside_others_leaves_nothing() -> None:
 )
 def test_what_is_not_there_is_an_error(name: str, replace: str, at: int | None, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        formula.edited(TEXT, _edit(name, replace, "1", at))
+        edited(TEXT, _edit(name, replace, "1", at))
 
 
 # --- made in this process
@@ -77,9 +78,9 @@ def test_what_is_not_there_is_an_error(name: str, replace: str, at: int | None, 
 def test_a_function_is_mistaken_wherever_it_is_known() -> None:
     held = quintic.QUINTIC.slope  # bound before the mistake
     right = float(held(np.array(0.5)))
-    with formula.made(MADE["formula.slope-without-five"]):
+    with made(CHANGES["slope-without-five"]):
         assert float(held(np.array(0.5))) == rounded(right / 5, 3)  # two factors, and the quotient
-        with formula.made(MADE["formula.viscous-sign"]):
+        with made(CHANGES["viscous-sign"]):
             assert interactions.viscous_term(1.0, 1.0, 1.0, 1.0) == -2.0
         assert interactions.viscous_term(1.0, 1.0, 1.0, 1.0) == 2.0
     assert float(held(np.array(0.5))) == right
@@ -87,30 +88,31 @@ def test_a_function_is_mistaken_wherever_it_is_known() -> None:
 
 def test_methods_and_properties_are_mistaken_too() -> None:
     law = EOS("linear", 1.2, 3.0, None, 0.5)
-    with formula.made(MADE["formula.background-dropped"]):
+    with made(CHANGES["background-dropped"]):
         assert law.evaluate(1.2) == 0.0
     assert law.evaluate(1.2) == 0.5
     order: Any = Model.order
     before = order.fget.__code__
-    with formula.made(MADE["formula.rk0-corrected"]):
+    with made(CHANGES["rk0-corrected"]):
         assert order.fget.__code__ is not before
     assert order.fget.__code__ is before
 
 
 def test_a_mistake_is_taken_back_after_an_exception() -> None:
     before = ArrayEvaluator.correct.__code__
-    with pytest.raises(ZeroDivisionError), formula.made(MADE["formula.zmin-ignored"]):
+    with pytest.raises(ZeroDivisionError), made(CHANGES["zmin-ignored"]):
         raise ZeroDivisionError
     assert ArrayEvaluator.correct.__code__ is before
 
 
 def test_what_is_no_function_cannot_be_mistaken() -> None:
-    constant = formula.SourceFault("here", "constant", "", "eos_ref.model.units:_GRAM", "0.602214129", "1.0")
-    with pytest.raises(InputError, match="name: must be"), formula.made(constant):
+    constant = Change("here", "constant", "", "", "eos_ref.model.units:_GRAM", "0.602214129", "1.0")
+    with pytest.raises(InputError, match="name: must be"), made(constant):
         pass
 
 
 def test_every_mistake_can_be_made() -> None:
-    for fault in formula.edits().values():
-        with formula.made(fault):
-            pass
+    for change in CHANGES.values():
+        if change.function:
+            with made(change):
+                pass

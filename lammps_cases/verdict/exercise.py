@@ -12,6 +12,7 @@ from eos_ref import EOSTable
 from eos_ref.eos import bounds
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.blocks import in_blocks
+from eos_ref.evaluation.pairs import sharing
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.changed import made
 from lammps_cases.comparison.compare import EosState, evaluate, excess
@@ -98,7 +99,7 @@ def _moved(change: Change, problem: Problem, prediction: Prediction) -> int:
 def _changed(change: Change, problem: Problem) -> Generator[dict[str, Any]]:
     """Yield the fields of the changed reference at the steps of a problem."""
     stages = model_mistakes.MUTANTS[change.what].stages if change.mistake == "stage" else ArrayEvaluator
-    with made(change) if change.function else nullcontext():
+    with made(change) if change.function else nullcontext(), sharing([]):  # no neighbours found without the change
         sim: Simulation = problem.simulation(in_blocks(stages, len(problem.state.x_nc)))
         for _ in visit(sim, problem.steps, problem.timestep, problem.stops):
             yield {field: sim.output(field) for field in problem.fields}

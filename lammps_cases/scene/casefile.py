@@ -70,6 +70,11 @@ class Case:
         return shlex.join(["eos-ref", "run", *own, *other, self.name])
 
 
+def _offer_changes(schema: dict[str, Any]) -> None:
+    """Have editors complete the changes; a wrong one has a complaint of its own."""
+    schema["additionalProperties"]["items"]["enum"] = list(catalogue())
+
+
 class CaseFile(BaseModel):
     """The keys of a case file."""
 
@@ -81,7 +86,7 @@ class CaseFile(BaseModel):
     exercises: dict[str, list[str]] = Field(
         {},
         description="pattern of labels (*, rk1.*): changes of the reference that these cases have to see",
-        json_schema_extra=lambda schema: schema["additionalProperties"]["items"].update(enum=list(catalogue())),
+        json_schema_extra=_offer_changes,
     )
     matrix: dict[str, dict[str, dict[str, Any]]] = Field({}, description="axis: {label: patch of the scene}")
     scene: dict[str, Any]

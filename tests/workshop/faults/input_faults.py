@@ -19,10 +19,11 @@ from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
+from lammps_cases.scene.changes import Kind
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from tests.workshop.faults import input_faults_scene
-from tests.workshop.faults.fault import Kind, by_id
+from tests.workshop.faults.fault import by_id
 from tests.workshop.faults.output_faults import ends_exchanged, middle, single
 from tests.workshop.faults.perturbed import rearranged
 from tests.workshop.faults.scene_changes import InputFault, JobChange

@@ -11,8 +11,9 @@ import numpy as np
 
 from eos_ref.model.quantities import order
 from lammps_cases.engine.session import Answer
+from lammps_cases.scene.changes import Kind
 from lammps_cases.scene.fields import FIELDS
-from tests.workshop.faults.fault import Fault, Kind, by_id
+from tests.workshop.faults.fault import Fault, by_id
 
 Arrays = dict[str, Any]
 ArraysChange = Callable[[tuple[Arrays, ...]], list[Arrays]]

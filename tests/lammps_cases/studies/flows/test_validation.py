@@ -16,10 +16,11 @@ from lammps_cases.engine import session
 from lammps_cases.engine.session import EngineRefused
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.variants import Variant
+from lammps_cases.records.files import DATA
 from lammps_cases.studies.flows import cavity, channel, convection, drops, page, record, run
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
 from lammps_cases.studies.flows.converge import FlowResult, by_reference
-from lammps_cases.studies.flows.flow import DATA, Flow, ReferenceCurve, Snapshot, Start, table
+from lammps_cases.studies.flows.flow import Flow, ReferenceCurve, Snapshot, Start, table
 from lammps_cases.studies.flows.page import Effect
 from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
 from lammps_cases.studies.flows.stepping import LammpsFlow, ReferenceFlow
@@ -36,7 +37,7 @@ THICK = channel.THICKENING
 
 
 def test_every_table_has_its_source_its_scatter_and_points_in_order() -> None:
-    names = sorted(path.stem for path in DATA.glob("*.csv"))
+    names = sorted(path.stem for path in (DATA / "flows").glob("*.csv"))
     assert names
     for name in names:
         known = table(name, name)

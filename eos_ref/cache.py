@@ -30,7 +30,7 @@ def cache_folder(name: str) -> Path:
 
 
 def _make_private(folder: Path) -> None:
-    """Make a folder that nobody else can write into: what is read from there is believed, and compiled code is run.
+    """Make a folder that no one else can write to: what is read from there is believed, and compiled code is run.
 
     Raises
     ------

@@ -29,7 +29,7 @@ def _shown(found: object) -> str:
 
 
 class InputError(ValueError):
-    """Bad input, said in one line: what, the rule, the value found, and where.
+    """Bad input, in one line: what, the rule, the value found, and where.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class InputError(ValueError):
     where : str, optional
         File and key, or the command, that holds the value.
     key : str, optional
-        The key that holds the value, where ``what`` is none; not printed.
+        The key that holds the value, where ``what`` is not a key; not printed.
     """
 
     def __init__(self, what: str, rule: str, found: object = None, where: str = "", key: str = "") -> None:
@@ -102,7 +102,7 @@ def together(errors: Sequence[InputError]) -> InputError:
 def similar(name: str, names: Iterable[str]) -> str:
     """Return the name that was probably meant: one that begins so, or the nearest; empty if none is close.
 
-    Close are names that a few slips make of each other: one, or one for every four letters.
+    Names are close if a few slips turn one into the other: one, or one for every four letters.
     """
     import difflib
 

@@ -30,7 +30,7 @@ def cache_directory(sources: tuple[str, ...] = SOURCES) -> Path:
 
 
 def announce_first_use(loop: Any) -> None:
-    """Say that loops have to be compiled, if this one of theirs is not on disk yet."""
+    """Say that loops have to be compiled, if this one is not on disk yet."""
     if not loop.signatures and next(Path(loop.stats.cache_path).glob(f"*{loop.__name__}*.nbi"), None) is None:
         logging.getLogger("eos_ref").warning("eos-ref: compiling the particle model, once on this machine (some 20 s)")
 

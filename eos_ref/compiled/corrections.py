@@ -84,7 +84,7 @@ def coefficients(
     Particles without a factor are taken out of ``corrected_n``. Entry a, b of a matrix is factor_a factor_b times
     moment index_bb[a, b]; basis function b is factor_b times monomial place_b[b]. The matrices of as many particles as
     ``one`` has ones are taken together, one in each lane (l) of a register; lanes without a particle, or without a
-    factor, hold numbers that nobody reads."""
+    factor, hold numbers that are never read."""
     size, lanes = factor_b.size, len(one)
     d = out_nf.shape[1] // size
     moment_ml, lower_l = np.zeros((moment_nm.shape[1], lanes)), np.zeros((size * size, lanes))
@@ -111,7 +111,7 @@ def coefficients(
 
 @inline
 def _factorise(lower_l: Any, pivot_l: Any, one: Any) -> None:
-    """Put Cholesky's factor in place, row after row; where a square of a pivot is not positive there is none."""
+    """Put Cholesky's factor in place, row after row; none where the square of a pivot is not positive."""
     size = pivot_l.shape[0]
     for a in range(size):
         for b in range(a + 1):

@@ -68,7 +68,7 @@ class CompiledEvaluator(Evaluator):
         self._buffers: dict[str, Any] = {}
 
     def take(self, box: Box) -> None:
-        """Go on in another box, whose pairs are listed anew.
+        """Continue in another box, and list its pairs again.
 
         Raises
         ------

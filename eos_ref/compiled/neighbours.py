@@ -143,7 +143,7 @@ def _compare(x_nc: Any, old_nc: Any, edge_c: Any, limit: float, moved_nc: Any) -
 
 @_jit
 def _follow(moved_nc: Any, order_n: Any, start_n: Any, j_p: Any, image_pc: Any, x_nc: Any, edge_c: Any) -> None:
-    """Count images anew for particles that were wrapped into the box: x_i - (x_j + image) stays what it was."""
+    """Recount the images of particles that were wrapped into the box: x_i - (x_j + image) stays what it was."""
     for k in range(order_n.size):
         i = order_n[k]
         for a in range(edge_c.size):

@@ -1,8 +1,8 @@
 """Short vectors for compiled loops, kept in registers: their length, a dimension, is known when a loop is compiled.
 
 A row of a two-dimensional array becomes a vector and back. ``+``, ``-``, ``*`` and ``/`` act on every component at
-once, ``*`` also with a number; numba by itself would treat the components one after the other. Which row length is
-meant is said by a tuple of that length (``like``). Nothing here is a formula of the model. All functions exist in
+once, ``*`` also with a number; numba by itself would treat the components one after the other. The length of a row is
+given by a tuple of that length (``like``). Nothing here is a formula of the model. All functions exist in
 compiled code only.
 
 Loops take 0.5 (gradients of a velocity, 2D and 3D) to 0.8 (moments of RK1, 2D) of the time of the same sums written out

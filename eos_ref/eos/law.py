@@ -22,7 +22,7 @@ EVERYWHERE = Interval(-math.inf, math.inf)
 
 @dataclass(frozen=True)
 class EnergyTerms:
-    r"""Formulas that a law has besides if it depends on the internal energy per unit mass.
+    r"""Further formulas of a law that depends on the internal energy per unit mass.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class EnergyTerms:
         :math:`(\partial P/\partial e)_\rho` and :math:`(\partial\rho/\partial e)_P` up to its sign, of density and
         energy.
     underflow : Formula
-        What one spacing of the subnormal numbers in a factor makes of the pressure; see `eos_ref.eos.bounds.underflow`.
+        Change of the pressure by one spacing of the subnormal numbers in a factor; see `eos_ref.eos.bounds.underflow`.
     sound_squared : function of e and the parameter
         Square of the speed of sound that the pair terms use in place of that of fix rheo.
     """
@@ -68,7 +68,7 @@ class Law:
     allows, rule : function of the parameter, str
         Whether a finite parameter is one of the law, and the rule that is printed if it is not.
     exponent : function of the parameter
-        Exponent :math:`\gamma` of Tait's law, None for the laws that are none.
+        Exponent :math:`\gamma` of Tait's law, None for other laws.
     uses_powm1 : bool
         Whether ``pressure`` calls `powm1`, whose compiled form covers ratios from 2**-1000 to 2**1000 only.
     defined, has_pole : functions of the parameter

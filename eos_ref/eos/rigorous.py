@@ -21,7 +21,7 @@ def pressure(eos: EOS, rho: float, e: float | None = None, bits: int = 100) -> a
     rho, e : float
         Density and internal energy per unit mass, taken as exact.
     bits : int
-        Relative accuracy asked for.
+        Relative accuracy required.
 
     Returns
     -------

@@ -173,7 +173,7 @@ class EOS:
         return (self._patched(p_n, rho_n) if outside else p_n)[()]
 
     def density(self, p: npt.ArrayLike, e: npt.ArrayLike | None = None) -> Any:
-        r"""Return the density at which the pressure (background included) is ``p``; NaN where there is none.
+        r"""Return the density at which the pressure (background included) is ``p``; NaN where no density has it.
 
         For a cubic law with :math:`A_3 < 0` the root on the monotone branch through :math:`\rho_0`; for
         Tait's laws the root >= 0, although an odd power has a negative one as well.
@@ -358,7 +358,7 @@ class EOSTable:
             raise InputError("per-atom arrays", "must have one value per particle", found)
         if types.size and types.dtype.kind not in "iu":
             raise InputError("atom type", "must be a whole number", str(types.dtype))
-        if types.dtype not in (np.int32, np.int64):  # LAMMPS' own type; every other one would be compiled anew
+        if types.dtype not in (np.int32, np.int64):  # LAMMPS' own type; any other would be compiled once more
             types = types.astype(np.int64)
         if rho.size and not (types.min() >= 1 and types.max() <= len(self)):
             found = f"{types.min()} to {types.max()}"

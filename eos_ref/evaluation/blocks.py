@@ -1,7 +1,7 @@
 """Sums over neighbours in blocks of particles: the same bits as all at once, with memory for the pairs of one block.
 
 The sums of a particle need its neighbours' values and nothing else. A block evaluates the stages of its own particles,
-the others that these meet standing beside them; what is done particle by particle is done for all at once.
+together with the others that these meet; what is done particle by particle is done for all at once.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ FOUND = ("coordination_n", "corrected_n", "counted_n")  # of the particles, by `
 class Block:
     """Particles of a block and those they meet, ``at_m`` in rising order; pairs count among these.
 
-    ``own_k`` are the block's own among them. Displacements of images are one row of zeros where there are none.
+    ``own_k`` are the block's own among them. Without displaced images, their displacements are one row of zeros.
     """
 
     at_m: IntArray

@@ -1,8 +1,8 @@
-r"""Stages of a force evaluation: what becomes of a particle's sums over its neighbours, for several number types.
+r"""Stages of a force evaluation: from a particle's sums over its neighbours to its rates, for several number types.
 
 One method per stage. The sums themselves are left to two evaluators with the same results:
 `eos_ref.evaluation.array_evaluator`, readable array operations, and `eos_ref.compiled.evaluator`, compiled loops.
-Tests hold the two against each other. With positions that are `eos_ref.numbers.rounded` arrays every result of the
+Tests compare the two. With positions that are `eos_ref.numbers.rounded` arrays every result of the
 former carries its rounding bound.
 
 Array names end in ``_n`` particle, ``_p`` directed pair, ``_c`` Cartesian axis. Source: manual, fix rheo; Palermo et
@@ -42,7 +42,7 @@ def is_class(class_n: Array, wanted: int) -> BoolArray | Decision:
 
 
 class PairInput(NamedTuple):
-    """What the terms of pair_style rheo are computed from, beside the pairs themselves.
+    """What the terms of pair_style rheo are computed from, apart from the pairs themselves.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Evaluator(ABC):
     model : Model
     box : Box
     type_n : (n,) types, 1 to N
-    solid_n : (n,) whether a particle is solid; may be set anew when phases change
+    solid_n : (n,) whether a particle is solid; is set again when phases change
 
     Attributes
     ----------

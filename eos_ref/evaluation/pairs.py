@@ -174,7 +174,7 @@ def sharing(found: list[Candidates]) -> Iterator[None]:
 
 
 def candidates(x_nc: FloatArray, box: Box, cut: float) -> Candidates:
-    """Return candidates for the pairs within a cutoff: found before, where they are shared, or anew."""
+    """Return candidates for the pairs within a cutoff: shared ones found before, or new ones."""
     found = _found.get()
     made = next((each for each in found or () if each.hold(x_nc, box, cut)), None) or Candidates(x_nc, box, cut)
     if found is not None:

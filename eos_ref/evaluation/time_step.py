@@ -249,7 +249,7 @@ class Simulation:
     def begin_again(self, new_n: BoolArray, read_back: bool = False) -> None:
         """Evaluate the state reached as one that is given: a run begins so, whatever came before it.
 
-        ``new_n``, particles that are new to whoever keeps a history of forces, and ``read_back``, whether the state
+        ``new_n``, particles without a history of forces where one is kept, and ``read_back``, whether the state
         was read from a file, make no difference.
         """
         self.other_nc = self.kept_at_stop(new_n)
@@ -442,17 +442,17 @@ class Simulation:
         return joined(per_atom.stress(matrix(self.gradient.v_ncc), viscosity_n, p_n))
 
     def virial_of_all(self) -> Array:
-        """Return the virial of all particles, for all alike, (n, d, d)."""
+        """Return the virial of all particles, the same for all, (n, d, d)."""
         virial_ncc: Array = self.virial_ncc
         return virial_ncc
 
     def pressure_of_all(self) -> Array:
-        r"""Return the pressure tensor :math:`\sum_iW_i/V`, V being that of the box, for all alike, (n, d, d)."""
+        r"""Return the pressure tensor :math:`\sum_iW_i/V`, V being that of the box, the same for all, (n, d, d)."""
         tensor: Array = self.virial_of_all() / math.prod(self.box.edge_c)
         return tensor
 
     def press(self) -> Array:
-        r"""Return the pressure :math:`(\sum_im_iv_i^2+\mathrm{tr}\sum_iW_i)/(dV)` of the state, for all alike, (n,)."""
+        r"""Return the pressure :math:`(\sum_im_iv_i^2+\mathrm{tr}\sum_iW_i)/(dV)`, the same for all, (n,)."""
         v, volume = axes(self.state.v_nc), math.prod(self.box.edge_c)
         tensor = matrix(self.virial_of_all())
         twice_kinetic = summed(self.mass_n * dot(v, v))
@@ -460,7 +460,7 @@ class Simulation:
         return (twice_kinetic + trace) / (self.model.dimension * volume)
 
     def status(self) -> Array:
-        """Return the status words, (n,): 1 solid; 4 bulk, 8 layer (bulk beside a surface), 16 surface, 32 splash."""
+        """Return the status words, (n,): 1 solid; 4 bulk, 8 layer (bulk next to a surface), 16 surface, 32 splash."""
         solid_n = self.state.solid_n.astype(float)
         if "surface" not in self.fields:
             return solid_n

@@ -13,7 +13,7 @@ KernelStyle = Literal["quintic", "RK0", "RK1", "RK2"]
 
 @dataclass(frozen=True)
 class Corrected:
-    """A kernel and the order of the reproducing kernel made of it; -1 for none."""
+    """A kernel and the order of the reproducing kernel based on it; -1 for none."""
 
     kernel: Kernel
     order: int

@@ -2,7 +2,7 @@ r"""The cheapest method that is accurate enough, for `eos_ref.EOS.pressure`.
 
 Costs come from a chart that was measured (`costs.json`, written by ``eos-ref chart --save-costs``): nanoseconds per
 state, and the seconds that the first call takes (loading compiled code). Accuracy is not read from a chart but searched
-for, with the law and the densities at hand, so that it holds for them and not only for what was charted.
+for, with the given law and densities, so that it holds for them and not only for what was charted.
 """
 
 from __future__ import annotations

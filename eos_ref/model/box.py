@@ -158,7 +158,7 @@ class Deform:
         return velocity_cc
 
     def image_rounding(self, first: Box) -> FloatArray:
-        """Return how far these velocities may lie apart in two codes, (d, d), beside roundings of their own size.
+        """Return how far these velocities may lie apart in two codes, (d, d), apart from roundings of their own size.
 
         The other side may take the box at the end of a run, less that at its beginning, over the time: a rounding of
         both faces, of both edges, and of both tilts.

@@ -35,7 +35,7 @@ def parse_pair_style_rheo(text: str) -> PairRheo:
 
 
 def pair_rheo(words: Words) -> PairRheo:
-    """Read the cutoff and the keywords of pair_style rheo, up to a word that is none of them if one follows.
+    """Read the cutoff and the keywords of pair_style rheo, up to the first other word.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """The quantities of the particle model, one record each, and what a force evaluation of some of them needs.
 
-A quantity is named as LAMMPS' output of it is (``grad/v``), or in words where there is none (``kernel``). `required`
+A quantity is named as LAMMPS' output of it is (``grad/v``), or in words without one (``kernel``). `required`
 orders what some fields need; `eos_ref.evaluation.time_step` evaluates just that, in that order. A new quantity takes a
 record here, its formula, and the line of the evaluation that calls it.
 """

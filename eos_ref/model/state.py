@@ -1,4 +1,4 @@
-"""The state of the particles, which a time step changes, and what an evaluation makes of it."""
+"""The state of the particles, which a time step changes, and the results of an evaluation."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class State:
 class PairTerms:
     """Sums over the pairs: force (n, d), its pressure and artificial part, density diffusion (n,), heat flow (n,).
 
-    And virials (n, d, d), where they are asked for: of each particle, and for every particle that of all.
+    And virials (n, d, d), if required: of each particle, and for every particle that of all.
     """
 
     force_nc: Any
@@ -67,7 +67,7 @@ class Surface:
 
 @dataclass
 class Gradients:
-    """Gradients of one evaluation; None where nothing asked for them. G[a, b] is d v_a / d x_b."""
+    """Gradients of one evaluation; None if not required. G[a, b] is d v_a / d x_b."""
 
     v_ncc: Any = None
     rho_nc: Any = None

@@ -15,7 +15,7 @@ import numpy as np
 from eos_ref.numbers.number import Number
 
 N = TypeVar("N", bound=Number)
-PLAIN = np.ndarray, float, int, np.float64  # asked for by type: to look for a method takes as long as small arrays do
+PLAIN = np.ndarray, float, int, np.float64  # tested by type: to look for a method takes as long as small arrays do
 
 
 def _is_ball(x: Number) -> bool:

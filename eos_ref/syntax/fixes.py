@@ -151,7 +151,7 @@ def resolve(
     cs: Sequence[float] | None = None,
     where: str = "",
 ) -> EOSTable:
-    """Return one law per atom type; later entries override earlier ones, a background stays beside the law.
+    """Return one law per atom type; later entries override earlier ones, a background is kept with the law.
 
     Parameters
     ----------
@@ -186,8 +186,8 @@ def resolve(
     laws = []
     for t in range(1, ntypes + 1):
         if t not in styles:
-            besides = " besides the background" if t in background else ""
-            raise InputError(f"atom type {t}", f"needs an equation of state{besides}", where=where)
+            addition = " in addition to the background" if t in background else ""
+            raise InputError(f"atom type {t}", f"needs an equation of state{addition}", where=where)
         style, value = styles[t]
         try:
             laws.append(

@@ -42,7 +42,7 @@ BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "background alone": (
         {"pressure": [{"types": "*", "style": "background", "P_b": 1.0}]},
-        ("atom type 1", "besides the background"),
+        ("atom type 1", "in addition to the background"),
     ),
     "range beyond": ({"pressure": [{"types": "*2", "style": "linear"}]}, ("type range", "1 to 1", "'*2'")),
     "range reversed": ({"types": TWO, "pressure": [{"types": "2*1", "style": "linear"}]}, ("reversed", "'2*1'")),

@@ -19,7 +19,7 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases.ci.pytest_cases import JUDGE, Abandoned, CaseItem, CaseJudge, CaseYaml, named
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison.store import open_store
 from lammps_cases.engine import installations
 from lammps_cases.records import wording
 from lammps_cases.records.faults import part
@@ -48,7 +48,7 @@ class SessionPlugin:
         except InputError as error:
             raise pytest.UsageError(f"eos-ref: {error}") from None
         self._judge = config.stash[JUDGE] = CaseJudge(
-            engine, prediction_keys.open_store(option.eos_ref_fresh), option.eos_ref_fail_on or "new"
+            engine, open_store(option.eos_ref_fresh), option.eos_ref_fail_on or "new"
         )
         self._engine = self._judge.engine
         self._output = ExitStack()

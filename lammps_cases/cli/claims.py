@@ -186,7 +186,7 @@ def _answers(
     """
     from lammps_cases.claims.probes import manual
     from lammps_cases.claims.verdicts import Names
-    from lammps_cases.comparison import prediction_keys
+    from lammps_cases.comparison.store import open_store
     from lammps_cases.engine import installations
     from lammps_cases.engine.workers import Workers
     from lammps_cases.records.files import write_atomically
@@ -202,7 +202,7 @@ def _answers(
     with Bar(quiet, prefix=f"{engine}: ") as bar:
         run = None
         if needed:
-            asked, store = campaign.Request(provenance.command_line()), prediction_keys.open_store()
+            asked, store = campaign.Request(provenance.command_line()), open_store()
             run = campaign.run_cases(needed, resolved, jobs, folder, asked, bar, store)
         with Workers(resolved.site, jobs) as workers:
             who = workers.outcome(workers.identify())

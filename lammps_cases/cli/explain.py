@@ -190,8 +190,8 @@ def _evaluator(case: Any, ready: Any) -> str | None:
 
 def _exercises(case: Any, ready: Any) -> list[dict[str, Any]]:
     """List the rules that a case is for, then those it takes besides, with the number of particles or pairs of each."""
-    from lammps_cases.comparison.prediction_keys import open_store
     from lammps_cases.comparison.predictor import Predictor
+    from lammps_cases.comparison.store import open_store
     from lammps_cases.scene.rules import RULES
     from lammps_cases.verdict import exercise
 

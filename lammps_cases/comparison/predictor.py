@@ -1,7 +1,7 @@
 """What the reference predicts for a scene, computed once: within a case, and from run to run.
 
 A prediction follows from the problem (model, box, particles, time step, fields, steps), the variant, the seed of the
-moved runs, and what `lammps_cases.comparison.prediction_keys` adds to that: nothing else decides whether one is found
+moved runs, and what `lammps_cases.comparison.store` adds to that: nothing else decides whether one is found
 again.
 """
 
@@ -22,9 +22,8 @@ from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.pairs import Candidates, sharing
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import pair_sums
-from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.comparison.store import Store
+from lammps_cases.comparison.store import Store, Unnamed, fingerprint
 from lammps_cases.comparison.trajectory import (
     Fields,
     Halt,

@@ -1,8 +1,8 @@
-"""Reports kept by date and engine: whole ones, to the newest of which a link points, and parts, apart from them.
+"""Reports kept by date and engine, in folders ``DATE_ENGINE``: whole ones and, apart from them, parts.
 
-A command makes a folder ``DATE_ENGINE`` of its own on a shelf, so that two at once are never in each other's way. What
-is complete, and what the link shows, follows from what lies on the shelf, whenever a report is done: a kill at any
-moment leaves the link on a whole report, and a folder that the next report clears away.
+Everything follows from a listing of the folders when a report is complete: the link points to the newest, the newest
+`KEPT` of each engine stay, and one that was interrupted can be resumed if it has a journal. A kill at any moment leaves
+the link on a whole report, and a folder that the next report removes.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from __future__ import annotations
 import re
 import shutil
 import time
+from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -23,9 +24,10 @@ from lammps_cases.records.wording import folder_name
 KEPT = 3  # reports of an engine on a shelf: a whole run takes some 100 MB
 WHAT = "report"
 _DATE = "%Y-%m-%d_%H.%M.%S"
-_NAME = r"(?P<date>\d{4}-\d\d-\d\d_\d\d\.\d\d\.\d\d)(?:-(?P<of_second>\d+))?_(?P<engine>[\w.+-]+?)(?<!\.interrupted)"
-_ENTRY = re.compile(_NAME)
-_BESIDE = re.compile(rf"\.?(?P<entry>{_NAME})(?:\.(?:lock|partial|old|making\.lock|interrupted))")
+_NAME = re.compile(  # of a report, or of what lies beside one while it is made
+    r"\.?(?P<entry>(?P<date>\d{4}-\d\d-\d\d_\d\d\.\d\d\.\d\d)(?:-(?P<of_second>\d+))?_(?P<engine>[\w.+-]+?))"
+    r"(?:\.(?:lock|partial|old|making\.lock|interrupted))?"
+)
 
 
 @dataclass(frozen=True)
@@ -34,10 +36,9 @@ class Shelf:
 
     Attributes
     ----------
-    folder : where they lie
-    link : what points to the newest
+    link : points to the newest
     mark : the file that is written last: a folder without it is no report
-    alike : whether all are reports of the same, so that a newer one takes the place of one that was interrupted
+    alike : whether all are of the same cases, so that a newer one replaces one that was interrupted
     """
 
     folder: Path
@@ -49,7 +50,7 @@ class Shelf:
     def place(self, *engines: str, resume: bool = False) -> Iterator[Path]:
         """Yield a new folder for a report on some engines; if it is complete in the end, the link points to it.
 
-        To resume is to yield that of the report on these engines that was interrupted last, if none is done since.
+        With ``resume``, that of the report on these engines that was interrupted last, if none is complete since.
 
         Raises
         ------
@@ -60,7 +61,7 @@ class Shelf:
             with folders.exclusive(self.link, WHAT):
                 label = folder_name("+".join(map(_version, engines)))
                 folder = (self._interrupted().get(label) if resume else None) or self._free(label)
-                making.enter_context(folders.exclusive(_making(folder), WHAT, "another program makes it"))
+                making.enter_context(_made(folder))
                 folder.mkdir(parents=True, exist_ok=True)
             try:
                 yield folder
@@ -74,37 +75,41 @@ class Shelf:
         marks = self.folder.glob(f"*/{self.mark}")
         return sorted((mark.parent for mark in marks if is_entry(mark.parent)), key=begun, reverse=True)
 
-    def _interrupted(self) -> dict[str, Path]:
-        """Return by engine the newest report that can be gone on with, and that nobody makes now."""
-        there = self.folder.iterdir() if self.folder.is_dir() else ()
-        targets = {entry for entry in map(_entry, there) if is_entry(entry)}
-        done = {_engine(entry): begun(entry) for entry in reversed(self.entries()) if self.alike}
-        unfinished: dict[str, Path] = {}
-        for target in sorted(filter(folders.resumable, targets), key=begun):
-            if begun(target) > done.get(_engine(target), ("", 0)):
-                with suppress(InputError), folders.exclusive(_making(target), WHAT, "is being made"):
-                    unfinished[_engine(target)] = target
-        return unfinished
-
     def settle(self) -> None:
-        """Point the link to the newest report, drop the oldest of each engine, and what killed programs left."""
+        """Point the link to the newest report; remove the oldest of each engine, and what killed programs left."""
         with folders.exclusive(self.link, WHAT):
-            entries = self.entries()
+            entries, stay, of_engine = self.entries(), {*self._interrupted().values()}, Counter[str]()
             if entries:
                 self._point(entries[0])
-            of_engine: dict[str, int] = {}
             for entry in entries:
-                engine = _engine(entry)
-                of_engine[engine] = of_engine.get(engine, 0) + 1
-                if of_engine[engine] > KEPT:
-                    shutil.rmtree(entry, ignore_errors=True)
-            self._clear({*entries, *self._interrupted().values()})
+                of_engine[_engine(entry)] += 1
+                if of_engine[_engine(entry)] <= KEPT:
+                    stay.add(entry)
+            for path in self._listing():
+                entry = _entry(path)
+                if entry not in stay or (path != entry and not folders.resumable(entry)):
+                    with suppress(InputError), _made(entry):
+                        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+
+    def _listing(self) -> list[Path]:
+        """Return the reports, complete or not, and what lies beside them."""
+        there = self.folder.iterdir() if self.folder.is_dir() else ()
+        return [path for path in there if _NAME.fullmatch(path.name)]
+
+    def _interrupted(self) -> dict[str, Path]:
+        """Return by engine the newest report that can be resumed, and that no program makes now."""
+        done = {_engine(entry): begun(entry) for entry in reversed(self.entries()) if self.alike}
+        unfinished: dict[str, Path] = {}
+        for entry in sorted({*map(_entry, self._listing())}, key=begun):
+            if folders.resumable(entry) and begun(entry) > done.get(_engine(entry), ("", 0)):
+                with suppress(InputError), _made(entry):
+                    unfinished[_engine(entry)] = entry
+        return unfinished
 
     def _free(self, label: str) -> Path:
         """Return a new folder, the newest; those of one second are counted."""
         now = time.strftime(_DATE, time.gmtime())
-        there = self.folder.iterdir() if self.folder.is_dir() else ()
-        last = max((k for date, k in map(begun, map(_entry, there)) if date == now), default=0)
+        last = max((k for date, k in map(begun, self._listing()) if date == now), default=0)
         return self.folder / f"{now}{f'-{last + 1}' if last else ''}_{label}"
 
     def _point(self, entry: Path) -> None:
@@ -115,18 +120,6 @@ class Shelf:
         new.unlink(missing_ok=True)
         new.symlink_to(entry.relative_to(self.link.parent), target_is_directory=True)
         new.replace(self.link)
-
-    def _clear(self, kept: set[Path]) -> None:
-        """Remove folders that nobody is writing, but those to be kept, and what lies beside them."""
-        for path in list(self.folder.iterdir()):
-            entry = _entry(path)
-            if (entry in kept and (path == entry or folders.resumable(entry))) or not is_entry(entry):
-                continue
-            try:
-                with folders.exclusive(_making(entry), WHAT, "is being made"):
-                    shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-            except InputError:
-                continue
 
 
 def whole_runs(reports: Path) -> Shelf:
@@ -151,7 +144,8 @@ def parts_of_claims(reports: Path) -> Shelf:
 
 def is_entry(folder: Path) -> bool:
     """Return whether a folder has the name of a report that is kept by date."""
-    return _ENTRY.fullmatch(folder.name) is not None
+    named = _NAME.fullmatch(folder.name)
+    return named is not None and named["entry"] == folder.name
 
 
 def is_part(folder: Path) -> bool:
@@ -174,24 +168,23 @@ def _version(engine: str) -> str:
     return engine.removeprefix("pypi:")
 
 
-def _entry(path: Path) -> Path:
-    """Return the report that a file or folder on a shelf is, or lies beside."""
-    beside = _BESIDE.fullmatch(path.name)
-    return path.with_name(beside["entry"]) if beside else path
-
-
-def _engine(entry: Path) -> str:
-    named = _ENTRY.fullmatch(entry.name)
-    assert named
-    return named["engine"]
-
-
-def begun(entry: Path) -> tuple[str, int]:
+def begun(path: Path) -> tuple[str, int]:
     """Return when a report was begun: the second, and its place among those of that second."""
-    named = _ENTRY.fullmatch(entry.name)
+    named = _NAME.fullmatch(path.name)
     return (named["date"], int(named["of_second"] or 1)) if named else ("", 0)
 
 
-def _making(entry: Path) -> Path:
-    """Return the target whose lock is held while a folder is made."""
-    return entry.with_name(f"{entry.name}.making")
+def _entry(path: Path) -> Path:
+    """Return the report that a file or folder is, or lies beside."""
+    named = _NAME.fullmatch(path.name)
+    return path.with_name(named["entry"]) if named else path
+
+
+def _engine(entry: Path) -> str:
+    named = _NAME.fullmatch(entry.name)
+    return named["engine"] if named else ""
+
+
+def _made(entry: Path) -> AbstractContextManager[None]:
+    """Hold the lock of a report that is being made."""
+    return folders.exclusive(entry.with_name(f"{entry.name}.making"), WHAT, "another program makes it")

@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +24,8 @@ from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord,
 from lammps_cases.records.stages import stage
 from lammps_cases.run.answers import Kept, discard
 from lammps_cases.run.article_task import begin_articles
-from lammps_cases.run.case_journal import CaseJournal, RunStart, start
 from lammps_cases.run.flow import JUDGING, faulty, outcomes_of, record_case
+from lammps_cases.run.judged import CaseJournal, RunStart, start
 from lammps_cases.run.output_folder import WHAT, output_folder
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.run.provenance import engine_record, run_record
@@ -211,10 +211,8 @@ class Campaign:
 
         LAMMPS' runs of a case are tasks, and then, of the files with their answers, its judgement.
         """
-        from lammps_cases.run.judged_before import judgement_store
-
         assert self.begun is not None
-        judgements = judgement_store(self.store, self.begun.code)
+        judgements = replace(self.store, context=self.begun.code) if self.store else None
         waiting, running, judging = deque(cases), list[Running](), list[Judging]()
         while waiting or running or judging:
             while waiting and len(running) + len(judging) < AHEAD * workers.count:

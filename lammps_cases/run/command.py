@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison.store import open_store
 from lammps_cases.engine import forkserver, installations
 from lammps_cases.findings import check_names
 from lammps_cases.records.checked import checked
@@ -45,7 +45,7 @@ def run(options: RunOptions, *, out: str | Path | None = None) -> Result:
     command = shlex.join(["eos-ref", "run", *words, *([] if engine == "env" else ["--engine", engine])])
     forkserver.start_for_judging()
     selected = casefile.select(casefile.load(options.paths), chosen, options.tag)
-    resolved, store = installations.resolve(engine), prediction_keys.open_store(options.fresh)
+    resolved, store = installations.resolve(engine), open_store(options.fresh)
     asked = campaign.Request(command, options.level, allow=allowed)
     with report_folder(out) as (folder, temporary):
         record = campaign.run_cases(selected, resolved, options.processes, folder, asked, store=store)

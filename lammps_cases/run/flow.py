@@ -19,14 +19,14 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lammps_cases.comparison.store import Store
+from lammps_cases.comparison.store import Store, current
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, HarnessError
 from lammps_cases.records.stages import stage, taken
 from lammps_cases.run.answers import Answers, Kept
-from lammps_cases.run.case_journal import CaseJournal
+from lammps_cases.run.judged import CaseJournal, JudgedBefore
 from lammps_cases.run.prepared_case import Outcomes, PreparedCase
 
 if TYPE_CHECKING:  # judging is the workers' affair: the main process starts sooner without
@@ -48,9 +48,8 @@ def record_case(
 ) -> CaseRecord:
     """Task: judge the answers to a case; write its arrays, then its record into the journal.
 
-    An answer that was judged before is not judged again; see `lammps_cases.run.judged_before`.
+    An answer that was judged before is not judged again; see `lammps_cases.run.judged`.
     """
-    from lammps_cases.run.judged_before import JudgedBefore, current
     from lammps_cases.verdict import case_arrays
 
     answers = Answers.read(site, ready, kept)
@@ -85,7 +84,6 @@ def judge(
 
 def _judged(answers: Answers, engine: EngineRecord, store: Store | None) -> tuple[CaseRecord, Arrays, Outcomes]:
     """Return the record and arrays of a case, and its outcomes with neighbour lists if these were judged."""
-    from lammps_cases.comparison.prediction_keys import current
     from lammps_cases.comparison.predictor import Predictor
     from lammps_cases.verdict.case_arrays import pair_arrays, sampled
     from lammps_cases.verdict.exercise import exercised

@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison import store
 from lammps_cases.engine.installations import Engine, library_sha256
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import EngineRecord, RunRecord
@@ -32,7 +32,7 @@ def run_record(engine: EngineRecord, command: str) -> RunRecord:
             "system": f"{platform.system()} {platform.release()}",
             "processor": platform.processor() or platform.machine(),
             "cores": str(os.cpu_count()),
-            "kind": prediction_keys.processor(),
+            "kind": store.processor(),
         },
         date=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         command=command,

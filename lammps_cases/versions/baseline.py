@@ -17,7 +17,7 @@ from typing import get_args
 from pydantic import BaseModel, ConfigDict, Field
 
 from eos_ref import InputError
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison import store
 from lammps_cases.records import folders, untrusted
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import csv_text
@@ -297,4 +297,4 @@ def machine_of(run: RunRecord) -> str:
     The model of the processor is part of it, although processors of one family mostly round alike: to take two
     machines for different costs a warning, to take them for the same a false alarm.
     """
-    return run.machine.get("kind") or prediction_keys.processor()  # runs of before hold no note
+    return run.machine.get("kind") or store.processor()  # runs of before hold no note

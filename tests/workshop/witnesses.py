@@ -13,7 +13,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Sequence
 
-from lammps_cases.comparison.prediction_keys import open_store
+from lammps_cases.comparison.store import open_store
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import counted
 from lammps_cases.scene import casefile

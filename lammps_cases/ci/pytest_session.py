@@ -27,7 +27,7 @@ from lammps_cases.records.headline import Headline
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
 from lammps_cases.run import provenance, report_files
-from lammps_cases.run.output_folder import output_folder
+from lammps_cases.run.report_files import output_folder
 from lammps_cases.scene import casefile
 
 SUFFIXES = (".yaml", ".yml")

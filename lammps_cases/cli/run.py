@@ -279,7 +279,7 @@ def merge_command(runs: Annotated[tuple[Path, ...], Positional()], out: Report =
     """
     from eos_ref import InputError
     from lammps_cases.records.run_record import read_run
-    from lammps_cases.run.merge import merge
+    from lammps_cases.run.shards import merge
 
     parts = [read_run(run) for run in runs]
     if len(parts) == 1 and not parts[0].shard:

@@ -31,8 +31,7 @@ from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import arrays_files, write_atomically
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, Predictions, RunRecord, Seconds
 from lammps_cases.records.wording import counted
-from lammps_cases.run.answers import Answers
-from lammps_cases.run.prepared_case import Outcomes
+from lammps_cases.run.prepared_case import Answers, Outcomes
 from lammps_cases.scene.casefile import Case
 
 RESUME = "--resume"  # what complaints call it

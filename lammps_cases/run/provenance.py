@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import platform
+import shlex
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 from lammps_cases.comparison import store
@@ -22,8 +24,6 @@ def engine_record(engine: Engine, who: dict[str, str] | Failure) -> EngineRecord
 
 def run_record(engine: EngineRecord, command: str) -> RunRecord:
     """Return a run without cases: versions, machine, date, command."""
-    from importlib.metadata import version
-
     packages = {"eos-ref": "eos-ref", "numpy": "numpy", "numba": "numba", "python-flint": "python-flint"}
     return RunRecord(
         engine=engine,
@@ -41,6 +41,4 @@ def run_record(engine: EngineRecord, command: str) -> RunRecord:
 
 def command_line() -> str:
     """Return the command as the user typed it, without the folder of the program."""
-    import shlex
-
     return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])

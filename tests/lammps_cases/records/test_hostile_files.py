@@ -20,7 +20,7 @@ from lammps_cases.records import files, untrusted
 from lammps_cases.records.documents import Document
 from lammps_cases.records.run_record import CaseRecord, RunRecord, read_run
 from lammps_cases.report.annotations import source_of
-from lammps_cases.run import merge
+from lammps_cases.run import shards
 from lammps_cases.scene.casefile import load_file
 from tests.support import made_runs
 from tests.support.hostile import SCENE, Reader, leaves, made, outcome, readers
@@ -245,7 +245,7 @@ def test_shards_of_any_kind_end_in_a_line(shard: str, tmp_path: Path) -> None:
         (tmp_path / name / "run.json").write_text(run.to_json())
     begin = time.monotonic()
     with pytest.raises(InputError, match="shard") as told:
-        merge.merge([tmp_path / "a", tmp_path / "b"], tmp_path / "out")
+        shards.merge([tmp_path / "a", tmp_path / "b"], tmp_path / "out")
     assert time.monotonic() - begin < 2.0 and len(str(told.value)) < 400
     assert not (tmp_path / "out").exists()
 

@@ -19,10 +19,9 @@ from lammps_cases.comparison.store import Store, code, current, open_store
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
-from lammps_cases.run import answers, flow, judged
-from lammps_cases.run.answers import Answers
+from lammps_cases.run import flow, judged, prepared_case
 from lammps_cases.run.judged import JudgedBefore
-from lammps_cases.run.prepared_case import Outcomes, PreparedCase, prepare
+from lammps_cases.run.prepared_case import Answers, Outcomes, PreparedCase, prepare
 from lammps_cases.scene import casefile
 from tests.support.outcome import Solver
 
@@ -56,7 +55,7 @@ def asked(monkeypatch: pytest.MonkeyPatch, solver: Solver) -> list[Job]:
         jobs.append(job)
         return solver(job)
 
-    monkeypatch.setattr(answers, "solve", solve)
+    monkeypatch.setattr(prepared_case, "solve", solve)
     return jobs
 
 
@@ -276,7 +275,7 @@ def test_lists_that_cannot_be_read_leave_no_verdict(
     def full(*_: object) -> Answer:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(answers, "solve", full)
+    monkeypatch.setattr(prepared_case, "solve", full)
     record = judged_into(tmp_path, ready, outcomes, store)
     assert record.verdict == "error"
     assert "neighbour lists: [Errno 28] No space left on device" in record.message

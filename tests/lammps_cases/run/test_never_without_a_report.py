@@ -35,9 +35,9 @@ ROOMS = (
     "lammps_cases.report.history",
     "lammps_cases.report.pages",
     "lammps_cases.report",
-    "lammps_cases.run.article_task",
 )
-FUNCTIONS = public(*ROOMS)
+ARTICLES = {name: of for name, of in public("lammps_cases.run.report_files").items() if "article" in name}
+FUNCTIONS = public(*ROOMS) | ARTICLES
 CASES = ("near-rho0.linear.2d", "ranges.override")
 COLOURS = {"green": 1.0, "red": 2.0}  # of runs in which LAMMPS' pressures are so many times those of the reference
 PARTS = {  # what a room may cost; the others make what all of a page or summary needs

@@ -210,5 +210,5 @@ def _lines(run: RunRecord) -> list[str]:
     lines = [f"{wording.engine(run.engine)}: {wording.tally(run)}"]
     lines += [*([wording.carried(run.carried)] if run.carried else []), *wording.lacks(run.faults), *run.notes]
     if run.predictions.stored:
-        lines.append(f"{run.predictions} (--eos-ref-fresh recomputes them)")
+        lines.append(f"{wording.predictions(run.predictions)} (--eos-ref-fresh recomputes them)")
     return lines

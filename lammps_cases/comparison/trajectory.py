@@ -4,7 +4,7 @@ The bound of a single evaluation follows from its own formulas (`eos_ref.numbers
 the bound is the spread of reference runs in which every evaluation is moved by its own bound and every update of the
 state by one unit of the last place, with random signs, in one run of three the same at every step: what hardly changes
 rounds alike. What the updates sum up to where all of them round one way is added. Where units round the input itself,
-runs from input moved so add their spread (`lammps_cases.comparison.rounded_input`).
+runs from input moved so add their spread (`lammps_cases.comparison.perturbation`).
 """
 
 from __future__ import annotations
@@ -29,10 +29,9 @@ from eos_ref.model.box import Box, Deform
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.model.state import Gradients, PairTerms
 from eos_ref.numbers.rounded import Rounded, error
+from lammps_cases.comparison.perturbation import Signs, moved_input
 from lammps_cases.comparison.problem import Problem, ProblemStop
-from lammps_cases.comparison.rounded_input import moved_input
-from lammps_cases.comparison.signs import Signs
-from lammps_cases.records.stages import stage
+from lammps_cases.records.progress import stage
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3

@@ -134,13 +134,6 @@ class Predictions(Record):
     stored: int = Field(0, description="found in the store of predictions (eos-ref run --fresh ignores it)")
     judgements: int = Field(0, description="judgements found there, of answers that LAMMPS gave before, bit for bit")
 
-    def __str__(self) -> str:
-        from lammps_cases.records.wording import counted  # here: it imports this module
-
-        judgements = f"{counted(self.judgements, 'judgement')} and " if self.judgements else ""
-        total = self.stored + self.computed
-        return f"{judgements}{self.stored} of {counted(total, 'reference prediction')} taken from the cache"
-
 
 class Blame(Record):
     """The first step, stage, field and atom outside the bound; of a twin, the reference's side is the other run."""

@@ -20,6 +20,7 @@ from lammps_cases.records.run_record import (
     LostAtoms,
     Mismatch,
     OtherSteps,
+    Predictions,
     RunRecord,
     TriageGroup,
     Verdict,
@@ -41,6 +42,7 @@ MEANINGS: dict[Verdict, str] = {
 }
 INSIDE = ("exact", "pass")  # the verdicts of what lies within its bound
 EXPECTED_REFUSAL = "refused as expected"
+GIVEN = "given"  # in brackets after a quantity: the input of a scene
 FACTOR = 10  # a difference of this many times a value, or more, is said as a factor
 MOST_NAMES = 8  # of cases, beyond which they are counted
 
@@ -68,6 +70,22 @@ def finding_ids(line: str | None) -> list[str]:
 def field_name(field: str, atom_type: int | None) -> str:
     """Return what a field is called; an audit has one per type of atoms."""
     return field if atom_type is None else f"{field} (type {atom_type})"
+
+
+def given(quantity: str) -> str:
+    """Name the input of a scene: ``rho (given)``."""
+    return f"{quantity} ({GIVEN})"
+
+
+def after_stop(quantity: str, by: str, step: int) -> str:
+    """Name the state after a stop, which a route has carried on: ``rho (restart at 2)``."""
+    return f"{quantity} ({by} at {step})"
+
+
+def parted(name: str) -> tuple[str, str]:
+    """Return the quantity, and which input it is: `GIVEN`, the route and step of a stop; empty of other fields."""
+    quantity, _, which = name.partition(" (")
+    return quantity, which.removesuffix(")")
 
 
 # --- numbers
@@ -132,6 +150,13 @@ def by_file(cases: Sequence[str]) -> str:
     counts = Counter(case.partition(".")[0] for case in cases)
     files = some([f"{count} {file}.*" for file, count in counts.most_common()], of="file")
     return f"{counted(len(cases), 'case')} ({files})"
+
+
+def predictions(of: Predictions) -> str:
+    """Say how many predictions and judgements a run has taken from the store."""
+    judgements = f"{counted(of.judgements, 'judgement')} and " if of.judgements else ""
+    total = counted(of.stored + of.computed, "reference prediction")
+    return f"{judgements}{of.stored} of {total} taken from the cache"
 
 
 def plain(item: Any) -> Any:

@@ -276,7 +276,10 @@ def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
     yield "date", run.date
     yield "wall time", f"{run.seconds:.2f} s"
     if run.predictions.stored:
-        yield "predictions", f"{run.predictions}, bit-identical to computed ones (--fresh recomputes them)"
+        yield (
+            "predictions",
+            f"{wording.predictions(run.predictions)}, bit-identical to computed ones (--fresh recomputes them)",
+        )
     of_severity = f"those that are {run.fail_on} or worse" if run.fail_on in SEVERITIES else f"above {run.fail_on}"
     yield "known findings that fail", "none" if run.fail_on == "new" else of_severity
     if run.allowed:

@@ -21,9 +21,8 @@ from lammps_cases.findings import LEDGER
 from lammps_cases.records import folders, wording
 from lammps_cases.records.faults import part
 from lammps_cases.records.levels import FailOn
-from lammps_cases.records.progress import SILENT, Progress
+from lammps_cases.records.progress import SILENT, Progress, stage
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage
-from lammps_cases.records.stages import stage
 from lammps_cases.report.findings import carried_over
 from lammps_cases.run.flow import JUDGING, faulty, outcomes_of, record_case
 from lammps_cases.run.judged import CaseJournal, RunStart, start

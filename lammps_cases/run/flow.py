@@ -25,8 +25,8 @@ from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER
 from lammps_cases.records import wording
+from lammps_cases.records.progress import stage, taken
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, HarnessError
-from lammps_cases.records.stages import stage, taken
 from lammps_cases.run.judged import CaseJournal, JudgedBefore
 from lammps_cases.run.prepared_case import Answers, Kept, Outcomes, PreparedCase
 from lammps_cases.verdict import case_arrays

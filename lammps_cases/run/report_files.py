@@ -10,10 +10,10 @@ from pathlib import Path
 
 from eos_ref import InputError
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.records import folders, kept, untrusted
+from lammps_cases.records import folders, kept
 from lammps_cases.records.documents import LARGEST
 from lammps_cases.records.faults import part
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records.files import read_bytes, write_atomically
 from lammps_cases.records.run_record import HeadlineRecord, RunRecord
 from lammps_cases.report import bare, history, junit, markdown, page, write_report
 from lammps_cases.report.findings import outcome
@@ -60,7 +60,7 @@ def _foreign(directory: Path) -> bool:
     if not names:
         return False
     try:
-        ours = b'"schema": "eos-ref/run/' in untrusted.read_bytes(directory / "run.json", "run", LARGEST)[:200]
+        ours = b'"schema": "eos-ref/run/' in read_bytes(directory / "run.json", "run", LARGEST)[:200]
     except InputError:
         return True
     fields = directory / "fields"

@@ -18,9 +18,9 @@ from eos_ref.errors import InputError, unknown
 from eos_ref.model.quantities import DENSITY, ENERGY, PRESSURE, QUANTITIES, VISCOSITY, Dimension
 from eos_ref.model.units import KINDS
 from lammps_cases.comparison.compare import excess
-from lammps_cases.records.field_names import parted
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord, read_run
+from lammps_cases.records.wording import parted
 from lammps_cases.report.findings import outcome
 
 if TYPE_CHECKING:  # imported where a table is made
@@ -208,7 +208,7 @@ def unit(field: str, style: str, dimension: int) -> str:
     Parameters
     ----------
     field : str
-        By its name in a record; see `lammps_cases.records.field_names`.
+        By its name in a record; see `lammps_cases.records.wording`.
     style : str
         As in the command units.
     dimension : int

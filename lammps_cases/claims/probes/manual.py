@@ -19,10 +19,9 @@ from lammps_cases.claims.probes.run import Reply
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import explain_outcome
 from lammps_cases.records import wording
-from lammps_cases.records.manuals import OfManual
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, Mismatch, Verdict
-from lammps_cases.records.yaml_files import read_yaml
+from lammps_cases.records.yaml_files import OfManual, read_yaml
 
 TIME_LIMIT = 30.0  # seconds that LAMMPS has for a deck; they take 0.1
 FILE = "probes.yaml"

@@ -28,10 +28,11 @@ from lammps_cases.records.audit_record import (
     OutlookRecord,
     SeriesRecord,
 )
+from lammps_cases.records.case_parts import FieldRecord, LawRecord, Seconds, Verdict
 from lammps_cases.records.levels import EFFECT
 from lammps_cases.records.options import Option
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import FieldRecord, LawRecord, Level, RunRecord, Seconds, Verdict
+from lammps_cases.records.run_record import Level, RunRecord
 from lammps_cases.run.options import EngineName, LevelOptions
 
 TIMEOUT = 3600.0  # seconds

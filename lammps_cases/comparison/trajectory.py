@@ -194,7 +194,7 @@ def own_stages(problem: Problem) -> type[Evaluator]:
     """Return the reference's own evaluator: compiled from `COMPILED_ABOVE` evaluations on, in an upright, fixed box."""
     if problem.box.tilted or problem.model.deform or evaluations(problem) <= COMPILED_ABOVE:
         return in_blocks(ArrayEvaluator, _in_blocks(problem))
-    from eos_ref.compiled.evaluator import CompiledEvaluator
+    from eos_ref.compiled.evaluator import CompiledEvaluator  # heavy, and of use to large problems alone
 
     return CompiledEvaluator
 

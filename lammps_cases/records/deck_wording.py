@@ -6,10 +6,11 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
-from lammps_cases.records import wording
+from lammps_cases.records import case_wording, wording
 from lammps_cases.records.audit_record import BreakRecord, EffectRecord, LostRecord
+from lammps_cases.records.case_parts import FieldRecord
 from lammps_cases.records.levels import FAIL_ON, SEVERITIES, Severity, allowed, fails, severity_of
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, Level
+from lammps_cases.records.run_record import CaseRecord, Level
 from lammps_cases.records.wording import counted, listed, number, times
 
 _MORE = re.compile(r" For more information see \S+")
@@ -162,7 +163,7 @@ def event(case: CaseRecord) -> str:
         return broke(case.broke)
     if case.as_expected or case.verdict == "differs":
         return ""
-    words = _MORE.sub("", wording.own_words(case) or case.verdict)
+    words = _MORE.sub("", case_wording.own_words(case) or case.verdict)
     return f"LAMMPS stops at step {case.steps}: {words}" if case.verdict == "refused" and case.checks else words
 
 

@@ -41,7 +41,7 @@ def exclusive(target: Path, what: str, busy: str = "") -> Iterator[None]:
     InputError
         The folder cannot be written, or another program holds the lock.
     """
-    from filelock import FileLock, Timeout
+    from filelock import FileLock, Timeout  # heavy, and commands that write no folder import this module
 
     path = target.with_name(f".{target.name}.lock")
     lock = FileLock(path)

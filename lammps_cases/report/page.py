@@ -16,9 +16,10 @@ from markupsafe import Markup
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
 from lammps_cases.records import deck_wording, wording
+from lammps_cases.records.case_parts import CheckRecord, FieldRecord, StepRecord
 from lammps_cases.records.faults import MissingPart, part
 from lammps_cases.records.levels import SEVERITIES
-from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import agreement, plots
 from lammps_cases.report.drawn import Drawn, drawn_from
 from lammps_cases.report.findings import Outcome

@@ -24,9 +24,10 @@ from lammps_cases.comparison.store import Store, current
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER
-from lammps_cases.records import wording
+from lammps_cases.records import case_wording
+from lammps_cases.records.case_parts import HarnessError
 from lammps_cases.records.progress import stage, taken
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, HarnessError
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run.judged import CaseJournal, JudgedBefore
 from lammps_cases.run.prepared_case import Answers, Kept, Outcomes, PreparedCase
 from lammps_cases.verdict import case_arrays
@@ -104,14 +105,14 @@ def _judged(answers: Answers, engine: EngineRecord, store: Store | None) -> tupl
         with contextlib.suppress(Exception):  # the verdict stands without its first step
             if reason := first_step_outside(answers, record, engine.distribution, predictor):
                 record.blame, record.beyond = reason.first, reason.beyond
-                record.message = wording.message(record)
+                record.message = case_wording.message(record)
         with contextlib.suppress(Exception), stage("pairs"):
             steps = ready.twin.steps if ready.twin else ready.case.scene.snapshots
             arrays |= pair_arrays(record, *ready.sides[0], ready.case.where, steps, predictor)
     record.exercises = exercises
     if record.unexercised:
         record.verdict = "error" if record.as_expected else record.verdict  # a difference comes first
-        record.message = wording.message(record)
+        record.message = case_wording.message(record)
     return record, sampled(arrays), listed
 
 
@@ -158,5 +159,5 @@ def set_fault(record: CaseRecord, fault: Failure | Exception, where: str = "") -
     else:
         record.harness_error = HarnessError(exception=type(fault).__name__, text=f"{where}{fault}")
     record.verdict = record.ended = "error"
-    record.message = wording.message(record)
+    record.message = case_wording.message(record)
     return record

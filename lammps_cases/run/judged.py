@@ -27,9 +27,10 @@ from lammps_cases.comparison import store
 from lammps_cases.comparison.store import Arrays, Store, digest, fingerprint
 from lammps_cases.engine.session import Answer
 from lammps_cases.records import folders
+from lammps_cases.records.case_parts import Predictions, Seconds
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import arrays_files, write_atomically
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, Predictions, RunRecord, Seconds
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.records.wording import counted
 from lammps_cases.run.prepared_case import Answers, Outcomes
 from lammps_cases.scene.casefile import Case

@@ -18,8 +18,9 @@ from eos_ref.errors import InputError, unknown
 from eos_ref.model.quantities import DENSITY, ENERGY, PRESSURE, QUANTITIES, VISCOSITY, Dimension
 from eos_ref.model.units import KINDS
 from lammps_cases.comparison.compare import excess
+from lammps_cases.records.case_parts import FieldRecord
 from lammps_cases.records.files import read_arrays
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord, read_run
+from lammps_cases.records.run_record import CaseRecord, RunRecord, read_run
 from lammps_cases.records.wording import parted
 from lammps_cases.report.findings import outcome
 

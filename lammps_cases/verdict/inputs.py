@@ -14,7 +14,7 @@ from lammps_cases.comparison.compare import Comparison, compare_field
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.engine.session import Answer
-from lammps_cases.records.run_record import Beyond, Blame
+from lammps_cases.records.case_parts import Beyond, Blame
 from lammps_cases.records.wording import after_stop
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.casefile import Case

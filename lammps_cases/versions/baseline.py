@@ -19,10 +19,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from eos_ref import InputError
 from lammps_cases.comparison import store
 from lammps_cases.records import folders
+from lammps_cases.records.case_parts import VERDICTS, Ended, Verdict, as_expected
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import MIB, csv_text, read_text
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
-from lammps_cases.records.run_record import VERDICTS, Ended, EngineRecord, RunRecord, Verdict, as_expected
+from lammps_cases.records.run_record import EngineRecord, RunRecord
 from lammps_cases.records.wording import finding_ids, folder_name, listed
 from lammps_cases.scene import casefile
 from lammps_cases.versions import decks, outcomes

@@ -18,9 +18,9 @@ import numpy.typing as npt
 
 from eos_ref import InputError
 from lammps_cases.comparison.compare import excess
+from lammps_cases.records.case_parts import VERDICTS
 from lammps_cases.records.files import MIB, csv_text, read_arrays, read_text, write_atomically
 from lammps_cases.records.outcome import CaseOutcome, StepOutcome
-from lammps_cases.records.run_record import VERDICTS
 from lammps_cases.versions.outcomes import Sample, Samples
 
 Array = npt.NDArray[Any]

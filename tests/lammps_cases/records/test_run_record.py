@@ -10,18 +10,8 @@ import numpy as np
 import pytest
 
 from eos_ref import EOS, InputError
-from lammps_cases.records.run_record import (
-    VERDICTS,
-    CaseRecord,
-    EngineRecord,
-    LawRecord,
-    Predictions,
-    RunRecord,
-    Verdict,
-    digest,
-    read_run,
-    worst,
-)
+from lammps_cases.records.case_parts import VERDICTS, LawRecord, Predictions, Verdict, digest, worst
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, read_run
 from lammps_cases.records.wording import predictions
 
 

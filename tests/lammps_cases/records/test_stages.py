@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from lammps_cases.cli import shared
+from lammps_cases.records.case_parts import Seconds
 from lammps_cases.records.progress import REST, Stages
-from lammps_cases.records.run_record import CaseRecord, RunRecord, Seconds
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import math
 import pytest
 
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import StepRecord
+from lammps_cases.records.case_parts import StepRecord
 
 
 @pytest.mark.parametrize(

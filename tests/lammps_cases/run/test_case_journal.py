@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord
+from lammps_cases.records.case_parts import FieldRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.run import judged
 from lammps_cases.run.judged import CaseJournal, RunStart
 from lammps_cases.scene import casefile

@@ -16,8 +16,9 @@ from lammps_cases.comparison import store
 from lammps_cases.comparison.compare import EosState, compare_pressure
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records import folders
+from lammps_cases.records.case_parts import Blame, HarnessError, StepRecord
 from lammps_cases.records.files import write_arrays
-from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, HarnessError, StepRecord, read_run
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, read_run
 from lammps_cases.report.history import store as history
 from lammps_cases.run import campaign
 from lammps_cases.run.campaign import Campaign

@@ -15,7 +15,7 @@ from eos_ref import InputError
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
-from lammps_cases.records import wording
+from lammps_cases.records import case_wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
@@ -87,7 +87,7 @@ def test_the_exit_code_of_a_bad_case_goes_before_that_of_a_difference() -> None:
     bad = CaseRecord(case="a", verdict="error", dimension=3, exercises={"layer": 0, "shift": 7})
     differs = CaseRecord(case="b", verdict="differs", exercises={"layer": 0})
     assert bad.unexercised == ["layer"]
-    assert wording.message(bad) == "the case says it exercises layer, but nothing in its 3D scene does"
+    assert case_wording.message(bad) == "the case says it exercises layer, but nothing in its 3D scene does"
     assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs, bad]).exit_code() == 2
     assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs]).exit_code() == 1, "what it compares is wrong"
 

@@ -20,8 +20,16 @@ from lammps_cases.audit.options import (
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import finding
 from lammps_cases.records import case_wording, deck_wording, wording
-from lammps_cases.records.audit_record import ActingRecord, BreakRecord, BudgetRecord, EffectRecord
-from lammps_cases.records.case_parts import Blame, CheckRecord, FieldRecord, worst
+from lammps_cases.records.case_parts import (
+    ActingRecord,
+    Blame,
+    BreakRecord,
+    BudgetRecord,
+    CheckRecord,
+    EffectRecord,
+    FieldRecord,
+    worst,
+)
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.verdict.outcome import leave_unchecked
 

@@ -38,12 +38,12 @@ def run_folder(out: Path | None, cases: Iterable[str], engine: str, resume: bool
     if out is not None:
         yield out
         return
-    from lammps_cases.records import kept
+    from lammps_cases.records import folders
     from lammps_cases.scene import casefile
 
     run = set(cases)
     whole = bool(run) and run.issuperset(case.name for case in casefile.select(casefile.load()))
-    shelf = (kept.whole_runs if whole else kept.parts_of_runs)(REPORTS)
+    shelf = (folders.whole_runs if whole else folders.parts_of_runs)(REPORTS)
     with shelf.place(engine, resume=resume) as folder:
         yield folder
 
@@ -103,7 +103,7 @@ def _remove_empty(made: Iterable[Path]) -> None:
 def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str] = ()) -> int:
     """Print the verdict of a run, what changed against a baseline, and where the report is; return the exit code."""
     from lammps_cases.records.faults import part
-    from lammps_cases.records.kept import is_part
+    from lammps_cases.records.folders import is_part
     from lammps_cases.records.wording import lacks
     from lammps_cases.report import bare
     from lammps_cases.report.findings import outcome

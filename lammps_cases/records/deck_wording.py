@@ -7,8 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from lammps_cases.records import case_wording, wording
-from lammps_cases.records.audit_record import BreakRecord, EffectRecord, LostRecord
-from lammps_cases.records.case_parts import FieldRecord
+from lammps_cases.records.case_parts import BreakRecord, EffectRecord, FieldRecord, LostRecord
 from lammps_cases.records.levels import FAIL_ON, SEVERITIES, Severity, allowed, fails, severity_of
 from lammps_cases.records.run_record import CaseRecord, Level
 from lammps_cases.records.wording import counted, listed, number, times

@@ -15,30 +15,28 @@ from pydantic import Field, model_validator
 
 from eos_ref import InputError
 from eos_ref.syntax.manual import Manual, manual_of
-from lammps_cases.records.audit_record import (
-    ActingRecord,
-    BreakRecord,
-    BudgetRecord,
-    ClosedRecord,
-    EffectRecord,
-    LostRecord,
-    OutlookRecord,
-    SeriesRecord,
-)
 from lammps_cases.records.case_parts import (
     VERDICTS,
+    ActingRecord,
     Beyond,
     Blame,
+    BreakRecord,
+    BudgetRecord,
     CheckRecord,
+    ClosedRecord,
+    EffectRecord,
     Ended,
     FieldRecord,
     HarnessError,
     LawRecord,
     LostAtoms,
+    LostRecord,
     Mismatch,
     OtherSteps,
+    OutlookRecord,
     Predictions,
     Seconds,
+    SeriesRecord,
     Verdict,
     as_expected,
 )

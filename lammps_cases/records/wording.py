@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
@@ -232,14 +231,6 @@ def some(names: Sequence[str], listed: int = 6, of: str = "") -> str:
     rest = len(names) - listed
     more = counted(rest, f"more {of}") if of else f"{rest} more"
     return ", ".join(names[:listed]) + (f", {more}" if rest > 0 else "")
-
-
-# --- names
-
-
-def folder_name(text: str) -> str:
-    """Turn text into the name of a folder on any system."""
-    return re.sub(r"[^A-Za-z0-9.+]+", "-", text).strip("-.")[:100]
 
 
 # --- runs and cases

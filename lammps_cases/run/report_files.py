@@ -10,7 +10,7 @@ from pathlib import Path
 
 from eos_ref import InputError
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.records import folders, kept
+from lammps_cases.records import folders
 from lammps_cases.records.documents import LARGEST
 from lammps_cases.records.faults import part
 from lammps_cases.records.files import read_bytes, write_atomically
@@ -39,7 +39,7 @@ def output_folder(directory: Path, resume: bool | None = None) -> Iterator[Path]
     """
     if len(os.fsencode(directory.name)) > folders.LONGEST_NAME:
         raise InputError(WHAT, f"must have a name of at most {folders.LONGEST_NAME} bytes", str(directory))
-    if kept.is_link(directory):
+    if folders.is_link(directory):
         raise InputError(WHAT, "must not be a link to a report that is kept: leave --out out", str(directory))
     directory = directory.resolve()
     if directory in (Path.cwd(), *Path.cwd().parents):

@@ -22,9 +22,10 @@ from lammps_cases.records import folders
 from lammps_cases.records.case_parts import VERDICTS, Ended, Verdict, as_expected
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import MIB, csv_text, read_text
+from lammps_cases.records.folders import folder_name
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
 from lammps_cases.records.run_record import EngineRecord, RunRecord
-from lammps_cases.records.wording import finding_ids, folder_name, listed
+from lammps_cases.records.wording import finding_ids, listed
 from lammps_cases.scene import casefile
 from lammps_cases.versions import decks, outcomes
 from lammps_cases.versions.change import Policy

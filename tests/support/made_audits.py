@@ -5,8 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 from lammps_cases.records import case_wording
-from lammps_cases.records.audit_record import ActingRecord, BreakRecord, EffectRecord, LostRecord, OutlookRecord
-from lammps_cases.records.case_parts import Blame, CheckRecord, FieldRecord
+from lammps_cases.records.case_parts import (
+    ActingRecord,
+    Blame,
+    BreakRecord,
+    CheckRecord,
+    EffectRecord,
+    FieldRecord,
+    LostRecord,
+    OutlookRecord,
+)
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 
 HOSTILE = "<b>x</b> *y* | `z` \x1b[31m & ]]>"

@@ -13,7 +13,7 @@ from typing import Any
 
 from lammps_cases.comparison.store import code, fingerprint
 from lammps_cases.engine.installations import library_sha256
-from lammps_cases.records import wording
+from lammps_cases.records.folders import folder_name
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.studies.chart import page, record
@@ -103,7 +103,7 @@ def beside(
     """
     from lammps_cases.engine.session import EngineMissing
 
-    folder = out / wording.folder_name(engine)
+    folder = out / folder_name(engine)
     switches = [*(["--quick"] if quick else []), "--resume" if resume else "--fresh"]
     options = [*names, *switches, "--engine", engine, "--out", str(folder)]
     progress.advance(0, 1, f"the same on {engine}")

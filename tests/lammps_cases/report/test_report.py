@@ -13,7 +13,7 @@ import pytest
 
 from eos_ref import EOSTable
 from lammps_cases.records import case_wording, wording
-from lammps_cases.records.audit_record import OutlookRecord
+from lammps_cases.records.case_parts import OutlookRecord
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import agreement, drawn, findings, markdown, page, plots, write_report
 from lammps_cases.scene.fields import in_step_order

@@ -30,7 +30,7 @@ class Signs:
 
     Parameters
     ----------
-    kept : whether those of one name and shape stay the same, whenever they are asked for
+    kept : whether those of one name and shape stay the same, whenever they are drawn
     """
 
     def __init__(self, random: np.random.Generator, kept: bool = False) -> None:

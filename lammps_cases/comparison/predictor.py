@@ -79,7 +79,7 @@ class Predictor:
     def widening(self, problem: Problem, made: Made, seed: int) -> Iterator[Prediction]:
         """Yield what a variant predicts with the bounds of one moved run, then with those of all.
 
-        The first are no wider: where LAMMPS is inside, nobody asks for the others, which take half of the time.
+        The first are no wider: where LAMMPS is inside, the others, which take half of the time, are not needed.
         """
         runs = widening(problem, *made, seed)
         if problem.goes_on:

@@ -105,7 +105,7 @@ def _spell(part: Any, words: list[str]) -> None:
 
 @functools.cache
 def _of_dataclass(kind: Any) -> tuple[str, tuple[str, ...]]:
-    """Return the text of a dataclass beside its values, and the names of its fields."""
+    """Return the text of a dataclass without its values, and the names of its fields."""
     names = tuple(each.name for each in fields(kind))
     return _text((kind.__qualname__, *names)), names
 
@@ -186,8 +186,8 @@ class Store:
     Attributes
     ----------
     folder : where the entries lie
-    context : goes into every key: what all entries depend on beside what they are named by
-    fresh : find nothing, so that everything is made and written anew
+    context : part of every key: what all entries depend on, besides their own keys
+    fresh : find nothing, so that everything is made and written again
     """
 
     folder: Path

@@ -14,7 +14,7 @@ from lammps_cases.records.wording import INSIDE, counted, listed, one_line
 def message(case: CaseRecord, findings: bool = True) -> str:
     """Say what happened in a case: the blame, and how LAMMPS ended it if not with numbers.
 
-    Without ``findings`` those that explain its numbers are left out, for where they stand beside it. A record that
+    Without ``findings`` those that explain its numbers are left out, where they are listed next to it. A record that
     holds no facts keeps the message it has.
     """
     if case.verdict in INSIDE:
@@ -59,7 +59,7 @@ def unpredictable(case: CaseRecord) -> str:
 
 
 def unexercised(case: CaseRecord) -> str:
-    """Say which rules a case is for although its scene takes none of them; empty if there is none."""
+    """Say which rules a case is for that nothing in its scene takes; empty if it takes all."""
     if not case.unexercised:
         return ""
     return f"the case says it exercises {', '.join(case.unexercised)}, but nothing in its {case.dimension}D scene does"

@@ -1,4 +1,4 @@
-"""What is said of an audited deck: effects of findings, how its state broke, why it failed, what was not checked."""
+"""Sentences about an audited deck: effects of findings, how its state broke, why it failed, what was not checked."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def in_brief(of: EffectRecord) -> str:
 
 
 def change(case: CaseRecord, finding: str) -> float:
-    """Return the largest effect of a finding on a deck, over the largest right value; infinite if nobody knows."""
+    """Return the largest effect of a finding on a deck, over the largest right value; infinite if it is unknown."""
     of_finding = [of.relative for of in case.effects if of.finding == finding]
     known = of_finding and all(of is not None and math.isfinite(of) for of in of_finding)
     return max(of_finding) if known else math.inf  # type: ignore[type-var, return-value]
@@ -93,7 +93,7 @@ def severity(case: CaseRecord, finding: str) -> Severity:
 
 
 def rejected(case: CaseRecord, fail_on: Level) -> list[str]:
-    """Return the findings of a deck that a level does not let pass; an effect that nobody knows is above any."""
+    """Return the findings of a deck that a level does not let pass; an unknown effect is above any."""
     if fail_on in FAIL_ON:
         return [finding for finding in case.findings if fails(severity(case, finding), fail_on)]
     return [finding for finding in case.findings if change(case, finding) > allowed(fail_on)]
@@ -218,7 +218,7 @@ def unchecked(case: CaseRecord, never: Mapping[str, str] | None = None) -> list[
 
 
 def remarks(case: CaseRecord) -> list[str]:
-    """Say in a few words each what a reader of a headline must know beside the state: gaps, losses, warnings."""
+    """Say in a few words each what a reader of a headline must know besides the state: gaps, losses, warnings."""
     missed = {name: reason for name, reason in case.unchecked.items() if name not in case.out_of_scope}
     names, reasons, said = list(missed), set(missed.values()), []
     if missed:

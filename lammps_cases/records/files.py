@@ -107,7 +107,7 @@ def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False
 
 
 def _npy(array: NDArray[Any]) -> bytes:
-    """Return an array as numpy writes it, which makes the same few headers anew for every array of a run."""
+    """Return an array as numpy writes it, which makes the same few headers again for every array of a run."""
     if array.dtype.hasobject:
         raise ValueError("Python objects are no numbers")
     of: Any = np.lib.format.header_data_from_array_1_0(array)

@@ -1,6 +1,6 @@
 """Folders that are replaced as a whole, by one program at a time, and the reports kept in them.
 
-A folder is made beside the one that it replaces, as ``.NAME.partial``; then the old one is moved aside, to
+A folder is made next to the one that it replaces, as ``.NAME.partial``; then the old one is moved aside, to
 ``.NAME.old``, the new one into its place, and the old one removed. A kill at any moment leaves the old folder or the
 new one: after a kill between the two renames the old one lies aside, where `present` and `replacement` find it.
 
@@ -31,10 +31,10 @@ from eos_ref.errors import InputError
 JOURNAL = "journal"  # in a folder in the making: what is done
 INTERRUPTED = ".interrupted"  # the end of the name of a folder that was being made when its program ended
 
-LONGEST_NAME = 255 - len(INTERRUPTED)  # bytes: that of the folder beside it has to be one of a file system
+LONGEST_NAME = 255 - len(INTERRUPTED)  # bytes: the longest name made from it has to be one of a file system
 KEPT = 3  # reports of an engine on a shelf: a whole run takes some 100 MB
 _DATE = "%Y-%m-%d_%H.%M.%S"
-_NAME = re.compile(  # of a report, or of what lies beside one while it is made
+_NAME = re.compile(  # of a report, or of what lies next to one while it is made
     r"\.?(?P<entry>(?P<date>\d{4}-\d\d-\d\d_\d\d\.\d\d\.\d\d)(?:-(?P<of_second>\d+))?_(?P<engine>[\w.+-]+?))"
     r"(?:\.(?:lock|partial|old|making\.lock|interrupted))?"
 )
@@ -42,7 +42,7 @@ _NAME = re.compile(  # of a report, or of what lies beside one while it is made
 
 @contextmanager
 def exclusive(target: Path, what: str, busy: str = "") -> Iterator[None]:
-    """Hold the lock of a folder, ``.NAME.lock`` beside it.
+    """Hold the lock of a folder, ``.NAME.lock`` next to it.
 
     Parameters
     ----------
@@ -73,18 +73,18 @@ def exclusive(target: Path, what: str, busy: str = "") -> Iterator[None]:
     try:
         yield
     finally:
-        path.unlink(missing_ok=True)  # while it is held: whoever locks a file that is gone tries again
+        path.unlink(missing_ok=True)  # while it is held: a program that locks a deleted file tries again
         lock.release()
 
 
 @contextmanager
 def replacement(target: Path, resume: bool | None = None) -> Iterator[Path]:
-    """Yield a folder beside a target, for `swap`; the caller holds the lock of the target.
+    """Yield a folder next to a target, for `swap`; the caller holds the lock of the target.
 
     Parameters
     ----------
     resume : bool, optional
-        Whether to go on with a folder that was being made when its program ended, if there is one, instead of an
+        Whether to resume a folder that was being made when its program ended, if there is one, instead of an
         empty one. Unless given, nothing is left of the folder, however the block ends.
     """
     partial = making(target)
@@ -120,7 +120,7 @@ def target(folder: Path) -> Path:
 
 
 def resumable(target: Path) -> Path | None:
-    """Return the folder in the making that can be gone on with; after a kill it lies where it was made."""
+    """Return the folder in the making that can be resumed; after a kill it lies where it was made."""
     left = max((making(target), interrupted(target)), key=_done)
     return left if _done(left) else None
 
@@ -240,7 +240,7 @@ class Shelf:
                         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
     def _listing(self) -> list[Path]:
-        """Return the reports, complete or not, and what lies beside them."""
+        """Return the reports, complete or not, and what lies next to them."""
         there = self.folder.iterdir() if self.folder.is_dir() else ()
         return [path for path in there if _NAME.fullmatch(path.name)]
 
@@ -323,7 +323,7 @@ def begun(path: Path) -> tuple[str, int]:
 
 
 def _entry(path: Path) -> Path:
-    """Return the report that a file or folder is, or lies beside."""
+    """Return the report that a file or folder is, or lies next to."""
     named = _NAME.fullmatch(path.name)
     return path.with_name(named["entry"]) if named else path
 

@@ -110,7 +110,7 @@ class Stages:
         self._clock = clock
         self._spent: dict[str, float] = {}
         self._open: list[str] = []
-        self._last = self._taken = 0.0  # when a stage began or ended, and when `taken` was asked
+        self._last = self._taken = 0.0  # when a stage began or ended, and when `taken` was called
 
     def _charge(self) -> None:
         """Add the time since the last change to the stage that is open, if any."""
@@ -131,7 +131,7 @@ class Stages:
             self._open.pop()
 
     def taken(self) -> dict[str, float]:
-        """Return the seconds of every stage since this was last asked, and the rest; begin anew."""
+        """Return the seconds of every stage since the last call, and the rest."""
         self._charge()
         seconds = {**self._spent, REST: max(self._last - self._taken - sum(self._spent.values()), 0.0)}
         self._spent.clear()

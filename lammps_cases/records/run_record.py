@@ -177,7 +177,7 @@ class EngineRecord(Record):
     @property
     def version(self) -> tuple[str, str]:
         """The best identification: ``lammps`` (a release), ``git`` or ``library``, and its text; empty without any."""
-        # A build of a release has no revision; one of a repository is told from others of its date by that alone.
+        # A build of a release has no revision; one of a repository differs from others of its date in that alone.
         dated = self.release or ("" if self.git else self.distribution)
         labels = {"lammps": dated, "git": self.git, "library": self.library_sha256[:16]}
         return next(((kind, label) for kind, label in labels.items() if label), ("", ""))
@@ -333,7 +333,7 @@ def read_run(directory: Path) -> RunRecord:
     Raises
     ------
     InputError
-        No run.json there, one of another schema, or a case whose name is none of a file.
+        No run.json there, one of another schema, or a case whose name is not one of a file.
     """
     if directory.is_file():
         rule = "must be the folder of a report, not a file in it"

@@ -28,12 +28,12 @@ MEANINGS: dict[Verdict, str] = {
 INSIDE = ("exact", "pass")  # the verdicts of what lies within its bound
 EXPECTED_REFUSAL = "refused as expected"
 GIVEN = "given"  # in brackets after a quantity: the input of a scene
-FACTOR = 10  # a difference of this many times a value, or more, is said as a factor
+FACTOR = 10  # a difference of this many times a value, or more, is written as a factor
 MOST_NAMES = 8  # of cases, beyond which they are counted
 
 
 def verdict_kind(verdict: str, expected: bool) -> str:
-    """Return the verdict, with an expected refusal kept apart from one that nobody expected."""
+    """Return the verdict, with an expected refusal kept apart from an unexpected one."""
     return EXPECTED_REFUSAL if verdict == "refused" and expected else verdict
 
 
@@ -118,7 +118,7 @@ def carried(of: CarriedOver) -> str:
 
 
 def carried_rows(of: CarriedOver) -> list[tuple[str, str, int]]:
-    """Return finding, what became of it, and in how many cases."""
+    """Return finding, status, and number of cases."""
     kinds = ((f"new, not in {of.nearest}", of.first_seen), ("gone in some cases", of.partly), ("gone", of.gone))
     return [(name, how, count) for how, findings in kinds for name, count in findings.items()]
 
@@ -241,7 +241,7 @@ KINDS = (_EXACT, _PASS, EXPECTED_REFUSAL, *_WORSE, _SKIPPED)  # of verdicts, in 
 
 
 def kind(case: CaseRecord) -> str:
-    """Return the verdict, with an expected refusal kept apart from one that nobody expected."""
+    """Return the verdict, with an expected refusal kept apart from an unexpected one."""
     return verdict_kind(case.verdict, case.as_expected)
 
 

@@ -38,7 +38,7 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 
 FIELDS_OF = {"forces": "f", "pressure": "pressure", "density": "rho"}
-ARRAYS = ("type", "rho", "e", "momenta")  # that a result depends on, beside what every calculator looks at
+ARRAYS = ("type", "rho", "e", "momenta")  # that a result depends on, besides what every calculator looks at
 
 
 class RheoCalculator(Calculator):  # type: ignore[misc]

@@ -48,7 +48,7 @@ MaybePrepared = PreparedCase | Case  # beyond `KEPT` cases the latter: checked, 
 
 @dataclass(frozen=True)
 class Request:
-    """How a run was asked for, as its record keeps it.
+    """Options of a run, as its record keeps them.
 
     Attributes
     ----------
@@ -98,8 +98,8 @@ def run_cases(
 ) -> RunRecord:
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
 
-    With a store, predictions of the reference are taken from there and kept there. With ``resume`` a run that was
-    interrupted is gone on with; None: the command that runs has no such option.
+    With a store, predictions of the reference are taken from there and kept there. With ``resume`` an interrupted run
+    is continued; None: the command that runs has no such option.
 
     Raises
     ------
@@ -156,7 +156,7 @@ class Campaign:
     Attributes
     ----------
     judged : the names of the cases that are judged
-    records : those at hand: what no journal has, `KEPT` others, and all of them after `collect`
+    records : those in memory: what no journal has, `KEPT` others, and all of them after `collect`
     """
 
     def __init__(
@@ -181,7 +181,7 @@ class Campaign:
         Raises
         ------
         InputError
-            A bad case, or a run that goes on as another.
+            A bad case, or a resumed run that was another one.
         EngineMissing
         """
         workers.check_shared(self.folder)
@@ -240,7 +240,7 @@ class Campaign:
                 discard(over.kept)
 
     def collect(self) -> int:
-        """Read the cases that were judged and are not at hand; return how many are judged."""
+        """Read the cases that were judged and are not in memory; return how many are judged."""
         self.records = self.journal.records(self.records) if self.begun else {}
         self.judged.update(self.records)
         return len(self.judged)

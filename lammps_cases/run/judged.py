@@ -199,7 +199,7 @@ class JudgedBefore:
     Attributes
     ----------
     store : where judgements lie
-    key : what LAMMPS was asked and answered
+    key : of the case, and of what LAMMPS answered
     lammps : seconds that it took this time
     """
 

@@ -35,9 +35,7 @@ from lammps_cases.records.progress import stage
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3
-MOVED_PARTICLES = (
-    48  # in all runs: random signs move half of all pairs the same way, and nothing between them
-)
+MOVED_PARTICLES = 48  # in all runs: random signs move half of all pairs the same way, and nothing between them
 UPDATES = 3  # of a value in a step, at most: two halves, and the shift
 # Loading the compiled loops takes 0.456 s; from then on they save 7.92 us at every evaluation of a particle. Both are
 # rounded measurements of one machine, fixed here so that the size of a scene alone decides which bits it gets.

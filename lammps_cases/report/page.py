@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
-from lammps_cases.records import deck_wording, wording
+from lammps_cases.records import case_wording, deck_wording, wording
 from lammps_cases.records.case_parts import CheckRecord, FieldRecord, StepRecord
 from lammps_cases.records.faults import MissingPart, part
 from lammps_cases.records.levels import SEVERITIES
@@ -122,6 +122,7 @@ def _articles(family: Family, template: jinja2.Template) -> FamilyArticles:
             marks=family.marks,
             known=family.known,
             wording=wording,
+            case_wording=case_wording,
             deck_wording=deck_wording,
             statements_of=statements,
             subjects=SUBJECTS,
@@ -184,6 +185,7 @@ class RunPage:
             run=run,
             of_run=of_run,
             wording=wording,
+            case_wording=case_wording,
             entries=self.entries,
             names={entry.record.case for entry in self.entries},
             families=self.families,

@@ -18,6 +18,6 @@ Called, the package is `lammps_cases.audit.command.audit`.
 
 import sys
 
-from lammps_cases.records.callable_module import CallableModule
+from lammps_cases.records.options import CallableModule
 
 sys.modules[__name__].__class__ = CallableModule

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from lammps_cases.audit.closed import deviation
 from lammps_cases.audit.rerun import AS_IT_IS
-from lammps_cases.records.audit_record import BudgetPart, BudgetRecord, ClosedRecord, SeriesRecord
+from lammps_cases.records.case_parts import BudgetPart, BudgetRecord, ClosedRecord, SeriesRecord
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import number
 

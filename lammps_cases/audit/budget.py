@@ -23,7 +23,7 @@ from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation, acted_on
 from lammps_cases.findings import Finding
-from lammps_cases.records.audit_record import BudgetPart, BudgetRecord
+from lammps_cases.records.case_parts import BudgetPart, BudgetRecord
 
 
 def budget(

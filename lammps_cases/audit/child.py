@@ -34,7 +34,7 @@ from lammps_cases.engine.session import (
     load,
     open_lammps,
 )
-from lammps_cases.records.run_record import Seconds
+from lammps_cases.records.case_parts import Seconds
 
 LARGEST_FILE = 2**34  # bytes
 

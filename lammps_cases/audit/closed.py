@@ -14,7 +14,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.model.parameters import Force, Model
 from eos_ref.model.state import State
 from lammps_cases.audit.outlook import Good, model_with_forces
-from lammps_cases.records.audit_record import ClosedRecord, SeriesRecord
+from lammps_cases.records.case_parts import ClosedRecord, SeriesRecord
 
 POINTS = 2001  # across a channel, for the mean of the velocity
 VORTICES = (

@@ -24,8 +24,8 @@ from lammps_cases.records.options import flat
 from lammps_cases.records.run_record import Level, RunRecord
 from lammps_cases.report.findings import outcome
 from lammps_cases.run import provenance, report_files
-from lammps_cases.run.output_folder import output_folder
-from lammps_cases.run.results import Result, report_folder
+from lammps_cases.run.command import Result, report_folder
+from lammps_cases.run.report_files import output_folder
 
 
 @checked

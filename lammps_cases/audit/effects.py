@@ -17,7 +17,7 @@ from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.lints import FEW, MOST
 from lammps_cases.findings import Finding, applicable
-from lammps_cases.records.audit_record import EffectRecord
+from lammps_cases.records.case_parts import EffectRecord
 from lammps_cases.verdict import runaway
 
 NOTHING: Mapping[str, SampleEvaluation] = {}

@@ -39,8 +39,8 @@ from lammps_cases.audit.supervise import case_name, described
 from lammps_cases.audit.verdict import Findings, by_field
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.records import wording
-from lammps_cases.records.audit_record import BreakRecord
-from lammps_cases.records.run_record import EngineRecord, LawRecord, RunRecord, Seconds
+from lammps_cases.records.case_parts import BreakRecord, LawRecord, Seconds
+from lammps_cases.records.run_record import EngineRecord, RunRecord
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.scene.lammps_files import SOLID, CutOff, FileSnapshot, snapshots
 from lammps_cases.verdict.model_fields import derived

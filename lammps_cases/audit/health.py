@@ -13,7 +13,7 @@ import numpy.typing as npt
 from eos_ref.model.parameters import Model
 from eos_ref.model.state import State
 from lammps_cases.comparison.compare import components
-from lammps_cases.records.audit_record import BreakRecord, LostRecord
+from lammps_cases.records.case_parts import BreakRecord, LostRecord
 from lammps_cases.verdict.runaway import RUNAWAY, fastest
 
 Array = npt.NDArray[Any]

@@ -17,7 +17,7 @@ from lammps_cases.audit.options import CommandPlace, DeckEnd, DeckSetups, Engine
 from lammps_cases.engine.session import EngineMissing
 
 LARGEST = 2**32  # bytes of a message: the arrays of 1e7 atoms
-_RECORDS = ("lammps_cases.records.audit_record", "lammps_cases.records.run_record")
+_RECORDS = ("lammps_cases.records.case_parts", "lammps_cases.records.run_record")
 MODULES = ("lammps_cases.audit.options", *_RECORDS)  # whose own classes are data
 _NUMPY = (("multiarray", "_reconstruct"), ("multiarray", "scalar"), ("numeric", "_frombuffer"))
 NAMES = {

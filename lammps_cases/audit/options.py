@@ -18,20 +18,24 @@ from lammps_cases.audit import text
 from lammps_cases.audit.fields import DEFAULT, chosen
 from lammps_cases.audit.place import DeckPlace
 from lammps_cases.engine.containment import Means
-from lammps_cases.records.audit_record import (
+from lammps_cases.records.case_parts import (
     ActingRecord,
     BreakRecord,
     BudgetRecord,
     ClosedRecord,
     EffectRecord,
+    FieldRecord,
+    LawRecord,
     LostRecord,
     OutlookRecord,
+    Seconds,
     SeriesRecord,
+    Verdict,
 )
 from lammps_cases.records.levels import EFFECT
 from lammps_cases.records.options import Option
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import FieldRecord, LawRecord, Level, RunRecord, Seconds, Verdict
+from lammps_cases.records.run_record import Level, RunRecord
 from lammps_cases.run.options import EngineName, LevelOptions
 
 TIMEOUT = 3600.0  # seconds

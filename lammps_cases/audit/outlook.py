@@ -15,7 +15,7 @@ from eos_ref.numbers.number import Array
 from lammps_cases.audit.effects import effects
 from lammps_cases.audit.evaluation import ParticleSample, acted_on
 from lammps_cases.findings import Finding
-from lammps_cases.records.audit_record import EffectRecord, OutlookRecord
+from lammps_cases.records.case_parts import EffectRecord, OutlookRecord
 from lammps_cases.studies.stability.limits import numbers
 from lammps_cases.verdict.runaway import Attempts
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from eos_ref import EOSTable
 from lammps_cases.audit import gather
 from lammps_cases.comparison.compare import Comparison, EosState, compare_pressure
-from lammps_cases.records.run_record import FieldRecord
+from lammps_cases.records.case_parts import FieldRecord
 
 Array = npt.NDArray[Any]
 

@@ -22,7 +22,7 @@ from lammps_cases.audit.outlook import Good, boxed, model_with_forces
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import combined
-from lammps_cases.records.audit_record import SeriesRecord
+from lammps_cases.records.case_parts import SeriesRecord
 from lammps_cases.verdict.runaway import RUNAWAY, fastest
 
 AS_IT_IS, HALF_STEP, FINER, SILENT = "as it is", "half the time step", "half the spacing", "no artificial viscosity"

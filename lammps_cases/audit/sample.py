@@ -28,7 +28,7 @@ from lammps_cases.comparison.compare import Comparison, compare_field, component
 from lammps_cases.engine.session import read_list
 from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.findings.neighbour_lists import NeighbourList
-from lammps_cases.records.run_record import FieldRecord
+from lammps_cases.records.case_parts import FieldRecord
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.model_fields import derived
 

@@ -18,7 +18,7 @@ from eos_ref.errors import InputError, unknown
 from lammps_cases.audit.fields import chosen
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.findings import LEDGER
-from lammps_cases.records import untrusted
+from lammps_cases.records.files import MIB, read_text
 
 FILE = "eos-ref.toml"
 UNTIL = re.compile(r"until (\d{4})-(\d{2})(?:-(\d{2}))?, (\S.*)")
@@ -118,7 +118,7 @@ def read(folder: Path) -> Settings:
     if not path.exists():
         return Settings()
     try:
-        settings = Settings.model_validate(tomllib.loads(untrusted.read_text(path, "settings", untrusted.MIB)))
+        settings = Settings.model_validate(tomllib.loads(read_text(path, "settings", MIB)))
         for finding, text in settings.allow.items():
             allowance(finding, text)
         for limits in (settings, *settings.deck.values()):

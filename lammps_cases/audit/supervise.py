@@ -33,9 +33,10 @@ from lammps_cases.audit.verdict import Findings
 from lammps_cases.engine import containment, ranks
 from lammps_cases.engine.session import death, how_it_died
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.records import wording
+from lammps_cases.records import case_wording
+from lammps_cases.records.case_parts import worst
 from lammps_cases.records.progress import SILENT
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, worst
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.verdict.outcome import leave_unchecked
 
 LAUNCHER = 120.0  # seconds to find what starts several ranks
@@ -127,7 +128,7 @@ def _take_share(case: CaseRecord, pairs: PairShare, options: AuditOptions) -> No
         forces = ("f", f"{pairs.reason}; {where} it cannot be had ({failure})")
     leave_unchecked(case, dict(forces if name == "f" else (name, reason) for name, reason in case.unchecked.items()))
     case.verdict = worst([case.verdict, *(record.verdict for record in compared)])
-    case.message = wording.message(case)
+    case.message = case_wording.message(case)
 
 
 def case_name(file: Path) -> str:

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eos_ref.errors import InputError
-from lammps_cases.records import untrusted
+from lammps_cases.records.files import MIB, read_bytes
 
-LARGEST_SCRIPT = 4 * untrusted.MIB
+LARGEST_SCRIPT = 4 * MIB
 LONGEST_LINE = 2**15
 
 # Three quotes are never read as one quote and two more, hence the atomic group; nor is a quoted text taken up again.
@@ -65,7 +65,7 @@ def read_lines(path: Path) -> list[LogicalLine]:
     InputError
         It cannot be read, or is too large for a script.
     """
-    content = untrusted.read_bytes(path, "input script", LARGEST_SCRIPT)
+    content = read_bytes(path, "input script", LARGEST_SCRIPT)
     lines = logical_lines(content.decode("utf-8", errors="replace"))
     for number, line in lines:
         if len(line) > LONGEST_LINE:

@@ -19,9 +19,18 @@ from lammps_cases.audit.options import (
 )
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import finding
-from lammps_cases.records import deck_wording, wording
-from lammps_cases.records.audit_record import ActingRecord, BreakRecord, BudgetRecord, EffectRecord
-from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, FieldRecord, worst
+from lammps_cases.records import case_wording, deck_wording, wording
+from lammps_cases.records.case_parts import (
+    ActingRecord,
+    Blame,
+    BreakRecord,
+    BudgetRecord,
+    CheckRecord,
+    EffectRecord,
+    FieldRecord,
+    worst,
+)
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.verdict.outcome import leave_unchecked
 
 
@@ -106,7 +115,9 @@ class Findings:
             (name, reason + (f" (run {', '.join(map(str, runs))})" if several else ""))
             for (name, reason), runs in self.unchecked.items()
         ]
-        open_ = [(name, wording.not_predictable(steps, names)) for (name, names), steps in self.unpredictable.items()]
+        open_ = [
+            (name, case_wording.not_predictable(steps, names)) for (name, names), steps in self.unpredictable.items()
+        ]
         missed = [name for name in missed if not any(name == field for field, _ in self.unpredictable)]
         return by_field([*of_runs, *open_, *((name, NEVER_COMPARABLE) for name in missed)])
 
@@ -165,7 +176,7 @@ class Findings:
         )
         leave_unchecked(case, self.reasons())
         case.out_of_scope = out_of_scope(self.unchecked)
-        case.message = wording.message(case) or (deck_wording.broke_at_length(broke) if broke else "")
+        case.message = case_wording.message(case) or (deck_wording.broke_at_length(broke) if broke else "")
         return case
 
     def _acting(self) -> list[ActingRecord]:

@@ -40,8 +40,15 @@ from lammps_cases.audit.pressure import PressureSample
 from lammps_cases.audit.rerun import looks, reruns, shortened
 from lammps_cases.audit.warn import SOLID, Kept, Questions
 from lammps_cases.comparison.compare import Comparison
-from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, EffectRecord, OutlookRecord, SeriesRecord
-from lammps_cases.records.run_record import FieldRecord, LawRecord
+from lammps_cases.records.case_parts import (
+    BudgetRecord,
+    ClosedRecord,
+    EffectRecord,
+    FieldRecord,
+    LawRecord,
+    OutlookRecord,
+    SeriesRecord,
+)
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.model_fields import derived
 from lammps_cases.verdict.runaway import RUNAWAY

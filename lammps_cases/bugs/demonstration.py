@@ -16,8 +16,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict
 
 from lammps_cases import findings
-from lammps_cases.records.manuals import OfManual
-from lammps_cases.records.yaml_files import read_yaml
+from lammps_cases.records.yaml_files import OfManual, read_yaml
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 

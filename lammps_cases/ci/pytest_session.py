@@ -19,7 +19,7 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases.ci.pytest_cases import JUDGE, Abandoned, CaseItem, CaseJudge, CaseYaml, named
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison.store import open_store
 from lammps_cases.engine import installations
 from lammps_cases.records import wording
 from lammps_cases.records.faults import part
@@ -27,7 +27,7 @@ from lammps_cases.records.headline import Headline
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
 from lammps_cases.run import provenance, report_files
-from lammps_cases.run.output_folder import output_folder
+from lammps_cases.run.report_files import output_folder
 from lammps_cases.scene import casefile
 
 SUFFIXES = (".yaml", ".yml")
@@ -48,7 +48,7 @@ class SessionPlugin:
         except InputError as error:
             raise pytest.UsageError(f"eos-ref: {error}") from None
         self._judge = config.stash[JUDGE] = CaseJudge(
-            engine, prediction_keys.open_store(option.eos_ref_fresh), option.eos_ref_fail_on or "new"
+            engine, open_store(option.eos_ref_fresh), option.eos_ref_fail_on or "new"
         )
         self._engine = self._judge.engine
         self._output = ExitStack()
@@ -210,5 +210,5 @@ def _lines(run: RunRecord) -> list[str]:
     lines = [f"{wording.engine(run.engine)}: {wording.tally(run)}"]
     lines += [*([wording.carried(run.carried)] if run.carried else []), *wording.lacks(run.faults), *run.notes]
     if run.predictions.stored:
-        lines.append(f"{run.predictions} (--eos-ref-fresh recomputes them)")
+        lines.append(f"{wording.predictions(run.predictions)} (--eos-ref-fresh recomputes them)")
     return lines

@@ -12,8 +12,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_
 from eos_ref import InputError
 from eos_ref.errors import unknown
 from lammps_cases.records.files import DATA
-from lammps_cases.records.manuals import OfManual
-from lammps_cases.records.yaml_files import read_yaml
+from lammps_cases.records.yaml_files import OfManual, read_yaml
 
 FOLDER = DATA / "claims"
 Page = Literal["fix rheo", "fix rheo/pressure"]

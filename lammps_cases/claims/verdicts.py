@@ -19,10 +19,12 @@ from eos_ref.syntax.manual import FIRST, Manual
 from lammps_cases.claims.model import Claim, claims
 from lammps_cases.claims.probes import PREFIX
 from lammps_cases.findings import severities
+from lammps_cases.records.case_parts import FieldRecord
+from lammps_cases.records.case_wording import own_words
 from lammps_cases.records.headline import HERE, Headline, headline
 from lammps_cases.records.levels import FailOn
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
-from lammps_cases.records.wording import INSIDE, counted, number, own_words
+from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.records.wording import INSIDE, counted, number
 
 ClaimVerdict = Literal["holds", "does not hold", "not run", "cannot be tested", "not claimed"]
 VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)

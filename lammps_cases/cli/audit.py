@@ -16,9 +16,10 @@ from lammps_cases.audit.options import AuditOptions, DeckLevelOptions, FinishedO
 from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import LAUNCHER, Json
+from lammps_cases.records.case_parts import CheckRecord
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
-from lammps_cases.records.run_record import CaseRecord, CheckRecord
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import listed, size
 
 if TYPE_CHECKING:

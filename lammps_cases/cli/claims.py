@@ -67,7 +67,7 @@ def claims_command(
     from lammps_cases.claims import model
     from lammps_cases.claims.probes import manual
     from lammps_cases.claims.trace import trace
-    from lammps_cases.records import kept
+    from lammps_cases.records import folders
     from lammps_cases.records.run_record import read_run
     from lammps_cases.scene import casefile
 
@@ -81,8 +81,8 @@ def claims_command(
         return _manuals(chosen, as_json)
     judged = engines or [read_run(run).engine.name for run in runs] or ("env",)
     with _folder(out, judged, whole=not names) as folder:
-        folders = [run.resolve() if kept.is_link(run) else run for run in runs]  # the link moves on
-        answers = [(_with_probes(read_run(run), run, folder), run) for run in folders]
+        places = [run.resolve() if folders.is_link(run) else run for run in runs]  # the link moves on
+        answers = [(_with_probes(read_run(run), run, folder), run) for run in places]
         answers += [
             _answers(engine, chosen, cases, not names, folder, processes(jobs), as_json)
             for engine in engines or (() if runs else ("env",))
@@ -93,13 +93,13 @@ def claims_command(
 @contextmanager
 def _folder(out: Path | None, engines: Sequence[str], whole: bool) -> Iterator[Path]:
     """Yield the folder of the page: the one asked for, or a new one among those of all claims or of some."""
-    from lammps_cases.records import kept
+    from lammps_cases.records import folders
 
     if out is not None:
         shared.page_folder(out)
         yield out
         return
-    shelf = (kept.whole_claims if whole else kept.parts_of_claims)(shared.REPORTS)
+    shelf = (folders.whole_claims if whole else folders.parts_of_claims)(shared.REPORTS)
     with shelf.place(*engines) as folder:
         yield folder
 
@@ -186,11 +186,11 @@ def _answers(
     """
     from lammps_cases.claims.probes import manual
     from lammps_cases.claims.verdicts import Names
-    from lammps_cases.comparison import prediction_keys
+    from lammps_cases.comparison.store import open_store
     from lammps_cases.engine import installations
     from lammps_cases.engine.workers import Workers
     from lammps_cases.records.files import write_atomically
-    from lammps_cases.records.wording import folder_name
+    from lammps_cases.records.folders import folder_name
     from lammps_cases.run import campaign, provenance
 
     resolved = installations.resolve(engine)
@@ -202,7 +202,7 @@ def _answers(
     with Bar(quiet, prefix=f"{engine}: ") as bar:
         run = None
         if needed:
-            asked, store = campaign.Request(provenance.command_line()), prediction_keys.open_store()
+            asked, store = campaign.Request(provenance.command_line()), open_store()
             run = campaign.run_cases(needed, resolved, jobs, folder, asked, bar, store)
         with Workers(resolved.site, jobs) as workers:
             who = workers.outcome(workers.identify())
@@ -221,10 +221,10 @@ def _probes_file(folder: Path) -> Path:
 
 def _with_probes(run: RunRecord, folder: Path, out: Path) -> RunRecord:
     """Add to a finished run the probes that an earlier call of this command put to the same LAMMPS."""
-    from lammps_cases.records import kept
+    from lammps_cases.records import folders
     from lammps_cases.records.run_record import RunRecord
 
-    last = kept.whole_claims(shared.REPORTS).link
+    last = folders.whole_claims(shared.REPORTS).link
     for path in (_probes_file(folder), *sorted(out.glob(f"*{PROBES}")), *sorted(last.glob(f"*{PROBES}"))):
         try:
             probed = RunRecord.model_validate_json(path.read_bytes())

@@ -191,8 +191,8 @@ def _evaluator(case: Any, ready: Any) -> str | None:
 
 def _exercises(case: Any, ready: Any, full: bool) -> list[dict[str, Any]]:
     """List the changes that a case has to see, or all that it sees, with the number of particles that each moves."""
-    from lammps_cases.comparison.prediction_keys import open_store
     from lammps_cases.comparison.predictor import Predictor
+    from lammps_cases.comparison.store import open_store
     from lammps_cases.scene.changes import catalogue
     from lammps_cases.verdict.exercise import exercised
 

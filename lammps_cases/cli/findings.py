@@ -118,7 +118,7 @@ def report_bug_command(
     from lammps_cases.bugs import bare, issue, report
     from lammps_cases.engine import installations
     from lammps_cases.records.files import write_atomically
-    from lammps_cases.records.wording import folder_name
+    from lammps_cases.records.folders import folder_name
 
     chosen = installations.resolve(engine)
     made = report.make(name, chosen, tuple(paths(files)))

@@ -118,14 +118,14 @@ def _forget(history: History, before: str, as_json: bool) -> None:
 
 def _add(history: History, reports: Sequence[Path], bar: Bar) -> None:
     """Keep the runs of report folders, or of the run.json in them."""
-    from lammps_cases.records import untrusted
     from lammps_cases.records.documents import LARGEST
+    from lammps_cases.records.files import read_bytes
     from lammps_cases.records.run_record import parse_run
 
     for k, path in enumerate(reports):
         bar.advance(k, len(reports), str(path))
         folder = path.parent if path.name == "run.json" else path
-        content = untrusted.read_bytes(folder / "run.json", "run", LARGEST)
+        content = read_bytes(folder / "run.json", "run", LARGEST)
         history.add(parse_run(content, folder), content)
 
 

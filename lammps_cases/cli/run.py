@@ -63,7 +63,7 @@ def run_command(
     names, tag = options.names, options.tag
     shared.start_fork_server(pairs=options.fresh or tag not in WITHOUT_PAIRS)
     with shared.uncollected():
-        from lammps_cases.comparison import prediction_keys
+        from lammps_cases.comparison.store import open_store
         from lammps_cases.engine import installations
         from lammps_cases.records import folders
         from lammps_cases.records.wording import counted
@@ -87,7 +87,7 @@ def run_command(
             all_of_them = f"{counted(len(chosen), 'case')} from the beginning"
             shared.show(f"note: nothing to resume; running {all_of_them}", "  ", fg="yellow")
         with Bar(quiet=as_json, complaints=True) as bar:
-            store = prediction_keys.open_store(options.fresh)
+            store = open_store(options.fresh)
             asked = campaign.Request(provenance.command_line(), options.level, part, options.allow)
             run = campaign.run_cases(chosen, resolved, options.processes, folder, asked, bar, store, resume)
         changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
@@ -254,7 +254,7 @@ def diagnose_command(run: Run, cases: Files = (), as_json: Json = False) -> int:
     \b
     Example:  eos-ref diagnose reports/latest
     """
-    from lammps_cases.comparison.prediction_keys import open_store
+    from lammps_cases.comparison.store import open_store
     from lammps_cases.records.faults import part
     from lammps_cases.records.run_record import read_run
     from lammps_cases.run import campaign, report_files
@@ -279,7 +279,7 @@ def merge_command(runs: Annotated[tuple[Path, ...], Positional()], out: Report =
     """
     from eos_ref import InputError
     from lammps_cases.records.run_record import read_run
-    from lammps_cases.run.merge import merge
+    from lammps_cases.run.shards import merge
 
     parts = [read_run(run) for run in runs]
     if len(parts) == 1 and not parts[0].shard:

@@ -38,12 +38,12 @@ def run_folder(out: Path | None, cases: Iterable[str], engine: str, resume: bool
     if out is not None:
         yield out
         return
-    from lammps_cases.records import kept
+    from lammps_cases.records import folders
     from lammps_cases.scene import casefile
 
     run = set(cases)
     whole = bool(run) and run.issuperset(case.name for case in casefile.select(casefile.load()))
-    shelf = (kept.whole_runs if whole else kept.parts_of_runs)(REPORTS)
+    shelf = (folders.whole_runs if whole else folders.parts_of_runs)(REPORTS)
     with shelf.place(engine, resume=resume) as folder:
         yield folder
 
@@ -103,7 +103,7 @@ def _remove_empty(made: Iterable[Path]) -> None:
 def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str] = ()) -> int:
     """Print the verdict of a run, what changed against a baseline, and where the report is; return the exit code."""
     from lammps_cases.records.faults import part
-    from lammps_cases.records.kept import is_part
+    from lammps_cases.records.folders import is_part
     from lammps_cases.records.wording import lacks
     from lammps_cases.report import bare
     from lammps_cases.report.findings import outcome
@@ -164,7 +164,7 @@ def say(headline: Headline) -> None:
 
 def _details(run: RunRecord) -> None:
     """Print the cases of a run counted, then those not as expected, and whatever else concerns the run as a whole."""
-    from lammps_cases.records.wording import carried, carried_rows, counted, notes, tally, triage_lines
+    from lammps_cases.records.wording import carried, carried_rows, counted, notes, predictions, tally, triage_lines
 
     click.echo(f"{tally(run)} ({run.seconds:.1f} s)")
     for case in run.cases:
@@ -176,7 +176,7 @@ def _details(run: RunRecord) -> None:
     for line in triage_lines(run):
         show(f"  {line}", "      ")
     if run.predictions.stored:
-        click.echo(f"  {run.predictions} (--fresh recomputes them)")
+        click.echo(f"  {predictions(run.predictions)} (--fresh recomputes them)")
     if run.carried:
         show(f"  {carried(run.carried)}", "    ", fg="yellow")
         for finding, what, cases in carried_rows(run.carried):
@@ -248,7 +248,7 @@ def table(
 
 def stages(run: RunRecord) -> Iterator[str]:
     """Yield where the processor time of a run went: a table of stages, those that take longest first."""
-    from lammps_cases.records.stages import REST, taken
+    from lammps_cases.records.progress import REST, taken
 
     spent: dict[str, float] = taken()
     for name, seconds in (each for case in run.cases for each in case.seconds.stages.items()):

@@ -241,8 +241,9 @@ def adopt_command(
     from lammps_cases.engine import installations
     from lammps_cases.records.faults import part
     from lammps_cases.records.files import write_atomically
+    from lammps_cases.records.folders import folder_name
     from lammps_cases.records.run_record import read_run
-    from lammps_cases.records.wording import folder_name, lacks
+    from lammps_cases.records.wording import lacks
     from lammps_cases.versions.intake import adopt, page
     from lammps_cases.versions.intake.record import DOCUMENT
 

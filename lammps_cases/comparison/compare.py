@@ -12,7 +12,7 @@ import numpy.typing as npt
 from eos_ref import EOSTable
 from eos_ref.eos import bounds, lammps_rounding, rigorous
 from eos_ref.eos.table import FloatArray
-from lammps_cases.records.run_record import DigitsLost, FieldRecord, Verdict, digest
+from lammps_cases.records.case_parts import DigitsLost, FieldRecord, Verdict, digest
 
 IntArray = npt.NDArray[np.integer]
 CERTIFIED = 24  # atoms per field whose error is certified with Arb: the worst by an extended-precision screening

@@ -19,7 +19,7 @@ from lammps_cases.comparison.trajectory import halted
 
 MOST_PAIRS = 12  # that are printed; the nearest ones
 ARE = {"rhoeq": "rho", "cs": "cs", "kappa": "conductivity", "cv": "cv", "E": "energy"}  # quantities with units
-LARGEST = 20_000  # particles of a scene whose pairs are listed beside its verdict
+LARGEST = 20_000  # particles of a scene whose pairs are listed with its verdict
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class PairContribution:
     """A pair: the other particle, the distance vector to it, the kernel and its gradient.
 
     With what the pair adds to the particle's force (``pressure_force``: by pressure and artificial viscosity), rate of
-    density and heat flow, as far as the model has them and they were asked for.
+    density and heat flow, as far as the model has them and they are wanted.
     """
 
     other: ParticleValues

@@ -1,7 +1,7 @@
 """What the reference predicts for a scene, computed once: within a case, and from run to run.
 
 A prediction follows from the problem (model, box, particles, time step, fields, steps), the variant, the seed of the
-moved runs, and what `lammps_cases.comparison.prediction_keys` adds to that: nothing else decides whether one is found
+moved runs, and what `lammps_cases.comparison.store` adds to that: nothing else decides whether one is found
 again.
 """
 
@@ -22,9 +22,8 @@ from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.pairs import Candidates, sharing
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import pair_sums
-from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.comparison.store import Store
+from lammps_cases.comparison.store import Store, Unnamed, fingerprint
 from lammps_cases.comparison.trajectory import (
     Fields,
     Halt,
@@ -80,7 +79,7 @@ class Predictor:
     def widening(self, problem: Problem, made: Made, seed: int) -> Iterator[Prediction]:
         """Yield what a variant predicts with the bounds of one moved run, then with those of all.
 
-        The first are no wider: where LAMMPS is inside, nobody asks for the others, which take half of the time.
+        The first are no wider: where LAMMPS is inside, the others, which take half of the time, are not needed.
         """
         runs = widening(problem, *made, seed)
         if problem.goes_on:

@@ -26,10 +26,10 @@ class ProblemStop:
     by_nc : displacement of every particle, (n, d); None: none
     read_back : whether the state is read from a file
     digits : significant digits that the state goes through a text file with; None: all
-    new_n : particles that LAMMPS' fixes have nothing kept of, (n,): all if the fixes are defined anew
+    new_n : particles that LAMMPS' fixes have nothing kept of, (n,): all if the fixes are defined again
     box : the box from here on, with which the positions change; None: as before
     minimized : whether a minimisation moves nothing, but evaluates forces
-    continued : whether the next run goes on without a set-up
+    continued : whether the next run continues without a set-up
     """
 
     step: int

@@ -3,8 +3,8 @@
 The bound of a single evaluation follows from its own formulas (`eos_ref.numbers.rounded`). Over steps rounding grows:
 the bound is the spread of reference runs in which every evaluation is moved by its own bound and every update of the
 state by one unit of the last place, with random signs, in one run of three the same at every step: what hardly changes
-rounds alike. What the updates sum up to where all of them round one way is added. Where units round the input itself,
-runs from input moved so add their spread (`lammps_cases.comparison.rounded_input`).
+rounds the same way. What the updates sum up to where all of them round one way is added. Where units round the input
+itself, runs from input moved so add their spread (`lammps_cases.comparison.perturbation`).
 """
 
 from __future__ import annotations
@@ -29,14 +29,13 @@ from eos_ref.model.box import Box, Deform
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.model.state import Gradients, PairTerms
 from eos_ref.numbers.rounded import Rounded, error
+from lammps_cases.comparison.perturbation import Signs, moved_input
 from lammps_cases.comparison.problem import Problem, ProblemStop
-from lammps_cases.comparison.rounded_input import moved_input
-from lammps_cases.comparison.signs import Signs
-from lammps_cases.records.stages import stage
+from lammps_cases.records.progress import stage
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3
-MOVED_PARTICLES = 48  # in all runs: random signs move two particles alike half the time, and then nothing between them
+MOVED_PARTICLES = 48  # in all runs: random signs move half of all pairs the same way, and nothing between them
 UPDATES = 3  # of a value in a step, at most: two halves, and the shift
 # Loading the compiled loops takes 0.456 s; from then on they save 7.92 us at every evaluation of a particle. Both are
 # rounded measurements of one machine, fixed here so that the size of a scene alone decides which bits it gets.
@@ -195,7 +194,7 @@ def own_stages(problem: Problem) -> type[Evaluator]:
     """Return the reference's own evaluator: compiled from `COMPILED_ABOVE` evaluations on, in an upright, fixed box."""
     if problem.box.tilted or problem.model.deform or evaluations(problem) <= COMPILED_ABOVE:
         return in_blocks(ArrayEvaluator, _in_blocks(problem))
-    from eos_ref.compiled.evaluator import CompiledEvaluator
+    from eos_ref.compiled.evaluator import CompiledEvaluator  # heavy, and of use to large problems alone
 
     return CompiledEvaluator
 

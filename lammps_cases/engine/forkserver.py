@@ -18,7 +18,7 @@ from types import ModuleType
 
 FIRST = "lammps_cases.engine.beginning"
 OF_WORKERS = "lammps_cases.engine.workers"
-OF_JUDGING = ("lammps_cases.verdict.cases", "lammps_cases.run.flow", "lammps_cases.report.page")
+OF_JUDGING = ("lammps_cases.verdict.cases", "lammps_cases.run.flow", "lammps_cases.run.report_files")
 OF_PAIRS = "scipy.spatial"  # as long to import as a third of all the rest
 _starting = threading.RLock()
 

@@ -29,7 +29,7 @@ from lammps_cases.engine.session import (
 from lammps_cases.engine.stepping import instance
 
 if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
-    from lammps_cases.records.run_record import Failed
+    from lammps_cases.records.case_parts import Failed
 
 T = TypeVar("T")
 ROOM = 16  # times its size has to be left beside an answer that is kept, for LAMMPS' own files of other cases

@@ -14,8 +14,9 @@ from lammps_cases.comparison.compare import EosState
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.engines import nearest, since
 from lammps_cases.findings.variants import Variant
+from lammps_cases.records.case_parts import Ended, Verdict
 from lammps_cases.records.levels import Severity
-from lammps_cases.records.run_record import CaseRecord, Ended, Verdict
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import FACTOR, times
 
 if TYPE_CHECKING:

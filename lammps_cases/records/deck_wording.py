@@ -1,4 +1,4 @@
-"""What is said of an audited deck: effects of findings, how its state broke, why it failed, what was not checked."""
+"""Sentences about an audited deck: effects of findings, how its state broke, why it failed, what was not checked."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
-from lammps_cases.records import wording
-from lammps_cases.records.audit_record import BreakRecord, EffectRecord, LostRecord
+from lammps_cases.records import case_wording, wording
+from lammps_cases.records.case_parts import BreakRecord, EffectRecord, FieldRecord, LostRecord
 from lammps_cases.records.levels import FAIL_ON, SEVERITIES, Severity, allowed, fails, severity_of
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, Level
+from lammps_cases.records.run_record import CaseRecord, Level
 from lammps_cases.records.wording import counted, listed, number, times
 
 _MORE = re.compile(r" For more information see \S+")
@@ -79,7 +79,7 @@ def in_brief(of: EffectRecord) -> str:
 
 
 def change(case: CaseRecord, finding: str) -> float:
-    """Return the largest effect of a finding on a deck, over the largest right value; infinite if nobody knows."""
+    """Return the largest effect of a finding on a deck, over the largest right value; infinite if it is unknown."""
     of_finding = [of.relative for of in case.effects if of.finding == finding]
     known = of_finding and all(of is not None and math.isfinite(of) for of in of_finding)
     return max(of_finding) if known else math.inf  # type: ignore[type-var, return-value]
@@ -93,7 +93,7 @@ def severity(case: CaseRecord, finding: str) -> Severity:
 
 
 def rejected(case: CaseRecord, fail_on: Level) -> list[str]:
-    """Return the findings of a deck that a level does not let pass; an effect that nobody knows is above any."""
+    """Return the findings of a deck that a level does not let pass; an unknown effect is above any."""
     if fail_on in FAIL_ON:
         return [finding for finding in case.findings if fails(severity(case, finding), fail_on)]
     return [finding for finding in case.findings if change(case, finding) > allowed(fail_on)]
@@ -162,7 +162,7 @@ def event(case: CaseRecord) -> str:
         return broke(case.broke)
     if case.as_expected or case.verdict == "differs":
         return ""
-    words = _MORE.sub("", wording.own_words(case) or case.verdict)
+    words = _MORE.sub("", case_wording.own_words(case) or case.verdict)
     return f"LAMMPS stops at step {case.steps}: {words}" if case.verdict == "refused" and case.checks else words
 
 
@@ -218,7 +218,7 @@ def unchecked(case: CaseRecord, never: Mapping[str, str] | None = None) -> list[
 
 
 def remarks(case: CaseRecord) -> list[str]:
-    """Say in a few words each what a reader of a headline must know beside the state: gaps, losses, warnings."""
+    """Say in a few words each what a reader of a headline must know besides the state: gaps, losses, warnings."""
     missed = {name: reason for name, reason in case.unchecked.items() if name not in case.out_of_scope}
     names, reasons, said = list(missed), set(missed.values()), []
     if missed:

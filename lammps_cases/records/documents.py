@@ -13,8 +13,7 @@ from typing import Any, Generic, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from eos_ref.errors import InputError
-from lammps_cases.records import untrusted
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records.files import MIB, read_bytes, write_atomically
 
 Kind = Literal[
     "run",
@@ -50,7 +49,7 @@ _VERSIONS: Mapping[Kind, int] = {
 }
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
 
-LARGEST = 512 * untrusted.MIB  # of a run of 1e5 cases
+LARGEST = 512 * MIB  # of a run of 1e5 cases
 INFINITE = ConfigDict(ser_json_inf_nan="strings")  # of what holds infinities or NaN, for which JSON has no numbers
 
 T = TypeVar("T")
@@ -138,7 +137,7 @@ class Document(Generic[T]):
         InputError
             The file cannot be read, is of another schema, or breaks a rule of this one: key and rule.
         """
-        return self.parsed(untrusted.read_bytes(path, self.kind, LARGEST), str(path))
+        return self.parsed(read_bytes(path, self.kind, LARGEST), str(path))
 
     def parsed(self, content: bytes, where: str) -> T:
         """Parse the document of a file's bytes; raises as `read`."""

@@ -1,4 +1,4 @@
-"""Files that a reader, or a kill at any moment, sees whole or not at all."""
+"""Files: written so that a reader, or a kill at any moment, sees all of them or nothing; read up to a size."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import csv
 import io
 import lzma
 import os
+import stat
 import struct
 import tempfile
 import zipfile
@@ -19,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eos_ref.errors import InputError
-from lammps_cases.records import untrusted
 
 DATA = Path(__file__).parents[1] / "data"  # what is shipped: cases, claims, probes, templates, measured curves
-LARGEST = 4096 * untrusted.MIB  # of a file of arrays, unpacked
+MIB = 2**20
+LARGEST = 4096 * MIB  # of a file of arrays, unpacked
 # What a damaged archive makes of zipfile and of numpy's reader of headers.
 DAMAGED: tuple[type[Exception], ...] = (
     *(ValueError, EOFError, OSError, KeyError, IndexError, TypeError, NotImplementedError, RuntimeError, SyntaxError),
@@ -52,6 +53,44 @@ def replace_file(path: Path, content: bytes | str) -> None:
         raise
 
 
+def read_bytes(path: Path, what: str, most: int) -> bytes:
+    """Return the content of a file; a fifo, a device or a file without end neither hangs nor fills the memory.
+
+    Parameters
+    ----------
+    what : str
+        The name of such a file in complaints.
+    most : int
+        Bytes that it may have.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, is no regular file, or is larger.
+    """
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)  # of a fifo, without waiting for a writer
+        with os.fdopen(handle, "rb") as file:
+            if not stat.S_ISREG(os.fstat(handle).st_mode):
+                raise InputError(what, "must be a regular file", where=str(path))
+            content = file.read(most + 1)
+    except OSError as error:
+        raise InputError(what, f"cannot be read: {error.strerror}", where=str(path)) from None
+    except ValueError:  # a path with a null character
+        raise InputError(what, "cannot be read: no name of a file", where=str(path)) from None
+    if len(content) > most:
+        raise InputError(what, f"must be at most {most / MIB:g} MiB", where=str(path))
+    return content
+
+
+def read_text(path: Path, what: str, most: int) -> str:
+    """Return the text of a file; raises as `read_bytes`, and if it is not UTF-8."""
+    try:
+        return read_bytes(path, what, most).decode("utf-8")
+    except UnicodeDecodeError:
+        raise InputError(what, "must be UTF-8 text", where=str(path)) from None
+
+
 def arrays_files(fields: Path, case: str) -> list[Path]:
     """Return the files that the arrays of a case may lie in; see `lammps_cases.verdict.case_arrays`."""
     return [fields / f"{case}{of}.npz" for of in ("", "@page", "@steps")]
@@ -69,7 +108,7 @@ def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False
 
 
 def _npy(array: NDArray[Any]) -> bytes:
-    """Return an array as numpy writes it, which makes the same few headers anew for every array of a run."""
+    """Return an array as numpy writes it, which makes the same few headers again for every array of a run."""
     if array.dtype.hasobject:
         raise ValueError("Python objects are no numbers")
     of: Any = np.lib.format.header_data_from_array_1_0(array)
@@ -97,11 +136,11 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """
     arrays = {}
     try:
-        with zipfile.ZipFile(io.BytesIO(untrusted.read_bytes(path, "per-atom arrays", LARGEST))) as archive:
+        with zipfile.ZipFile(io.BytesIO(read_bytes(path, "per-atom arrays", LARGEST))) as archive:
             unpacked = sum(member.file_size for member in archive.infolist())
             if unpacked > LARGEST:  # a member never unpacks to more than it says
-                most = LARGEST / untrusted.MIB
-                raise ValueError(f"unpacked they have {unpacked / untrusted.MIB:.0f} MiB, more than {most:g}")
+                most = LARGEST / MIB
+                raise ValueError(f"unpacked they have {unpacked / MIB:.0f} MiB, more than {most:g}")
             for name in archive.namelist():
                 raw = archive.read(name)
                 start = _PREFIX + int.from_bytes(raw[8:_PREFIX], "little")

@@ -121,7 +121,7 @@ def of_decks(
     cases : sequence of CaseRecord
         Audits, at least one.
     new : sequence of str
-        What is new or missing beside them, in words.
+        What is new or missing besides them, in words.
     fail_on : {"high", "medium", "low", "new"} or an effect
         What of a known finding fails.
     exempt : collection of str

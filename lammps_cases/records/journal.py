@@ -39,7 +39,7 @@ class Journal(Generic[T]):
             os.close(handle)
 
     def lines(self) -> Iterator[T | None]:
-        """Yield the entry of every line; None for a line that is none.
+        """Yield the entry of every line; None for a damaged line.
 
         Raises
         ------
@@ -69,7 +69,7 @@ class DonePart(Generic[T]):
 
 
 class Parts(Generic[T]):
-    """The journal of a study, from which an interrupted one goes on.
+    """The journal of a study, from which an interrupted one is resumed.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Severities of findings and the levels of ``--fail-on``: plain words, for which nothing else is loaded.
 
 On a deck the severity of a finding is what it changes there: ``high`` above 10 % of the largest right value of some
-field, or where nobody knows by how much, ``medium`` above 1 %, else ``low``.
+field, or where the effect is unknown, ``medium`` above 1 %, else ``low``.
 """
 
 from __future__ import annotations
@@ -29,5 +29,5 @@ def allowed(fail_on: str) -> float:
 
 
 def severity_of(effect: float) -> Severity:
-    """Return the severity on a deck of a finding with some effect there; infinite: one that nobody knows."""
+    """Return the severity on a deck of a finding with some effect there; infinite: unknown."""
     return next((severity for severity in SEVERITIES if effect > LARGEST[severity]), "low")

@@ -72,7 +72,7 @@ def interval(values: tuple[float, ...]) -> ConfidenceInterval:
     :math:`1 - 2^{1-n}\sum_{i<k}\binom ni`; the largest k that still gives 95 % is taken. Fewer than six values cannot
     reach it: the interval is then their range.
     """
-    from scipy.stats import binom
+    from scipy.stats import binom  # heavy, and every run imports this module
 
     ordered = sorted(values)
     # Of `scipy.stats.quantile_test` this is the confidence interval, a hundred times as fast.

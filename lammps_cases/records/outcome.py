@@ -10,7 +10,8 @@ from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Literal, get_args
 
-from lammps_cases.records.run_record import CaseRecord, CheckRecord, Ended, FieldRecord, Verdict, digest, worst
+from lammps_cases.records.case_parts import CheckRecord, Ended, FieldRecord, Verdict, digest, worst
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import INSIDE, field_name, listed, size, verdict_kind
 
 CRASHES: tuple[Ended, ...] = ("crashed", "timeout", "error")

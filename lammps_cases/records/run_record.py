@@ -1,209 +1,51 @@
-"""What a run leaves behind: the models of ``run.json``.
+"""Record of a run and of its cases: the models of ``run.json``.
 
 ``run.json`` is the single source of every report; its JSON schema is published in the same room.
 """
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections import Counter
 from collections.abc import Collection
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
-import numpy as np
-import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from eos_ref import EOS, InputError
+from eos_ref import InputError
 from eos_ref.syntax.manual import Manual, manual_of
-from lammps_cases.records.audit_record import (
+from lammps_cases.records.case_parts import (
+    VERDICTS,
     ActingRecord,
+    Beyond,
+    Blame,
     BreakRecord,
     BudgetRecord,
+    CheckRecord,
     ClosedRecord,
     EffectRecord,
+    Ended,
+    FieldRecord,
+    HarnessError,
+    LawRecord,
+    LostAtoms,
     LostRecord,
+    Mismatch,
+    OtherSteps,
     OutlookRecord,
+    Predictions,
+    Seconds,
     SeriesRecord,
+    Verdict,
+    as_expected,
 )
 from lammps_cases.records.documents import SCHEMAS, Document, Record
 from lammps_cases.records.faults import MissingPart
 from lammps_cases.records.levels import EFFECT, FailOn, State
 
-Verdict = Literal["exact", "pass", "explained", "differs", "refused", "crashed", "timeout", "error", "skipped"]
-VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
-# How LAMMPS ended a case: with numbers to compare; with an answer where a refusal was due; without an answer; with
-# other atoms or steps than asked for.
-Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
-Failed = Literal["refused", "crashed", "timeout", "error", "skipped"]  # a verdict and an end in one: without an answer
 Level = FailOn | Annotated[str, Field(pattern=f"^{EFFECT}$")]  # of --fail-on; 1%: an effect on a deck
 HASH = 8  # digits shown of a library's hash
-# From best to worst. A refusal that the scene expects counts as good as a pass; see `CaseRecord.as_expected`.
-BY_SEVERITY = ("skipped", "exact", "pass", "explained", "refused", "differs", "timeout", "crashed", "error")
-
-
-class DigitsLost(Record):
-    """Decimal digits lost against the rigorous value, worst atom; None where it was not evaluated."""
-
-    lammps: float | None = None
-    reference: float | None = None
-
-
-class StepRecord(Record):
-    """A field at one of the steps compared."""
-
-    step: int
-    verdict: Verdict
-    max_abs: float
-    max_over_bound: float
-    worst_id: int | None = None
-    digest: str = Field("", description="of the bits of the engine's array at this step; see `digest`")
-
-
-class FieldRecord(Record):
-    """Verdict on one per-atom field of a case."""
-
-    field: str
-    stage: str = Field(description="what is tested: input, eos, or a stage of the particle model")
-    verdict: Verdict
-    max_abs: float | None = Field(None, description="largest absolute difference over the atoms")
-    max_over_bound: float | None = Field(None, description="largest ratio of difference to bound")
-    bound: float | None = Field(None, description="bound at the worst atom")
-    derivation: str = Field("", description="how the bound was derived")
-    worst_id: int | None = Field(None, description="id of the worst atom")
-    worst_step: int | None = None
-    until: int | None = Field(None, description="last step at which it could be judged, if the run went on (audit)")
-    outside: int = Field(0, description="number of atoms outside the bound")
-    first_id: int | None = Field(None, description="lowest id outside the bound")
-    atom_type: int | None = Field(None, description="only atoms of this type (audit)")
-    digits_lost: DigitsLost = Field(default_factory=DigitsLost)  # pydantic would copy a default for every record
-    explained_by: list[str] = Field([], description="ids of the ledger entries whose variants are inside the bound")
-    digest: str = Field("", description="of the bits of the engine's array, of all steps compared; see `digest`")
-    steps: list[StepRecord] = Field([], description="every step compared; the values above are of the worst")
-
-
-class LawRecord(Record):
-    """Equation of state of one atom type."""
-
-    type: int
-    style: str
-    rho0: float
-    cs: float
-    parameter: float | None = None
-    background: float = 0.0
-    mass: float | None = None
-    freezes: bool = Field(False, description="whether particles freeze and melt: then solids are no walls (audit)")
-
-    @classmethod
-    def of(cls, atom_type: int, law: EOS, mass: float | None, freezes: bool = False) -> LawRecord:
-        """Return the record of a law and of the mass that its particles have (None: they differ)."""
-        parameters = {name: getattr(law, name) for name in ("style", "rho0", "cs", "parameter", "background")}
-        return cls(type=atom_type, mass=mass, freezes=freezes, **parameters)
-
-
-class CheckRecord(Record):
-    """One look of an audit: a field of one type, or of all, at one step."""
-
-    step: int
-    run: int = Field(description="number of the run command, from 1")
-    field: str = "pressure"
-    type: int = Field(description="0: all types together")
-    natoms: int
-    verdict: Verdict
-    max_abs: float
-    max_over_bound: float
-    worst_id: int
-    digest: str = Field("", description="of the bits of the engine's array, by id; see `digest`")
-
-
-class Seconds(Record):
-    """Wall time spent on a case."""
-
-    lammps: float = 0.0
-    reference: float = 0.0
-    total: float = 0.0
-    stages: dict[str, float] = Field({}, description="processor seconds of the process that judged it, by stage")
-
-
-class Predictions(Record):
-    """Where the reference's predictions came from; a stored one has the bits of a computed one."""
-
-    computed: int = Field(0, description="evaluated in this run")
-    stored: int = Field(0, description="found in the store of predictions (eos-ref run --fresh ignores it)")
-    judgements: int = Field(0, description="judgements found there, of answers that LAMMPS gave before, bit for bit")
-
-    def __str__(self) -> str:
-        from lammps_cases.records.wording import counted  # here: it imports this module
-
-        judgements = f"{counted(self.judgements, 'judgement')} and " if self.judgements else ""
-        total = self.stored + self.computed
-        return f"{judgements}{self.stored} of {counted(total, 'reference prediction')} taken from the cache"
-
-
-class Blame(Record):
-    """The first step, stage, field and atom outside the bound; of a twin, the reference's side is the other run."""
-
-    field: str
-    stage: str = ""
-    step: int | None = None
-    run: int | None = Field(None, description="number of the run command, from 1 (audit)")
-    atom: int = Field(description="lowest id outside the bound")
-    type: int | None = Field(None, description="type of that atom, where the laws are compared one by one")
-    rho: float | None = Field(None, description="density of that atom, likewise")
-    lammps: float | None = Field(None, description="value of that atom in LAMMPS; its worst component")
-    reference: float | None = None
-    bound: float | None = None
-    outside: int = Field(description="number of atoms outside the bound")
-    of: int = Field(description="number of atoms compared")
-    max_abs: float | None = Field(None, description="largest absolute difference over the atoms (audit)")
-    max_over_bound: float | None = Field(None, description="largest ratio of difference to bound (audit)")
-    worst_id: int | None = Field(None, description="id of the atom with that (audit)")
-
-
-class Beyond(Record):
-    """What leaves the bound first beside the findings without any of which something would leave it earlier."""
-
-    findings: list[str]
-    blame: Blame
-    known: list[str] = Field([], description="of those that LAMMPS is known to have all that change the scene")
-
-
-class LostAtoms(Record):
-    """LAMMPS returned other atoms than it was given."""
-
-    returned: int
-    given: int
-    first_id: int = Field(description="first id that is missing, foreign or doubled")
-
-
-class OtherSteps(Record):
-    """LAMMPS counted other steps than it was asked for."""
-
-    counted: list[int]
-    asked: list[int]
-
-
-class Mismatch(Record):
-    """What is wrong with the answer to a probe.
-
-    ``counts`` and ``values``: of numbers that differ, how many of how many, and the two that are furthest apart; of
-    arrays that cannot be compared, their lengths; of a number that is measured, itself, that expected, and the bound.
-    """
-
-    kind: Literal["not finite", "logged", "other numbers", "other atoms", "measured", "blind"]
-    fields: list[str] = Field([])
-    text: str = Field("", description="what the log holds; of a blind probe, how its control ended")
-    counts: list[int] = Field([])
-    values: list[float] = Field([])
-
-
-class HarnessError(Record):
-    """A fault of the harness, not of LAMMPS."""
-
-    exception: str = Field("", description="its class; empty: the process that judged ended")
-    text: str
 
 
 class CaseRecord(Record):
@@ -336,7 +178,7 @@ class EngineRecord(Record):
     @property
     def version(self) -> tuple[str, str]:
         """The best identification: ``lammps`` (a release), ``git`` or ``library``, and its text; empty without any."""
-        # A build of a release has no revision; one of a repository is told from others of its date by that alone.
+        # A build of a release has no revision; one of a repository differs from others of its date in that alone.
         dated = self.release or ("" if self.git else self.distribution)
         labels = {"lammps": dated, "git": self.git, "library": self.library_sha256[:16]}
         return next(((kind, label) for kind, label in labels.items() if label), ("", ""))
@@ -486,31 +328,13 @@ class RunRecord(Record):
 _DOCUMENT = Document("run", RunRecord)
 
 
-def as_expected(verdict: Verdict, expects: str) -> bool:
-    """Return whether a verdict leaves a run green, for a case that expects a refusal with some text, or none."""
-    return bool(expects) if verdict == "refused" else verdict in ("exact", "pass", "explained", "skipped")
-
-
-def worst(verdicts: list[Verdict]) -> Verdict:
-    """Return the worst of some verdicts; `skipped` if there is none."""
-    return max(verdicts, key=BY_SEVERITY.index, default="skipped")
-
-
-def digest(*parts: npt.NDArray[Any] | str) -> str:
-    """Hash arrays of doubles bit by bit, or other digests: the first 64 bits of SHA-256, in hexadecimal."""
-    sha256 = hashlib.sha256()
-    for part in parts:
-        sha256.update(part.encode() if isinstance(part, str) else np.ascontiguousarray(part, float).tobytes())
-    return sha256.hexdigest()[:16]
-
-
 def read_run(directory: Path) -> RunRecord:
     """Read the run.json of a report folder.
 
     Raises
     ------
     InputError
-        No run.json there, one of another schema, or a case whose name is none of a file.
+        No run.json there, one of another schema, or a case whose name is not one of a file.
     """
     if directory.is_file():
         rule = "must be the folder of a report, not a file in it"

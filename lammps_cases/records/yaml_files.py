@@ -1,4 +1,4 @@
-"""YAML files: safe types only, numbers as YAML 1.2 has them, no repeated key.
+"""YAML files: safe types only, numbers as YAML 1.2 has them, no repeated key; the base of statements of the manual.
 
 PyYAML's parser in C reads all shipped case files in a fourteenth of the time that ruamel.yaml's takes, which does all
 of this by itself but in Python: 0.07 s against 1.0 s, with 1.5 s for the whole of ``eos-ref list``.
@@ -12,13 +12,15 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from pydantic import BaseModel, model_validator
 
 from eos_ref.errors import InputError
-from lammps_cases.records import untrusted
+from eos_ref.syntax.manual import FIRST, MANUALS, Manual
+from lammps_cases.records.files import MIB, read_text
 
 DECK = re.compile(r"^\s*(units|atom_style|pair_style|fix|run)[ \t]+\w", re.MULTILINE)  # commands of LAMMPS
 MOST_SHOWN = 80  # characters of a value in a complaint
-LARGEST = 32 * untrusted.MIB
+LARGEST = 32 * MIB
 DEEPEST = 40  # levels of a document
 MOST_ALIASED = 100_000  # parts that aliases stand for, each counted whenever it is named
 LONGEST_NUMBER = 400  # characters
@@ -123,7 +125,7 @@ def _check_size(text: str) -> None:
 
 def compose(path: Path) -> yaml.Node:
     """Return a file that `read_yaml` takes, and that is not empty, as nodes, each with line and column."""
-    node = yaml.compose(untrusted.read_text(path, "case file", LARGEST), _Loader)
+    node = yaml.compose(read_text(path, "case file", LARGEST), _Loader)
     assert node is not None
     return node
 
@@ -145,7 +147,7 @@ def read_yaml(path: Path, what: str = "case file") -> Any:
     InputError
         Unreadable, not UTF-8, not YAML, or a repeated key.
     """
-    text = untrusted.read_text(path, what, LARGEST)
+    text = read_text(path, what, LARGEST)
     try:
         _check_size(text)
         return yaml.load(text, _UniqueKeys)
@@ -157,3 +159,25 @@ def read_yaml(path: Path, what: str = "case file") -> Any:
         raise InputError(what, f"is not valid YAML: {problem}{if_deck(path, text)}", where=line) from None
     except (yaml.YAMLError, ValueError, AttributeError, RecursionError) as error:  # a tag that its text does not fit
         raise InputError(what, f"is not valid YAML: {error}", where=str(path)) from None
+
+
+class OfManual(BaseModel):
+    """A statement of the manual, which some versions of it make and others do not.
+
+    Attributes
+    ----------
+    since, until : the first and the last version of the manual that makes it; by default the first and the newest
+    """
+
+    since: Manual = FIRST
+    until: Manual = MANUALS[-1]
+
+    @model_validator(mode="after")
+    def _in_order(self) -> OfManual:
+        if MANUALS.index(self.since) > MANUALS.index(self.until):
+            raise ValueError("since must not be later than until")
+        return self
+
+    def made_in(self, manual: Manual) -> bool:
+        """Return whether a version of the manual makes it."""
+        return MANUALS.index(self.since) <= MANUALS.index(manual) <= MANUALS.index(self.until)

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import CaseRecord, RunRecord, StepRecord, Verdict
+from lammps_cases.records.case_parts import StepRecord, Verdict
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.scene.fields import FIELDS, in_step_order
 
 

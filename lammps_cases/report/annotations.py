@@ -16,8 +16,8 @@ from typing import Literal
 
 import yaml
 
-from lammps_cases.records import untrusted, wording
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records import wording
+from lammps_cases.records.files import read_text, write_atomically
 from lammps_cases.records.headline import LOOKS
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.yaml_files import LARGEST
@@ -42,7 +42,7 @@ def case_lines(path: Path) -> dict[str, int]:
     A case of a matrix stands at its label, in the axis that has most labels: the others tell less.
     """
     try:
-        root = yaml.compose(untrusted.read_text(path, "case file", LARGEST), yaml.SafeLoader)
+        root = yaml.compose(read_text(path, "case file", LARGEST), yaml.SafeLoader)
     except (ValueError, RecursionError, yaml.YAMLError):
         return {}
     keys = _children(root)
@@ -102,7 +102,7 @@ def deck_place(case: CaseRecord, deck: Path) -> tuple[Path, int]:
     if (at := _AT.search(case.engine_error)) and (file := deck.parent / at[1]).is_file():
         return file, int(at[2])
     try:
-        commands = [line.split() for line in untrusted.read_text(deck, "deck", LARGEST).splitlines()]
+        commands = [line.split() for line in read_text(deck, "deck", LARGEST).splitlines()]
     except ValueError:
         return deck, 1
     for warned in _FIX.finditer("\n".join(case.warnings)):

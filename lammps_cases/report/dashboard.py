@@ -12,7 +12,8 @@ from collections import Counter
 from typing import Any, Literal
 
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import CaseRecord, FieldRecord
+from lammps_cases.records.case_parts import FieldRecord
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.report import junit
 from lammps_cases.report.findings import Outcome
 

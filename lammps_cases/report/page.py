@@ -15,10 +15,11 @@ from markupsafe import Markup
 
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
-from lammps_cases.records import deck_wording, wording
+from lammps_cases.records import case_wording, deck_wording, wording
+from lammps_cases.records.case_parts import CheckRecord, FieldRecord, StepRecord
 from lammps_cases.records.faults import MissingPart, part
 from lammps_cases.records.levels import SEVERITIES
-from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import agreement, plots
 from lammps_cases.report.drawn import Drawn, drawn_from
 from lammps_cases.report.findings import Outcome
@@ -121,6 +122,7 @@ def _articles(family: Family, template: jinja2.Template) -> FamilyArticles:
             marks=family.marks,
             known=family.known,
             wording=wording,
+            case_wording=case_wording,
             deck_wording=deck_wording,
             statements_of=statements,
             subjects=SUBJECTS,
@@ -183,6 +185,7 @@ class RunPage:
             run=run,
             of_run=of_run,
             wording=wording,
+            case_wording=case_wording,
             entries=self.entries,
             names={entry.record.case for entry in self.entries},
             families=self.families,
@@ -276,7 +279,10 @@ def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
     yield "date", run.date
     yield "wall time", f"{run.seconds:.2f} s"
     if run.predictions.stored:
-        yield "predictions", f"{run.predictions}, bit-identical to computed ones (--fresh recomputes them)"
+        yield (
+            "predictions",
+            f"{wording.predictions(run.predictions)}, bit-identical to computed ones (--fresh recomputes them)",
+        )
     of_severity = f"those that are {run.fail_on} or worse" if run.fail_on in SEVERITIES else f"above {run.fail_on}"
     yield "known findings that fail", "none" if run.fail_on == "new" else of_severity
     if run.allowed:

@@ -22,7 +22,8 @@ from eos_ref.eos.table import EOS, FloatArray
 from eos_ref.errors import InputError
 from lammps_cases.comparison.compare import excess
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, LawRecord
+from lammps_cases.records.case_parts import CheckRecord, FieldRecord, LawRecord
+from lammps_cases.records.run_record import CaseRecord
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 Differences = Mapping[str, tuple[FloatArray, FloatArray]]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Literal, NamedTuple, get_args
 
 from lammps_cases.findings import LEDGER
-from lammps_cases.records import deck_wording, wording
+from lammps_cases.records import case_wording, deck_wording
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.report.advice import advice
 from lammps_cases.scene.fields import FIELDS
@@ -37,7 +37,7 @@ def statements(case: CaseRecord, never: Mapping[str, str] | None = None) -> list
     said: dict[Subject, list[str]] = {
         "state": [deck_wording.broke_at_length(case.broke)] if case.broke else [],
         "lost atoms": [deck_wording.lost(case.lost)] if case.lost and case.lost.ignored else [],
-        "stopped": [wording.outlook(case)] if case.outlook else [],
+        "stopped": [case_wording.outlook(case)] if case.outlook else [],
         "warning": case.warnings,
         "stability": case.stability,
         "not checked": deck_wording.unchecked(case, never),

@@ -2,6 +2,6 @@
 
 import sys
 
-from lammps_cases.records.callable_module import CallableModule
+from lammps_cases.records.options import CallableModule
 
 sys.modules[__name__].__class__ = CallableModule

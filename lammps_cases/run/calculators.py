@@ -12,11 +12,13 @@ from __future__ import annotations
 import weakref
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import ase
 import numpy as np
 from ase.calculators.calculator import CalculationFailed, Calculator, all_changes
 
+from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError, unknown
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import TILTED
@@ -35,13 +37,8 @@ from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 
-if TYPE_CHECKING:
-    import ase
-
-    from eos_ref.eos.table import FloatArray
-
 FIELDS_OF = {"forces": "f", "pressure": "pressure", "density": "rho"}
-ARRAYS = ("type", "rho", "e", "momenta")  # that a result depends on, beside what every calculator looks at
+ARRAYS = ("type", "rho", "e", "momenta")  # that a result depends on, besides what every calculator looks at
 
 
 class RheoCalculator(Calculator):  # type: ignore[misc]

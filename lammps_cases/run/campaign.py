@@ -6,31 +6,38 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from eos_ref import InputError
 from eos_ref.syntax.manual import Manual
+from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.findings import LEDGER
 from lammps_cases.records import folders, wording
 from lammps_cases.records.faults import part
 from lammps_cases.records.levels import FailOn
-from lammps_cases.records.progress import SILENT, Progress
+from lammps_cases.records.progress import SILENT, Progress, stage
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage
-from lammps_cases.records.stages import stage
-from lammps_cases.run.answers import Kept, discard
-from lammps_cases.run.article_task import begin_articles
-from lammps_cases.run.case_journal import CaseJournal, RunStart, start
+from lammps_cases.report.findings import carried_over
 from lammps_cases.run.flow import JUDGING, faulty, outcomes_of, record_case
-from lammps_cases.run.output_folder import WHAT, output_folder
-from lammps_cases.run.prepared_case import PreparedCase, prepare
+from lammps_cases.run.judged import CaseJournal, RunStart, start
+from lammps_cases.run.prepared_case import Kept, PreparedCase, discard, prepare
 from lammps_cases.run.provenance import engine_record, run_record
-from lammps_cases.run.report_files import past_of, write_kept_run, write_partial, write_run
-from lammps_cases.scene import FromFile
+from lammps_cases.run.report_files import (
+    WHAT,
+    begin_articles,
+    output_folder,
+    past_of,
+    write_kept_run,
+    write_partial,
+    write_run,
+)
+from lammps_cases.scene import FromFile, casefile
 from lammps_cases.scene.casefile import Case
 
 OPENING = 30.0  # seconds that opening LAMMPS may take at least
@@ -41,7 +48,7 @@ MaybePrepared = PreparedCase | Case  # beyond `KEPT` cases the latter: checked, 
 
 @dataclass(frozen=True)
 class Request:
-    """How a run was asked for, as its record keeps it.
+    """Options of a run, as its record keeps them.
 
     Attributes
     ----------
@@ -91,8 +98,8 @@ def run_cases(
 ) -> RunRecord:
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
 
-    With a store, predictions of the reference are taken from there and kept there. With ``resume`` a run that was
-    interrupted is gone on with; None: the command that runs has no such option.
+    With a store, predictions of the reference are taken from there and kept there. With ``resume`` an interrupted run
+    is continued; None: the command that runs has no such option.
 
     Raises
     ------
@@ -149,7 +156,7 @@ class Campaign:
     Attributes
     ----------
     judged : the names of the cases that are judged
-    records : those at hand: what no journal has, `KEPT` others, and all of them after `collect`
+    records : those in memory: what no journal has, `KEPT` others, and all of them after `collect`
     """
 
     def __init__(
@@ -174,7 +181,7 @@ class Campaign:
         Raises
         ------
         InputError
-            A bad case, or a run that goes on as another.
+            A bad case, or a resumed run that was another one.
         EngineMissing
         """
         workers.check_shared(self.folder)
@@ -211,10 +218,8 @@ class Campaign:
 
         LAMMPS' runs of a case are tasks, and then, of the files with their answers, its judgement.
         """
-        from lammps_cases.run.judged_before import judgement_store
-
         assert self.begun is not None
-        judgements = judgement_store(self.store, self.begun.code)
+        judgements = replace(self.store, context=self.begun.code) if self.store else None
         waiting, running, judging = deque(cases), list[Running](), list[Judging]()
         while waiting or running or judging:
             while waiting and len(running) + len(judging) < AHEAD * workers.count:
@@ -235,7 +240,7 @@ class Campaign:
                 discard(over.kept)
 
     def collect(self) -> int:
-        """Read the cases that were judged and are not at hand; return how many are judged."""
+        """Read the cases that were judged and are not in memory; return how many are judged."""
         self.records = self.journal.records(self.records) if self.begun else {}
         self.judged.update(self.records)
         return len(self.judged)
@@ -252,8 +257,6 @@ class Campaign:
 
 def run_of(begun: RunStart, records: Mapping[str, CaseRecord]) -> RunRecord:
     """Return the record of a run that began with some cases, of which some are judged."""
-    from lammps_cases.report.findings import carried_over
-
     run = begun.run.model_copy(update={"faults": []})
     run.cases = sorted(records.values(), key=lambda record: record.case)
     run.missing = len(begun.cases) - len(run.cases)
@@ -302,8 +305,6 @@ def following(each: MaybePrepared, manual: Manual) -> MaybePrepared:
 
 def cases_of(run: RunRecord, paths: Sequence[Path] = ()) -> list[Case]:
     """Return the cases that there are now: those shipped, and those of files that a finished run names or of others."""
-    from lammps_cases.scene import casefile
-
     named = [Path(source) for source in sorted({record.source for record in run.cases})]
     own = paths or [path for path in named if path.is_absolute() and path.is_file()]
     return [*casefile.load(), *(casefile.load(own) if own else [])]
@@ -313,8 +314,7 @@ def triaged(run: RunRecord, cases: Sequence[Case], folder: Path, store: Store | 
     """Return the triage of a run from its arrays in the folder of its report; a green run costs nothing."""
     if all(record.as_expected or record.limits for record in run.cases):
         return None
-    from lammps_cases.comparison.predictor import Predictor
-    from lammps_cases.verdict.diagnosis.triage import triage
+    from lammps_cases.verdict.diagnosis.triage import triage  # only a red run needs it
 
     return triage(run, cases, folder / "fields", Predictor(store))
 
@@ -329,8 +329,6 @@ def ordered(cases: Iterable[Case]) -> list[Case]:
 
     Those that are known to kill one come after all others, which would have to open LAMMPS, and its ranks, once more.
     """
-    from lammps_cases.findings import LEDGER
-
     crashes = [entry for entry in LEDGER if entry.outcome == "crashed"]
 
     def order(case: Case) -> tuple[bool, bool, bool]:

@@ -2,7 +2,7 @@
 
 1. `lammps_cases.scene.casefile.load`: case files to cases.
 2. `lammps_cases.run.prepared_case.prepare`: what both sides are given, particles, laws, and the jobs for LAMMPS.
-3. `lammps_cases.run.answers.Answers`: LAMMPS' answers to the jobs, and what it is run again for.
+3. `lammps_cases.run.prepared_case.Answers`: LAMMPS' answers to the jobs, and what it is run again for.
 4. `lammps_cases.comparison.predictor.Predictor`: the reference's fields with their bounds, computed or stored.
 5. `lammps_cases.verdict.cases.compare_case`: each field of the answer against the prediction.
 6. `lammps_cases.verdict.explanation.Trial.explain`: the findings that reproduce what is outside, and what is left.
@@ -17,22 +17,27 @@ import contextlib
 from collections.abc import Sequence
 from concurrent.futures import Future
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from lammps_cases.comparison.store import Store
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.store import Store, current
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.records import wording
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, HarnessError
-from lammps_cases.records.stages import stage, taken
-from lammps_cases.run.answers import Answers, Kept
-from lammps_cases.run.case_journal import CaseJournal
-from lammps_cases.run.prepared_case import Outcomes, PreparedCase
-
-if TYPE_CHECKING:  # judging is the workers' affair: the main process starts sooner without
-    from lammps_cases.comparison.predictor import Predictor
-    from lammps_cases.verdict.case_arrays import Arrays
-    from lammps_cases.verdict.particle_model import Reason
+from lammps_cases.findings import LEDGER
+from lammps_cases.records import case_wording
+from lammps_cases.records.case_parts import HarnessError
+from lammps_cases.records.progress import stage, taken
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.run.judged import CaseJournal, JudgedBefore
+from lammps_cases.run.prepared_case import Answers, Kept, Outcomes, PreparedCase
+from lammps_cases.verdict import case_arrays
+from lammps_cases.verdict.case_arrays import Arrays, pair_arrays, sampled
+from lammps_cases.verdict.cases import compare_case, first_step
+from lammps_cases.verdict.exercise import exercised
+from lammps_cases.verdict.outcome import blank_record
+from lammps_cases.verdict.particle_model import Reason
+from lammps_cases.verdict.snapshots import asks_for_lists
+from lammps_cases.verdict.twins import compare_twin
 
 JUDGING = 1800.0  # seconds that judging a case may take
 
@@ -48,11 +53,8 @@ def record_case(
 ) -> CaseRecord:
     """Task: judge the answers to a case; write its arrays, then its record into the journal.
 
-    An answer that was judged before is not judged again; see `lammps_cases.run.judged_before`.
+    An answer that was judged before is not judged again; see `lammps_cases.run.judged`.
     """
-    from lammps_cases.run.judged_before import JudgedBefore, current
-    from lammps_cases.verdict import case_arrays
-
     answers = Answers.read(site, ready, kept)
     with stage("judged before"):
         known = JudgedBefore.of(judgements, answers, engine) if judgements and current(judgements) else None
@@ -85,11 +87,6 @@ def judge(
 
 def _judged(answers: Answers, engine: EngineRecord, store: Store | None) -> tuple[CaseRecord, Arrays, Outcomes]:
     """Return the record and arrays of a case, and its outcomes with neighbour lists if these were judged."""
-    from lammps_cases.comparison.prediction_keys import current
-    from lammps_cases.comparison.predictor import Predictor
-    from lammps_cases.verdict.case_arrays import pair_arrays, sampled
-    from lammps_cases.verdict.exercise import exercised
-
     ready, predictor = answers.ready, Predictor(store if store and current(store) else None)
     exercises: dict[str, int] = {}
     listed: Outcomes = []
@@ -108,14 +105,14 @@ def _judged(answers: Answers, engine: EngineRecord, store: Store | None) -> tupl
         with contextlib.suppress(Exception):  # the verdict stands without its first step
             if reason := first_step_outside(answers, record, engine.distribution, predictor):
                 record.blame, record.beyond = reason.first, reason.beyond
-                record.message = wording.message(record)
+                record.message = case_wording.message(record)
         with contextlib.suppress(Exception), stage("pairs"):
             steps = ready.twin.steps if ready.twin else ready.case.scene.snapshots
             arrays |= pair_arrays(record, *ready.sides[0], ready.case.where, steps, predictor)
     record.exercises = exercises
     if record.unexercised:
         record.verdict = "error" if record.as_expected else record.verdict  # a difference comes first
-        record.message = wording.message(record)
+        record.message = case_wording.message(record)
     return record, sampled(arrays), listed
 
 
@@ -123,9 +120,6 @@ def compared(
     ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, predictor: Predictor
 ) -> tuple[CaseRecord, Arrays]:
     """Compare the outcomes of a case, or of a twin and its original, without running LAMMPS again."""
-    from lammps_cases.verdict.cases import compare_case
-    from lammps_cases.verdict.twins import compare_twin
-
     if ready.twin is not None:
         return compare_twin(ready.case, ready.twin, outcomes, engine, predictor)
     return compare_case(ready.case, ready.eos, ready.atoms, outcomes[0], engine, predictor)
@@ -133,9 +127,6 @@ def compared(
 
 def lists_decide(ready: PreparedCase, record: CaseRecord) -> bool:
     """Return whether LAMMPS' neighbour lists may change the verdict of a case, or predict more of its fields."""
-    from lammps_cases.findings import LEDGER
-    from lammps_cases.verdict.snapshots import asks_for_lists
-
     found = [entry.model_variant for entry in LEDGER if entry.id in record.findings]
     if record.verdict != "differs" and not any(variant is not None and variant.lists for variant in found):
         return False
@@ -144,9 +135,6 @@ def lists_decide(ready: PreparedCase, record: CaseRecord) -> bool:
 
 def first_step_outside(answers: Answers, record: CaseRecord, engine: str, predictor: Predictor) -> Reason | None:
     """Return the first step and field outside the bound of a case that differs; LAMMPS is read at every step."""
-    from lammps_cases.verdict.cases import first_step
-    from lammps_cases.verdict.snapshots import asks_for_lists
-
     ready, scene = answers.ready, answers.ready.case.scene
     if record.verdict != "differs" or ready.twin is not None or scene.snapshots[-1] <= 1:
         return None
@@ -161,8 +149,6 @@ def outcomes_of(workers: Workers, futures: Sequence[Future[Any]]) -> Outcomes:
 
 def faulty(ready: PreparedCase, engine: EngineRecord, fault: Failure | Exception) -> CaseRecord:
     """Return the record of a case whose judgement failed."""
-    from lammps_cases.verdict.outcome import blank_record
-
     return set_fault(blank_record(ready.case, ready.eos, ready.atoms, engine), fault)
 
 
@@ -173,5 +159,5 @@ def set_fault(record: CaseRecord, fault: Failure | Exception, where: str = "") -
     else:
         record.harness_error = HarnessError(exception=type(fault).__name__, text=f"{where}{fault}")
     record.verdict = record.ended = "error"
-    record.message = wording.message(record)
+    record.message = case_wording.message(record)
     return record

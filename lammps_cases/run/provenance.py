@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import platform
+import shlex
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison import store
 from lammps_cases.engine.installations import Engine, library_sha256
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import EngineRecord, RunRecord
@@ -22,8 +24,6 @@ def engine_record(engine: Engine, who: dict[str, str] | Failure) -> EngineRecord
 
 def run_record(engine: EngineRecord, command: str) -> RunRecord:
     """Return a run without cases: versions, machine, date, command."""
-    from importlib.metadata import version
-
     packages = {"eos-ref": "eos-ref", "numpy": "numpy", "numba": "numba", "python-flint": "python-flint"}
     return RunRecord(
         engine=engine,
@@ -32,7 +32,7 @@ def run_record(engine: EngineRecord, command: str) -> RunRecord:
             "system": f"{platform.system()} {platform.release()}",
             "processor": platform.processor() or platform.machine(),
             "cores": str(os.cpu_count()),
-            "kind": prediction_keys.processor(),
+            "kind": store.processor(),
         },
         date=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         command=command,
@@ -41,6 +41,4 @@ def run_record(engine: EngineRecord, command: str) -> RunRecord:
 
 def command_line() -> str:
     """Return the command as the user typed it, without the folder of the program."""
-    import shlex
-
     return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])

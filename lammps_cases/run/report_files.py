@@ -1,21 +1,70 @@
-"""The files of a run: run.json and the reports made from it."""
+"""The folder of a report, which holds the earlier report until the new one is complete, and the files in it."""
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from eos_ref import InputError
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.records import folders
+from lammps_cases.records.documents import LARGEST
 from lammps_cases.records.faults import part
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records.files import read_bytes, write_atomically
 from lammps_cases.records.run_record import HeadlineRecord, RunRecord
-from lammps_cases.report import history
+from lammps_cases.report import bare, history, junit, markdown, page, write_report
+from lammps_cases.report.findings import outcome
+from lammps_cases.report.history.reported import Past
+from lammps_cases.report.page import Articles, Family, FamilyArticles, Making
 
-if TYPE_CHECKING:
-    from lammps_cases.report.history.reported import Past
-    from lammps_cases.report.page import Making
+WHAT = "output folder"
+REPORT = {"run.json", "fields", "report.html", "summary.md", "junit.xml", folders.JOURNAL}
+SHARES = 4  # tasks for each worker that make articles: the largest first, so that all end at about the same time
+LIMIT = 600.0  # seconds that such a task may take
+
+
+@contextmanager
+def output_folder(directory: Path, resume: bool | None = None) -> Iterator[Path]:
+    """Yield a hidden folder that replaces ``directory`` on success; a kill at any moment leaves a whole report.
+
+    ``resume`` is that of `folders.replacement`.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, holds something else than a report, or another run is writing into it.
+    """
+    if len(os.fsencode(directory.name)) > folders.LONGEST_NAME:
+        raise InputError(WHAT, f"must have a name of at most {folders.LONGEST_NAME} bytes", str(directory))
+    if folders.is_link(directory):
+        raise InputError(WHAT, "must not be a link to a report that is kept: leave --out out", str(directory))
+    directory = directory.resolve()
+    if directory in (Path.cwd(), *Path.cwd().parents):
+        raise InputError(WHAT, "must not be the current folder or above it", str(directory))
+    with (
+        folders.exclusive(directory, WHAT, "another run is writing into it"),
+        folders.replacement(directory, resume) as partial,
+    ):
+        if directory.exists() and (not directory.is_dir() or _foreign(directory)):
+            raise InputError(WHAT, "must be empty or hold an earlier report and nothing else", str(directory))
+        yield partial
+        folders.swap(partial, directory)
+
+
+def _foreign(directory: Path) -> bool:
+    """Return whether a folder holds anything that is not an earlier report, which would be lost with it."""
+    names = {path.name for path in directory.iterdir()}
+    if not names:
+        return False
+    try:
+        ours = b'"schema": "eos-ref/run/' in read_bytes(directory / "run.json", "run", LARGEST)[:200]
+    except InputError:
+        return True
+    fields = directory / "fields"
+    return not ours or bool(names - REPORT) or (fields.exists() and any(p.suffix != ".npz" for p in fields.iterdir()))
 
 
 def write_run(
@@ -25,8 +74,6 @@ def write_run(
     making: Making | None = None,
 ) -> None:
     """Write run.json and the reports made from it; what is given is as in `lammps_cases.report.write_report`."""
-    from lammps_cases.report import bare, write_report
-
     with _uncollected():
         made = lambda: write_report(run, folder, history=past, making=making)  # noqa: E731
         if part("report", run.faults, made, None) is None:
@@ -64,8 +111,6 @@ def _uncollected() -> Iterator[None]:
 
 def write_partial(run: RunRecord, folder: Path) -> None:
     """Write what there is in a moment of the report of an interrupted run; ``eos-ref report`` makes the page."""
-    from lammps_cases.report import bare, junit, markdown
-    from lammps_cases.report.findings import outcome
 
     def made() -> tuple[str, bytes]:
         of_run = outcome(run)
@@ -77,3 +122,37 @@ def write_partial(run: RunRecord, folder: Path) -> None:
     write_atomically(folder / "summary.md", summary)
     if document:
         write_atomically(folder / "junit.xml", document)
+
+
+def make_articles(site: str | None, families: Sequence[Family]) -> list[FamilyArticles]:
+    """Task: return the packed articles of some families of cases."""
+    return page.articles(families)
+
+
+def begin_articles(workers: Workers, families: Sequence[Family]) -> Articles:
+    """Begin with the articles of a run; what no worker brings is made here when it is waited for."""
+    shares = article_shares(families, SHARES * workers.count)
+    futures = [workers.call(make_articles, [families[k] for k in share], time_limit=LIMIT) for share in shares]
+
+    def made() -> list[FamilyArticles]:
+        found: dict[int, FamilyArticles] = {}
+        for share, future in zip(shares, futures, strict=True):
+            texts = workers.outcome(future)
+            if isinstance(texts, Failure) or any(lacking for _, lacking in texts):  # a worker's memory may be full
+                texts = page.articles([families[k] for k in share])
+            found.update(zip(share, texts, strict=True))
+        return [found[k] for k in range(len(families))]
+
+    return made
+
+
+def article_shares(families: Sequence[Family], most: int) -> list[list[int]]:
+    """Divide families, by their places, into about equal shares, the largest first."""
+    weights = [sum(entry.weight for entry in family.entries) for family in families]
+    shares: list[list[int]] = [[] for _ in range(min(most, len(families)))]
+    full = [0] * len(shares)
+    for k in sorted(range(len(families)), key=lambda k: -weights[k]):
+        least = full.index(min(full))
+        shares[least].append(k)
+        full[least] += weights[k]
+    return shares

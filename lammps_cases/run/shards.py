@@ -1,20 +1,32 @@
-"""A run divided into shards, the same on every machine: every n-th case, or by what each case was measured to cost."""
+"""A run divided into shards, the same on every machine, and runs joined into one: shards, or runs of other cases.
+
+A shard is every n-th case, or a part of equal cost, by what each case was measured to cost.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import heapq
+import itertools
 import re
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from eos_ref import InputError
 from lammps_cases.records.documents import SCHEMAS, Document
-from lammps_cases.records.run_record import SHARD, RunRecord
+from lammps_cases.records.faults import part
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.headline import strictest
+from lammps_cases.records.run_record import SHARD, RunRecord, read_run
 from lammps_cases.records.wording import counted
+from lammps_cases.report.findings import carried_over
+from lammps_cases.run.campaign import cases_of, triaged
+from lammps_cases.run.provenance import command_line
+from lammps_cases.run.report_files import output_folder, write_kept_run
 from lammps_cases.scene.casefile import Case
 
 NAMED = 100  # missing shards in a complaint
@@ -84,8 +96,8 @@ def check_complete(runs: Sequence[RunRecord]) -> None:
     InputError
     """
     shards = {run.shard for run in runs}
-    for count in sorted({part.partition("/")[2] for part in shards if part}):
-        missing = [part for k in range(int(count)) if (part := f"{k + 1}/{count}") not in shards]
+    for count in sorted({shard.partition("/")[2] for shard in shards if shard}):
+        missing = [shard for k in range(int(count)) if (shard := f"{k + 1}/{count}") not in shards]
         if missing:
             named = ", ".join(missing[:NAMED]) + (", ..." if missing[NAMED:] else "")
             raise InputError("shards", f"must be complete to be merged; missing {named}")
@@ -94,3 +106,43 @@ def check_complete(runs: Sequence[RunRecord]) -> None:
         if wholes != {""} and wholes != {divided(case.case for run in of_count for case in run.cases)}:
             rule = "must be of one run and share its cases: they were divided otherwise (other cases or --costs)"
             raise InputError("shards", rule, f"{counted(len(of_count), 'shard')} that make up no run")
+
+
+def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
+    """Join runs of different cases on the same engine and write one report.
+
+    Raises
+    ------
+    InputError
+        A folder without a run, different engines, or a case that occurs twice.
+    """
+    runs = [read_run(folder) for folder in directories]
+    for run, folder in zip(runs, directories, strict=True):
+        run.check_whole(folder)
+    check_complete(runs)
+    merged = runs[0]
+    for run, folder in zip(runs[1:], directories[1:], strict=True):
+        one, other = run.engine, merged.engine
+        if (one.distribution, one.library_sha256) != (other.distribution, other.library_sha256):
+            rule = f"must be {other.distribution} with the library of the first run"
+            raise InputError("engine", rule, one.distribution, str(folder))
+        merged.cases += run.cases
+        merged.seconds += run.seconds
+        merged.older |= run.older
+    merged.fail_on = strictest([run.fail_on for run in runs])
+    merged.allowed = {name: why for name, why in merged.allowed.items() if all(name in run.allowed for run in runs)}
+    merged.shard = merged.divided = ""
+    merged.faults = []
+    merged.carried = part("carried findings", merged.faults, lambda: carried_over(merged), None)
+    merged.cases.sort(key=lambda record: record.case)
+    for case, following in itertools.pairwise(merged.cases):
+        if case.case == following.case:
+            raise InputError("case", "occurs in two of the runs", case.case)
+    merged.command = command_line()
+    with output_folder(directory) as folder:
+        for source in directories:
+            for file in sorted((source / "fields").glob("*.npz")):
+                write_atomically(folder / "fields" / file.name, file.read_bytes())
+        merged.triage = part("triage", merged.faults, lambda: triaged(merged, cases_of(merged), folder), None)
+        write_kept_run(merged.counted(), folder)
+    return merged

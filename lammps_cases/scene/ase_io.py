@@ -15,14 +15,13 @@ import numpy as np
 from eos_ref import EOSTable, InputError
 from eos_ref.cache import cache_folder
 from eos_ref.eos.table import FloatArray
-from lammps_cases.records import untrusted
-from lammps_cases.records.files import write_arrays
+from lammps_cases.records.files import MIB, read_bytes, write_arrays
 from lammps_cases.scene import Scene
 
 if TYPE_CHECKING:
     import ase
 
-LARGEST = 512 * untrusted.MIB
+LARGEST = 512 * MIB
 
 
 def pressures(atoms: ase.Atoms, eos: EOSTable) -> FloatArray:
@@ -121,7 +120,7 @@ def read_extxyz(path: Path, scene: Scene) -> dict[str, Any]:
 def _arrays(path: Path) -> dict[str, Any]:
     """Return a file's arrays as ASE reads them, cached by content: importing ASE takes longer than most scenes."""
     try:
-        content = untrusted.read_bytes(path, "extxyz", LARGEST)
+        content = read_bytes(path, "extxyz", LARGEST)
     except InputError as error:
         raise InputError("extxyz", error.rule, path.name) from None
     digest = hashlib.sha256(content + Path(__file__).read_bytes() + version("ase").encode()).hexdigest()

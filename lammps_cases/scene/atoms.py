@@ -16,13 +16,13 @@ import numpy.typing as npt
 
 from eos_ref import Box, EOSTable, InputError
 from eos_ref.eos.table import FloatArray
-from lammps_cases.records import untrusted
+from lammps_cases.records.files import MIB, read_text
 from lammps_cases.scene import FromData, FromDump, FromFile, FromXYZ, Lattice, Listed, Scene, Values
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.complaints import Source
 from lammps_cases.scene.particles import ValueTable
 
-LARGEST_TABLE = 512 * untrusted.MIB
+LARGEST_TABLE = 512 * MIB
 IntArray = npt.NDArray[np.integer]
 # Basis of each lattice in units of its cell; the cell of hex is 1 x sqrt(3).
 _BASIS: dict[str, tuple[tuple[float, ...], ...]] = {
@@ -290,7 +290,7 @@ def _one_per_particle(values_n: FloatArray, n: int, key: str) -> FloatArray:
 def _column(folder: Path, table: ValueTable, key: str) -> FloatArray:
     name, column = table.csv, table.column
     try:
-        text = untrusted.read_text(folder / name, "table", LARGEST_TABLE)
+        text = read_text(folder / name, "table", LARGEST_TABLE)
         rows = list(csv.DictReader(io.StringIO(text, newline="")))
     except (InputError, csv.Error) as error:
         rule = error.rule if isinstance(error, InputError) else f"cannot be read: {error}"

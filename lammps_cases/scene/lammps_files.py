@@ -17,11 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.errors import InputError, nearest
-from lammps_cases.records import untrusted
+from lammps_cases.records.files import MIB, read_bytes, read_text
 from lammps_cases.scene import Scene, binary_dumps
 
 Array = npt.NDArray[Any]
-LARGEST = 2048 * untrusted.MIB
+LARGEST = 2048 * MIB
 GZIP, HEAD = b"\x1f\x8b", 100  # the first bytes of a file of gzip, and how many tell a binary one
 SOLID = 1  # bit of the status of a particle
 STYLES = {
@@ -340,14 +340,14 @@ def _plain(content: bytes) -> str:
 
 def _bytes(path: Path) -> bytes:
     try:
-        return untrusted.read_bytes(path, "file", LARGEST)
+        return read_bytes(path, "file", LARGEST)
     except InputError as error:
         raise InputError("file", error.rule, path.name) from None
 
 
 def _text(path: Path) -> str:
     try:
-        return untrusted.read_text(path, "file", LARGEST)
+        return read_text(path, "file", LARGEST)
     except InputError as error:
         raise InputError("file", error.rule, path.name) from None
 

@@ -19,7 +19,8 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import Finding, explain_pressure, with_gap
-from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, OtherSteps, worst
+from lammps_cases.records.case_parts import Blame, OtherSteps, worst
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict import particle_model

@@ -52,7 +52,7 @@ def exercised(
         prediction = predictor.predict(problem, seed=seed(f"{case.name}/moved runs"))
         return {change.id: _moved(change, problem, prediction) for change in changes}
 
-    return predictor.counts(" ".join(("changes", *names)), problem, counts)
+    return predictor.counts(repr(changes), problem, counts)
 
 
 class _Law:

@@ -25,8 +25,8 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Fields, Prediction
 from lammps_cases.findings import Finding, applicable
 from lammps_cases.findings.variants import Snapshot, combined
-from lammps_cases.records import wording
-from lammps_cases.records.run_record import Beyond, Blame
+from lammps_cases.records import case_wording
+from lammps_cases.records.case_parts import Beyond, Blame
 from lammps_cases.scene.fields import FIELDS, in_step_order
 from lammps_cases.verdict.model_fields import blame_of, first_left, sides
 
@@ -189,7 +189,7 @@ class Trial:
                    if np.all(np.isinf(bounds[name]))]
             for name in in_step_order(self.problem.fields)
         }  # fmt: skip
-        return {name: wording.not_predictable(at, open_) for name, at in steps.items() if at}
+        return {name: case_wording.not_predictable(at, open_) for name, at in steps.items() if at}
 
     def shows(self, entry: Finding) -> bool:
         """Return whether a finding takes some field out of the reference's bound."""

@@ -14,8 +14,8 @@ from lammps_cases.comparison.compare import Comparison, compare_field
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.engine.session import Answer
-from lammps_cases.records import field_names
-from lammps_cases.records.run_record import Beyond, Blame
+from lammps_cases.records import wording
+from lammps_cases.records.case_parts import Beyond, Blame
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM
@@ -49,7 +49,7 @@ def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> li
         given["esph"] = atoms.energy_n
     return [
         compare_field(
-            field_names.given(name) if case.scene.whole_model else name,
+            wording.given(name) if case.scene.whole_model else name,
             "input",
             got["id"],
             got[name],
@@ -95,7 +95,7 @@ def compare_carried(
                 (
                     stop.at,
                     compare_field(
-                        field_names.carried(name, stop.by, stop.at),
+                        wording.after_stop(name, stop.by, stop.at),
                         "input",
                         atoms.id_n,
                         after_n,

@@ -15,7 +15,7 @@ from lammps_cases.comparison.compare import Comparison, compare_field, excess, w
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.findings.variants import Snapshot
-from lammps_cases.records.run_record import Blame, StepRecord, Verdict, digest, worst
+from lammps_cases.records.case_parts import Blame, StepRecord, Verdict, digest, worst
 from lammps_cases.scene.fields import FIELDS, in_step_order
 
 

@@ -14,15 +14,9 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import explain_outcome
-from lammps_cases.records import wording
-from lammps_cases.records.run_record import (
-    CaseRecord,
-    EngineRecord,
-    LawRecord,
-    LostAtoms,
-    Predictions,
-    Seconds,
-)
+from lammps_cases.records import case_wording, wording
+from lammps_cases.records.case_parts import LawRecord, LostAtoms, Predictions, Seconds
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, seed
 from lammps_cases.scene.casefile import Case
@@ -60,7 +54,7 @@ def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms, engine: EngineR
 
 def finish(record: CaseRecord, lammps: float, begin: float, predictor: Predictor) -> None:
     """Complete a record: its message, its times, and how many predictions were computed or read."""
-    record.message = wording.message(record)
+    record.message = case_wording.message(record)
     reference = time.perf_counter() - begin
     record.seconds = Seconds(lammps=lammps, reference=reference, total=lammps + reference)
     record.predictions = Predictions(computed=predictor.computed, stored=predictor.stored)
@@ -70,7 +64,7 @@ def record_failure(record: CaseRecord, failure: Failure, scene: Scene | None = N
     """Judge a run that LAMMPS refused or did not finish, by what the case expects and by the findings."""
     record.verdict, record.engine_error = failure.verdict, wording.one_line(failure.message)
     record.ended, record.died = failure.verdict, failure.died
-    lacks = LACKS.search(wording.error_text(failure.message)) if failure.verdict == "refused" else None
+    lacks = LACKS.search(case_wording.error_text(failure.message)) if failure.verdict == "refused" else None
     if failure.verdict == "refused" and record.expects and record.expects not in record.engine_error:
         record.verdict = "differs"
     if failure.verdict != "skipped" and (record.verdict != "refused" or not record.expects):

@@ -20,8 +20,8 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Fields
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import Snapshot
-from lammps_cases.records.run_record import Beyond, Blame
-from lammps_cases.records.stages import stage
+from lammps_cases.records.case_parts import Beyond, Blame
+from lammps_cases.records.progress import stage
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.verdict.explanation import Explanation, Trial

@@ -22,7 +22,7 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import own_stages
 from lammps_cases.findings import Finding, applicable
 from lammps_cases.findings.variants import combined
-from lammps_cases.records.audit_record import OutlookRecord
+from lammps_cases.records.case_parts import OutlookRecord
 from lammps_cases.records.run_record import CaseRecord
 
 STEPS = (50, 500)  # that an attempt takes at least and at most, else twice as many as LAMMPS took

@@ -17,11 +17,8 @@ from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import Snapshot, combined
-from lammps_cases.records.run_record import (
-    CaseRecord,
-    EngineRecord,
-    worst,
-)
+from lammps_cases.records.case_parts import worst
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import in_step_order

@@ -17,13 +17,15 @@ from typing import get_args
 from pydantic import BaseModel, ConfigDict, Field
 
 from eos_ref import InputError
-from lammps_cases.comparison import prediction_keys
-from lammps_cases.records import folders, untrusted
+from lammps_cases.comparison import store
+from lammps_cases.records import folders
+from lammps_cases.records.case_parts import VERDICTS, Ended, Verdict, as_expected
 from lammps_cases.records.documents import SCHEMAS, Document
-from lammps_cases.records.files import csv_text
+from lammps_cases.records.files import MIB, csv_text, read_text
+from lammps_cases.records.folders import folder_name
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
-from lammps_cases.records.run_record import VERDICTS, Ended, EngineRecord, RunRecord, Verdict, as_expected
-from lammps_cases.records.wording import finding_ids, folder_name, listed
+from lammps_cases.records.run_record import EngineRecord, RunRecord
+from lammps_cases.records.wording import finding_ids, listed
 from lammps_cases.scene import casefile
 from lammps_cases.versions import decks, outcomes
 from lammps_cases.versions.change import Policy
@@ -31,7 +33,7 @@ from lammps_cases.versions.changes import Changes, compare
 from lammps_cases.versions.outcomes import Samples, Side
 
 IDENTITY, VERDICT_LINES, ARRAYS, REASONS = "baseline.json", "verdicts.tsv", "arrays", "reasons.jsonl"
-LARGEST = 256 * untrusted.MIB  # of the lines
+LARGEST = 256 * MIB  # of the lines
 NOTHING = "-"
 CASE = "(case)"  # in the column of fields: the line of the case itself
 COLUMNS = ("case", "field", "stage", "verdict", "explained_by", "over_bound", "digest", "detail")
@@ -157,7 +159,7 @@ def _filled(*cells: str) -> Iterator[str]:
 
 
 def _cases(path: Path) -> dict[str, CaseOutcome]:
-    rows = untrusted.read_text(path, "baseline", LARGEST).splitlines(keepends=True)
+    rows = read_text(path, "baseline", LARGEST).splitlines(keepends=True)
     head = sum(1 for _ in itertools.takewhile(lambda row: row.startswith("#"), rows)) + 1
     try:
         columns, *table = list(csv.reader(rows[head - 1 :], delimiter="\t")) or [[]]
@@ -297,4 +299,4 @@ def machine_of(run: RunRecord) -> str:
     The model of the processor is part of it, although processors of one family mostly round alike: to take two
     machines for different costs a warning, to take them for the same a false alarm.
     """
-    return run.machine.get("kind") or prediction_keys.processor()  # runs of before hold no note
+    return run.machine.get("kind") or store.processor()  # runs of before hold no note

@@ -6,9 +6,10 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from lammps_cases.records.case_wording import error_text
 from lammps_cases.records.outcome import CHANGE_KINDS, CRASHES, NEW, SAME, CaseOutcome, ChangeKind
 from lammps_cases.records.run_record import HASH
-from lammps_cases.records.wording import INSIDE, error_text
+from lammps_cases.records.wording import INSIDE
 from lammps_cases.versions import decks
 from lammps_cases.versions.arrays import field_change
 from lammps_cases.versions.change import Policy, SideChange, closest

@@ -15,8 +15,8 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import Headline
 from lammps_cases.records.options import flat
 from lammps_cases.records.progress import SILENT
+from lammps_cases.run.command import Result, remove_with, report_folder
 from lammps_cases.run.options import CompareOptions, Names, several
-from lammps_cases.run.results import Result, remove_with, report_folder
 from lammps_cases.versions import page, pairs, sources
 from lammps_cases.versions.change import Policy
 from lammps_cases.versions.pairs import SideComparison

@@ -18,15 +18,14 @@ import numpy.typing as npt
 
 from eos_ref import InputError
 from lammps_cases.comparison.compare import excess
-from lammps_cases.records import untrusted
-from lammps_cases.records.files import csv_text, read_arrays, write_atomically
+from lammps_cases.records.case_parts import VERDICTS
+from lammps_cases.records.files import MIB, csv_text, read_arrays, read_text, write_atomically
 from lammps_cases.records.outcome import CaseOutcome, StepOutcome
-from lammps_cases.records.run_record import VERDICTS
 from lammps_cases.versions.outcomes import Sample, Samples
 
 Array = npt.NDArray[Any]
 FOLDER, STEPS, THERMO = "decks", "steps.tsv", "thermo.tsv"
-LARGEST = 256 * untrusted.MIB
+LARGEST = 256 * MIB
 NOTHING = "-"
 OUTPUT = "thermo"  # what comparisons call thermo output, among the fields
 STATE = ("x", "v", "rho", "e")
@@ -206,7 +205,7 @@ def _arrays(path: Path) -> dict[str, Array]:
 
 
 def _table(path: Path, of_row: Callable[[dict[str, str]], T]) -> list[T]:
-    head, *rows = list(csv.reader(untrusted.read_text(path, "baseline", LARGEST).splitlines(), delimiter="\t")) or [[]]
+    head, *rows = list(csv.reader(read_text(path, "baseline", LARGEST).splitlines(), delimiter="\t")) or [[]]
     made = []
     for number, row in enumerate(rows, 2):
         try:

@@ -13,9 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref import InputError
+from lammps_cases.records.case_parts import digest
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.outcome import CRASHES, CaseOutcome, FieldOutcome
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, digest, read_run
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, read_run
 
 
 @dataclass(frozen=True)

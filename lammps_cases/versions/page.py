@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lammps_cases.records import wording
-from lammps_cases.records.field_names import GIVEN, parted
 from lammps_cases.records.outcome import ABOUT, CHANGE_KINDS, ChangeKind
+from lammps_cases.records.wording import GIVEN, parted
 from lammps_cases.report.pages import frame
 from lammps_cases.report.pages.frame import TableCell, TableRow
 from lammps_cases.scene.fields import place

@@ -9,8 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from eos_ref import InputError
-from lammps_cases.comparison import prediction_keys
-from lammps_cases.comparison.store import Store
+from lammps_cases.comparison.store import Store, open_store
 from lammps_cases.engine import forkserver, installations
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records.progress import SILENT, Progress
@@ -94,7 +93,7 @@ def run_options(
     """Return how the engines among some sides are run; the process that forks their workers is started."""
     if any(map(installations.is_engine, names)):  # what is saved needs no workers
         forkserver.start_for_judging()
-    return RunTerms(jobs, prediction_keys.open_store(fresh), progress, command or provenance.command_line())
+    return RunTerms(jobs, open_store(fresh), progress, command or provenance.command_line())
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from lammps_cases.claims.probes import manual
 from lammps_cases.findings import LEDGER
-from lammps_cases.records.run_record import CaseRecord, FieldRecord
+from lammps_cases.records.case_parts import FieldRecord
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from lammps_cases.records import wording
-from lammps_cases.records.audit_record import ActingRecord, BreakRecord, EffectRecord, LostRecord, OutlookRecord
-from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, EngineRecord, FieldRecord, RunRecord
+from lammps_cases.records import case_wording
+from lammps_cases.records.case_parts import (
+    ActingRecord,
+    Blame,
+    BreakRecord,
+    CheckRecord,
+    EffectRecord,
+    FieldRecord,
+    LostRecord,
+    OutlookRecord,
+)
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 
 HOSTILE = "<b>x</b> *y* | `z` \x1b[31m & ]]>"
 BUG, OTHER = "force-per-volume", "heat-is-temperature-rate"
@@ -80,5 +89,5 @@ def everything() -> CaseRecord:
         out_of_scope=["chi"],
         reproduce="eos-ref audit in.deck",
     )
-    case.message = wording.message(case)
+    case.message = case_wording.message(case)
     return case

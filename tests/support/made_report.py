@@ -15,18 +15,9 @@ from eos_ref.eos import bounds
 from lammps_cases.comparison import compare
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import Variant
-from lammps_cases.records import files, wording
-from lammps_cases.records.run_record import (
-    Blame,
-    CaseRecord,
-    CheckRecord,
-    EngineRecord,
-    FieldRecord,
-    LawRecord,
-    RunRecord,
-    Seconds,
-    StepRecord,
-)
+from lammps_cases.records import case_wording, files
+from lammps_cases.records.case_parts import Blame, CheckRecord, FieldRecord, LawRecord, Seconds, StepRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.verdict import case_arrays
 
 HOSTILE = "<img src=x onerror=alert(1)> | `b` </script><script>alert(2)</script> \x1b[31m & ]]> *x*"
@@ -190,7 +181,7 @@ def model(folder: Path, name: str, dimension: int) -> CaseRecord:
     laws = laws_of(EOSTable((WATER,)))
     more = {"natoms": count, "steps": 10, "dimension": dimension, "blame": first, "laws": laws}
     record = CaseRecord(case=name, verdict="explained", fields=fields, **more)
-    record.message = wording.message(record)
+    record.message = case_wording.message(record)
     return record
 
 

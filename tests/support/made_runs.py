@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord, Seconds, Verdict
+from lammps_cases.records.case_parts import FieldRecord, Seconds, Verdict
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 
 
 def case(

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from lammps_cases.records.case_parts import Ended, Verdict, as_expected
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
-from lammps_cases.records.run_record import Ended, EngineRecord, Verdict, as_expected
+from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.versions.change import Policy, SideChange
 from lammps_cases.versions.changes import compare
 from lammps_cases.versions.outcomes import Sample, Samples, Side

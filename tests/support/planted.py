@@ -11,8 +11,9 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import visit
+from lammps_cases.records.case_parts import worst
 from lammps_cases.records.files import arrays_files, write_arrays
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, worst
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import particle_model

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lammps_cases.records.run_record import Predictions, Seconds, read_run
+from lammps_cases.records.case_parts import Predictions, Seconds
+from lammps_cases.records.run_record import read_run
 from lammps_cases.report import write_report
 
 

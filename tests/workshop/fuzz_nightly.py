@@ -51,7 +51,7 @@ def fuzz(name: str, out: Path, runs: int) -> None:
 
 
 INSTRUMENTED = ["eos_ref.syntax", "eos_ref.errors", "lammps_cases.audit", "lammps_cases.records", "lammps_cases.scene"]
-INSTRUMENTED += ["lammps_cases.versions", "lammps_cases.run.merge", "yaml", "zipfile", "csv"]
+INSTRUMENTED += ["lammps_cases.versions", "lammps_cases.run.shards", "yaml", "zipfile", "csv"]
 
 
 def main() -> int:

@@ -27,11 +27,11 @@ from lammps_cases.comparison.trajectory import Fields, Prediction
 from lammps_cases.engine import installations
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER, accepted_cases
-from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord
-from lammps_cases.run.answers import Answers
+from lammps_cases.records.case_parts import Blame
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run.campaign import following
 from lammps_cases.run.flow import JUDGING, compared, lists_decide, outcomes_of
-from lammps_cases.run.prepared_case import Outcomes, PreparedCase, prepare
+from lammps_cases.run.prepared_case import Answers, Outcomes, PreparedCase, prepare
 from lammps_cases.run.provenance import engine_record
 from lammps_cases.scene import casefile
 from tests.workshop import judge

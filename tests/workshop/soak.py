@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import fmean, median
 
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison.store import open_store
 from lammps_cases.engine import cluster, forkserver, installations
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import read_run
@@ -76,7 +76,7 @@ def _left() -> tuple[int, int, int]:
     """Return how many workers have left a file, one each; the memory of the largest; the bytes in the store."""
     files = Path(os.environ["TMPDIR"]).glob("eos-ref-workers-*/*")
     workers = [file.name for file in files if file.name.isdigit()]
-    return len(workers), max(map(memory, workers), default=0), prediction_keys.open_store().size()[1]
+    return len(workers), max(map(memory, workers), default=0), open_store().size()[1]
 
 
 def settings() -> list[Case]:
@@ -97,7 +97,7 @@ def main(folder: Path, count: int, jobs: int, address: str = "") -> None:
     of = settings()
     watch = Watch(folder / "samples", len(of))
     with cluster.used(address):
-        engine, store = installations.resolve("env"), prediction_keys.open_store()
+        engine, store = installations.resolve("env"), open_store()
         campaign.run_cases(drawn(of, count), engine, jobs, folder / "report", progress=watch, store=store, resume=False)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     ended = {"peak": peak, "wall": time.perf_counter() - watch.begin}

@@ -12,7 +12,8 @@ import pytest
 
 from lammps_cases import findings
 from lammps_cases.findings import LEDGER
-from lammps_cases.records.run_record import Beyond, Blame, CaseRecord
+from lammps_cases.records.case_parts import Beyond, Blame
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from tests.support.told import told

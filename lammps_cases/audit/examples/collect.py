@@ -12,7 +12,7 @@ from pathlib import Path
 from lammps_cases.audit.command import audit_into
 from lammps_cases.audit.examples.decks import ExampleDeck, ShippedLog, shipped_log
 from lammps_cases.audit.options import AuditOptions
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison.store import code, fingerprint
 from lammps_cases.engine.first_pressure import first_pressure
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure, Workers
@@ -20,7 +20,7 @@ from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.journal import Parts
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import case_journal, provenance
+from lammps_cases.run import provenance
 
 SHORT, LOOKS = 400, 20  # steps of the shortened form, and looks at them
 FULL_EVERY = 200  # steps between two looks at a deck in full, as the decks print their thermo output
@@ -98,9 +98,9 @@ def collect(
     examples = []
     with Workers(engine.site, 1) as workers:
         who = provenance.engine_record(engine, workers.identify().result())
-        origin = case_journal.code(), who.library_sha256, options.words(), trust
+        origin = code(), who.library_sha256, options.words(), trust
         for at, deck in enumerate(decks):
-            key = prediction_keys.fingerprint(deck.name, _digest(deck.path.parent), origin)
+            key = fingerprint(deck.name, _digest(deck.path.parent), origin)
             example = kept.get(key)
             if example is not None and (folder / deck.name / "run.json").exists():
                 examples.append(example)

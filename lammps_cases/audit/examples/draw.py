@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from lammps_cases.audit import balance
 from lammps_cases.audit.examples.collect import Example
 from lammps_cases.audit.rerun import AS_IT_IS, FINER
-from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, SeriesRecord
+from lammps_cases.records.case_parts import BudgetRecord, ClosedRecord, SeriesRecord
 from lammps_cases.report.pages.figures import BLUE, FAINT, INK, RED, THEMED, themed
 
 # Colours of Okabe & Ito (2008), which the colour-blind tell apart.

@@ -18,11 +18,11 @@ from lammps_cases.claims.probes.probe import FOLDER, Edits, Input, Probe, edited
 from lammps_cases.claims.probes.run import Reply
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import explain_outcome
-from lammps_cases.records import wording
-from lammps_cases.records.manuals import OfManual
+from lammps_cases.records import case_wording
+from lammps_cases.records.case_parts import Mismatch, Verdict
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import CaseRecord, Mismatch, Verdict
-from lammps_cases.records.yaml_files import read_yaml
+from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.yaml_files import OfManual, read_yaml
 
 TIME_LIMIT = 30.0  # seconds that LAMMPS has for a deck; they take 0.1
 FILE = "probes.yaml"
@@ -122,7 +122,7 @@ def judge(probe: ManualProbe, replies: Sequence[Reply]) -> CaseRecord:
         about=probe.about,
         verdict="pass",
         ended="accepted" if accepted else worst.ended,
-        engine_error=wording.error_text(worst.error),
+        engine_error=case_wording.error_text(worst.error),
         mismatch=_mismatch(probe, replies) if worst.ended == "answered" else None,
         expects=probe.refused,
         source=FILE,
@@ -132,7 +132,7 @@ def judge(probe: ManualProbe, replies: Sequence[Reply]) -> CaseRecord:
     entry = explain_outcome(record) if record.verdict not in ("pass", "skipped") else None
     if entry is not None:
         record.verdict, record.explained_by = "explained", [entry.id]
-    record.message = wording.message(record)
+    record.message = case_wording.message(record)
     return record
 
 
@@ -156,7 +156,7 @@ def _mismatch(probe: ManualProbe, replies: Sequence[Reply]) -> Mismatch | None:
     control = replies[-1]
     if control.ended == "answered" and _against(probe, control, other):
         return None
-    return Mismatch(kind="blind", text=wording.error_text(control.error) or "no difference")
+    return Mismatch(kind="blind", text=case_wording.error_text(control.error) or "no difference")
 
 
 def _against(probe: ManualProbe, reply: Reply, other: Reply) -> Mismatch | None:

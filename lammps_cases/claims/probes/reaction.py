@@ -11,7 +11,8 @@ import numpy as np
 
 from lammps_cases.claims.probes.probe import Probe, base, commands, replaced
 from lammps_cases.claims.probes.run import Reply
-from lammps_cases.records.wording import error_text, one_line
+from lammps_cases.records.case_wording import error_text
+from lammps_cases.records.wording import one_line
 
 Reaction = Literal[
     "clear error",

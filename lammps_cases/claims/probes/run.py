@@ -17,7 +17,7 @@ from lammps_cases.engine.workers import Failure, Workers
 
 if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.claims.probes.probe import Input
-    from lammps_cases.records.run_record import Failed
+    from lammps_cases.records.case_parts import Failed
 
 MEASURED = ("found", "expected", "within")  # variables of a deck that measures
 HEAT = ("esph", "temperature", "conductivity", "heatflow")

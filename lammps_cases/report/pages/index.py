@@ -15,7 +15,7 @@ from html import escape, unescape
 from pathlib import Path
 
 from eos_ref.errors import InputError
-from lammps_cases.records import folders, kept
+from lammps_cases.records import folders
 from lammps_cases.records.files import replace_file
 from lammps_cases.report.pages import frame
 
@@ -82,7 +82,7 @@ class Page:
     def name(self) -> str:
         """What its row in the index is called: of reports kept by date the row says the rest."""
         folder = self.path.parent.as_posix()
-        if not kept.is_entry(self.path.parent):
+        if not folders.is_entry(self.path.parent):
             return folder
         return f"{'all' if self.whole else 'some'} {'claims' if folder.startswith('claims') else 'cases'}"
 
@@ -112,7 +112,7 @@ def refresh(reports: Path, since: int = 0) -> None:
 
 def _render(pages: Sequence[Page], reports: Path) -> str:
     """Return the page."""
-    latest = kept.whole_runs(reports).link.resolve()
+    latest = folders.whole_runs(reports).link.resolve()
     last = next((page for page in pages if (reports / page.path).resolve().parent == latest), None)
     holding = {page.path.parent for page in pages}
     shown = [page for page in pages if holding.isdisjoint(page.path.parent.parents)]  # others are runs of a page's own
@@ -159,7 +159,7 @@ def _written(path: Path) -> int:
 
 def _pages(reports: Path) -> Iterator[Page]:
     """Read the heads of the pages, whole runs and the newest first."""
-    whole = {*kept.whole_runs(reports).entries(), *kept.whole_claims(reports).entries()}
+    whole = {*folders.whole_runs(reports).entries(), *folders.whole_claims(reports).entries()}
     pages = []
     for path in _paths(reports):
         try:
@@ -182,12 +182,12 @@ def _pages(reports: Path) -> Iterator[Page]:
 def _order(page: Page) -> tuple[bool, tuple[str, int]]:
     """Return what pages are sorted by, the last first: whole reports, then when they were begun, or made."""
     made = page.date[:19].replace("T", "_").replace(":", ".")
-    return page.whole, kept.begun(page.path.parent) if kept.is_entry(page.path.parent) else (made, 0)
+    return page.whole, folders.begun(page.path.parent) if folders.is_entry(page.path.parent) else (made, 0)
 
 
 def _newest(pages: Sequence[Page], reports: Path) -> list[tuple[str, str, Path]]:
     """Return what the bar links: command, label and path; of whole runs and claims what ``latest`` points to."""
-    links = {"report": kept.whole_runs(reports).link, "claims": kept.whole_claims(reports).link}
+    links = {"report": folders.whole_runs(reports).link, "claims": folders.whole_claims(reports).link}
     of_kind = []
     for kind in KINDS:
         first = next((page for page in pages if page.command == kind.command), None)

@@ -11,12 +11,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison.store import code, fingerprint
 from lammps_cases.engine.installations import library_sha256
-from lammps_cases.records import wording
+from lammps_cases.records.folders import folder_name
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.run import case_journal
 from lammps_cases.studies.chart import page, record
 from lammps_cases.studies.chart.pysph import version
 from lammps_cases.studies.chart.record import Chart, Section
@@ -73,10 +72,10 @@ def collect(
     about, before = session.describe(lmp, site) | peers, machine()
     chosen = [name for name in SECTIONS if not names or name in names]
     sections, kept, begin = list[Section](), record.sections(out), time.perf_counter()
-    origin = case_journal.code(), library_sha256(about.get("library", "")), quick, pysph or "", sorted(peers.items())
+    origin = code(), library_sha256(about.get("library", "")), quick, pysph or "", sorted(peers.items())
     try:
         for k, name in enumerate(chosen):
-            key = prediction_keys.fingerprint(name, origin)
+            key = fingerprint(name, origin)
             section = kept.get(key)
             if section is None:
                 progress.advance(k, len(chosen), SECTIONS[name][0])
@@ -104,7 +103,7 @@ def beside(
     """
     from lammps_cases.engine.session import EngineMissing
 
-    folder = out / wording.folder_name(engine)
+    folder = out / folder_name(engine)
     switches = [*(["--quick"] if quick else []), "--resume" if resume else "--fresh"]
     options = [*names, *switches, "--engine", engine, "--out", str(folder)]
     progress.advance(0, 1, f"the same on {engine}")

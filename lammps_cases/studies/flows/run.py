@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref import InputError
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison import store
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import library_sha256
 from lammps_cases.engine.workers import Workers
@@ -131,13 +131,13 @@ def _key(task: FlowTask, start: Start, about: dict[str, Any]) -> str:
     a, lammps = start.atoms, repr(sorted(about.items())) if task.side.startswith(LAMMPS) else ""
     arrays = (a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.low_c, a.high_c)
     problem = start.case.scene.model_dump_json(), start.steps, start.timestep, start.body.formulas if start.body else ()
-    return prediction_keys.fingerprint(_sources(), problem, task.side, SPACING, lammps, arrays)
+    return store.fingerprint(_sources(), problem, task.side, SPACING, lammps, arrays)
 
 
 @functools.cache
 def _sources() -> str:
     """Hash the code that decides what is run and what is read off it, with the reference and its libraries."""
-    digest = hashlib.sha256(prediction_keys.context().encode())
+    digest = hashlib.sha256(store.context().encode())
     package = Path(__file__).parents[2]
     for room in ("scene", "setup", "engine", "studies/flows"):
         for path in sorted((package / room).glob("*.py")):

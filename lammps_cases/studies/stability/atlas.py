@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison import store
 from lammps_cases.engine.installations import library_sha256
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.measure import machine
@@ -115,13 +115,13 @@ def cell_key(of: StabilityMap, cell: MapCell, side: Engine, *, about: dict[str, 
     arrays = (a.id_n, a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.mass_n, a.low_c, a.high_c)
     problem = start.case.scene.model_dump_json(), repr(asdict(watch)), start.steps, start.timestep
     identity = repr(sorted(about.items())) if side == "lammps" else ""
-    return prediction_keys.fingerprint(repr(cell), side, identity, sources(), limit, problem, arrays)
+    return store.fingerprint(repr(cell), side, identity, sources(), limit, problem, arrays)
 
 
 @functools.cache
 def sources() -> str:
     """Hash the code that decides how a cell ends, with the reference, its libraries and the processor."""
-    digest = hashlib.sha256(prediction_keys.context().encode())
+    digest = hashlib.sha256(store.context().encode())
     package = Path(__file__).parents[2]
     for path in [*(package / name for name in SOURCES), *sorted((package / "scene").glob("*.py"))]:
         digest.update(path.read_bytes())

@@ -19,7 +19,7 @@ from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Made, Predictor
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import combined
-from lammps_cases.records import wording
+from lammps_cases.records import case_wording
 from lammps_cases.records.faults import part
 from lammps_cases.records.run_record import CaseRecord, Hypothesis, RunRecord, Triage, TriageGroup
 from lammps_cases.scene.atoms import build, seed
@@ -86,7 +86,7 @@ def triage(
 def _key(record: CaseRecord) -> Key:
     first = record.headline
     if first is None:
-        return record.verdict, record.ended, wording.error_text(record.engine_error)
+        return record.verdict, record.ended, case_wording.error_text(record.engine_error)
     when = "" if first.step is None else "later" if first.step else "first"  # a case of laws has no steps
     return record.verdict, first.stage, first.field, when, record.twin
 
@@ -230,7 +230,7 @@ def _group(
         stage=first.stage if first else "",
         field=first.field if first else "",
         step=min(steps, default=None),
-        text="" if first else wording.end(one) or one.message,
+        text="" if first else case_wording.end(one) or one.message,
         hypotheses=list(hypotheses[:NAMED]),
         more=max(0, len(hypotheses) - NAMED),
         tried=tried,

@@ -13,7 +13,7 @@ from typing import TypeVar
 from eos_ref import InputError
 from lammps_cases.claims import model, verdicts
 from lammps_cases.claims.probes import manual
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison.store import open_store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON, SHOWN_BY, engines
@@ -78,7 +78,7 @@ def collect(intake: Intake, baselines: Path) -> Adoption:
     """
     seconds: dict[str, float] = {}
     faults: list[MissingPart] = []
-    command, store = provenance.command_line(), prediction_keys.open_store()
+    command, store = provenance.command_line(), open_store()
 
     def timed(name: str, make: Callable[[], list[T]]) -> list[T]:
         begin = time.perf_counter()

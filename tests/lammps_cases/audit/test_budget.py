@@ -21,7 +21,7 @@ from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.outlook import Good
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.forces import ForcePerVolume
-from lammps_cases.records.audit_record import ClosedRecord, SeriesRecord
+from lammps_cases.records.case_parts import ClosedRecord, SeriesRecord
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.problems import problem_of

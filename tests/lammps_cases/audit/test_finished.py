@@ -20,7 +20,8 @@ from lammps_cases.audit import fields, finished, restart, supervise
 from lammps_cases.audit.options import AuditOptions, DeckSetups
 from lammps_cases.audit.printed import number
 from lammps_cases.audit.verdict import Findings
-from lammps_cases.records.run_record import CaseRecord, worst
+from lammps_cases.records.case_parts import worst
+from lammps_cases.records.run_record import CaseRecord
 from tests.support.audited_decks import DECKS, run_plain
 
 pytestmark = pytest.mark.lammps

@@ -18,7 +18,7 @@ from lammps_cases.cli.audit import field_table
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.records import deck_wording
-from lammps_cases.records.audit_record import EffectRecord
+from lammps_cases.records.case_parts import EffectRecord
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.records.wording import number
 from lammps_cases.report import findings

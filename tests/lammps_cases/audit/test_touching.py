@@ -9,8 +9,7 @@ import pytest
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.audit.verdict import Findings
-from lammps_cases.records.audit_record import EffectRecord
-from lammps_cases.records.run_record import CheckRecord, Verdict
+from lammps_cases.records.case_parts import CheckRecord, EffectRecord, Verdict
 from lammps_cases.report import findings
 from lammps_cases.report.statements import known_bugs
 from tests.support.audited_decks import case_of

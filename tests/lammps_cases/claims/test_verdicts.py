@@ -7,7 +7,8 @@ import pytest
 from eos_ref.syntax.manual import MANUALS, Manual, manual_of
 from lammps_cases.claims.model import Claim, claims
 from lammps_cases.claims.verdicts import Judged, Names, counts, judge, refuted_by, summary, worst
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord, StepRecord
+from lammps_cases.records.case_parts import FieldRecord, StepRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from tests.support.claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, all_good, field, good, wrong
 
 NEW = "2025.7.22.4.0"

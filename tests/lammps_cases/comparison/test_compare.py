@@ -22,7 +22,7 @@ from lammps_cases.comparison.compare import (
     same_bits,
     worst_component,
 )
-from lammps_cases.records.run_record import DigitsLost, Verdict, digest
+from lammps_cases.records.case_parts import DigitsLost, Verdict, digest
 from tests.support.roundings import rounded
 
 Array = npt.NDArray[np.float64]

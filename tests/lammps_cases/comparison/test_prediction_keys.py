@@ -12,8 +12,8 @@ import pytest
 from eos_ref import EOS
 from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.model.box import Box
-from lammps_cases.comparison import prediction_keys
-from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
+from lammps_cases.comparison import store
+from lammps_cases.comparison.store import Unnamed, fingerprint
 from lammps_cases.records import measure
 
 NEXT = float(np.nextafter(1.0, 2.0))
@@ -38,6 +38,9 @@ BOX = Box((0.0, 0.0), (1.0, 1.0), (True, True))
         (BOX, replace(BOX, tilt=(0.0,))),
         (EOS("linear", 1.0, 1.0), EOS("tait/water", 1.0, 1.0)),
         (Evaluator, Box),
+        ({"a": 1.0}, {"a": NEXT}),
+        ({"a": 1.0}, {"b": 1.0}),
+        ({"a": 1.0}, ("a", 1.0)),
     ],
 )
 def test_what_differs_has_another_key(one: Any, other: Any) -> None:
@@ -48,6 +51,7 @@ def test_what_differs_has_another_key(one: Any, other: Any) -> None:
 def test_what_is_the_same_has_the_same_key() -> None:
     assert fingerprint(np.float64(1.5)) == fingerprint(1.5) and fingerprint(np.int64(2)) == fingerprint(2)
     assert fingerprint([1, 2]) == fingerprint((1, 2))
+    assert fingerprint({"a": 1, "b": 2}) == fingerprint({"b": 2, "a": 1})
     array_nc = np.arange(6.0).reshape(2, 3)
     assert fingerprint(array_nc.T) == fingerprint(np.ascontiguousarray(array_nc.T)), "in whatever order it lies"
     assert fingerprint(float("nan")) == fingerprint(-float("nan")), "one NaN is as good as another"
@@ -81,36 +85,36 @@ def test_the_context_follows_sources_and_switches(tmp_path: Path, monkeypatch: p
     for room in ("comparison", "cli"):  # predictions go through one of them
         (tmp_path / "lammps_cases" / room).mkdir(parents=True)
         (tmp_path / "lammps_cases" / room / "two.py").write_text("")
-    assert prediction_keys.hashed(tmp_path) == [source, tmp_path / "lammps_cases" / "comparison" / "two.py"]
-    first = prediction_keys.context(tmp_path)
-    assert prediction_keys.context(tmp_path) == first
+    assert store.hashed(tmp_path) == [source, tmp_path / "lammps_cases" / "comparison" / "two.py"]
+    first = store.context(tmp_path)
+    assert store.context(tmp_path) == first
     source.write_text("a = 2\n")
-    second = prediction_keys.context(tmp_path)
+    second = store.context(tmp_path)
     monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "AVX2")
-    third = prediction_keys.context(tmp_path)
+    third = store.context(tmp_path)
     source.rename(source.with_name("two.py"))
-    assert len({first, second, third, prediction_keys.context(tmp_path)}) == 4
+    assert len({first, second, third, store.context(tmp_path)}) == 4
 
 
 def test_the_processor_by_what_decides_on_its_instructions(monkeypatch: pytest.MonkeyPatch) -> None:
     facts = {"model name": "Made up", "flags": "fpu fma sse avx avx2x"}
-    monkeypatch.setattr(prediction_keys, "cpuinfo", lambda: facts)
-    assert prediction_keys.processor().split(", ")[:2] == ["Made up", "avx fma"]
+    monkeypatch.setattr(store, "cpuinfo", lambda: facts)
+    assert store.processor().split(", ")[:2] == ["Made up", "avx fma"]
     monkeypatch.setattr("os.confstr", {"CS_GNU_LIBC_VERSION": "glibc 2.99"}.__getitem__)
-    assert prediction_keys.processor() == "Made up, avx fma, glibc 2.99"
+    assert store.processor() == "Made up, avx fma, glibc 2.99"
     facts.pop("flags")
     facts["Features"] = "fp asimd sve2"
-    assert prediction_keys.processor() == "Made up, asimd, glibc 2.99", "as Linux names them on Arm"
+    assert store.processor() == "Made up, asimd, glibc 2.99", "as Linux names them on Arm"
 
     def unknown(name: str) -> str:
         raise ValueError(name)
 
     monkeypatch.setattr("os.confstr", unknown)
     facts.pop("Features")
-    assert prediction_keys.processor() == "Made up", "another C library has no such name"
-    monkeypatch.setattr(prediction_keys, "cpuinfo", dict)
+    assert store.processor() == "Made up", "another C library has no such name"
+    monkeypatch.setattr(store, "cpuinfo", dict)
     monkeypatch.setattr("platform.machine", lambda: "vax")
-    assert prediction_keys.processor() == "vax", "another system says nothing more"
+    assert store.processor() == "vax", "another system says nothing more"
 
 
 def test_what_linux_says_of_the_first_processor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

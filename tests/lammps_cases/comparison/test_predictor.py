@@ -19,11 +19,10 @@ from eos_ref.evaluation import pairs
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box
-from lammps_cases.comparison import prediction_keys, store
-from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
+from lammps_cases.comparison import store
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.comparison.store import Store
+from lammps_cases.comparison.store import Store, Unnamed, fingerprint
 from lammps_cases.comparison.trajectory import Prediction, input_spread, predict
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.shifting import NormalOfLastPair
@@ -34,7 +33,7 @@ from lammps_cases.verdict.problems import problem_of
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
-ROOT = Path(prediction_keys.__file__).parents[2]
+ROOT = Path(store.__file__).parents[2]
 
 
 def _scene(name: str = "thermal.latent.2d") -> Problem:
@@ -138,31 +137,31 @@ def test_any_byte_of_the_sources_is_another_context(tmp_path: Path, monkeypatch:
     copied = ("eos_ref", "lammps_cases")
     for package in copied:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__", "data"))
-    assert prediction_keys.context(tmp_path) == prediction_keys.context()
-    hashed = prediction_keys.hashed(tmp_path)
+    assert store.context(tmp_path) == store.context()
+    hashed = store.hashed(tmp_path)
     assert len(hashed) > 30
     for path in hashed:
         source = path.read_bytes()
         path.write_bytes(source[:-1] + b" ")
-        assert prediction_keys.context(tmp_path) != prediction_keys.context(), path.name
+        assert store.context(tmp_path) != store.context(), path.name
         path.write_bytes(source)
     (tmp_path / "eos_ref" / "new.py").write_text("")
-    assert prediction_keys.context(tmp_path) != prediction_keys.context()
-    before = prediction_keys.context()
+    assert store.context(tmp_path) != store.context()
+    before = store.context()
     monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "AVX2")
-    assert prediction_keys.context() != before
+    assert store.context() != before
 
 
 @pytest.mark.parametrize(
     ("where", "name"),
-    [(prediction_keys, "_version"), (prediction_keys, "processor"), (np, "show_config"), (platform, "python_version")],
+    [(store, "_version"), (store, "processor"), (np, "show_config"), (platform, "python_version")],
 )
 def test_libraries_and_processor_are_part_of_the_context(
     where: Any, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before = prediction_keys.context()
+    before = store.context()
     monkeypatch.setattr(where, name, lambda *of, **options: {"SIMD Extensions": "another"} if options else "another")
-    assert prediction_keys.context() != before
+    assert store.context() != before
 
 
 def _imported(module: str) -> set[str]:
@@ -188,7 +187,8 @@ def test_the_context_holds_every_module_that_predictions_go_through() -> None:
         left |= _imported(name) - reached
     rooms = {name.split(".")[1] for name in reached}
     assert "comparison" in rooms
-    assert rooms <= set(prediction_keys.ROOMS)
+    assert rooms <= set(store.ROOMS)
+    assert all((ROOT / "lammps_cases" / room).is_dir() for room in store.ROOMS)
 
 
 def _bits(prediction: Prediction) -> list[bytes]:
@@ -295,8 +295,8 @@ def test_context_and_fresh_hide_what_is_there(problem: Problem, tmp_path: Path) 
         predictor = Predictor(kept)
         predictor.predict(problem)
         assert (predictor.computed, predictor.stored) == (1, 0)
-    assert prediction_keys.current(prediction_keys.open_store())
-    assert not prediction_keys.current(Store(tmp_path, "sources of another time"))
+    assert store.current(store.open_store())
+    assert not store.current(Store(tmp_path, "sources of another time"))
 
 
 def test_folder_that_cannot_be_written_costs_no_result(problem: Problem, tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.perturbation import ROUNDING, moved_input
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.comparison.rounded_input import ROUNDING, moved_input
 from lammps_cases.comparison.trajectory import MOVED_RUNS, input_spread, predict
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile

@@ -10,8 +10,7 @@ import pytest
 
 from eos_ref.cache import cache_folder
 from lammps_cases.comparison import store
-from lammps_cases.comparison.prediction_keys import context, open_store
-from lammps_cases.comparison.store import Store, packed, store_folder
+from lammps_cases.comparison.store import Store, context, open_store, packed, store_folder
 
 
 def test_the_folder_is_the_one_named_or_in_the_users_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

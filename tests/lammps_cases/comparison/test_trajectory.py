@@ -17,8 +17,8 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import trajectory
+from lammps_cases.comparison.perturbation import Signs
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.comparison.signs import Signs
 from lammps_cases.comparison.trajectory import (
     COMPILED_ABOVE,
     MOVED_PARTICLES,

@@ -11,8 +11,8 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box, Deform
+from lammps_cases.comparison.perturbation import Signs
 from lammps_cases.comparison.problem import Problem, ProblemStop
-from lammps_cases.comparison.signs import Signs
 from lammps_cases.comparison.trajectory import halted, predict, shaken, visit
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile

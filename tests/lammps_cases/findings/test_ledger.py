@@ -21,7 +21,8 @@ from lammps_cases.findings import LEDGER, accepted_cases, engines, forces, ledge
 from lammps_cases.findings.engines import SEEN_ON
 from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Variant
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, Mismatch, RunRecord
+from lammps_cases.records.case_parts import Mismatch
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.records.wording import by_file
 from lammps_cases.report import findings as reported
 from lammps_cases.run import prepared_case

@@ -23,7 +23,7 @@ from lammps_cases.findings.surfaces import LayerOfFirst, StatusOfLayers
 from lammps_cases.findings.variants import Variant, combined
 from lammps_cases.findings.walls import AccelerationsOfOldImages, GradientOfSecond
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import answers, flow, prepared_case
+from lammps_cases.run import flow, prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
@@ -100,7 +100,7 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., CaseRecord]:
     """A case judged, where LAMMPS answers the second question with ``every``."""
 
     def judge(given: Seen, engine: EngineRecord = ENGINE) -> CaseRecord:
-        monkeypatch.setattr(answers, "solve", lambda site, told: given.every)
+        monkeypatch.setattr(prepared_case, "solve", lambda site, told: given.every)
         monkeypatch.setattr(flow, "first_step_outside", lambda *of: None)
         return flow.judge(None, given.ready, [given.answer], engine)[0]
 
@@ -352,7 +352,7 @@ def test_order_of_pairs_explains_older_wheels(seen: Callable[..., Seen], judged:
 def test_order_of_pairs_explains_the_layer(case: str, solver: Solver, monkeypatch: pytest.MonkeyPatch) -> None:
     ready = prepared_case.prepare(casefile.select(casefile.load(), [case])[0])
     outcomes: prepared_case.Outcomes = [solver(told) for told in ready.jobs]
-    monkeypatch.setattr(answers, "solve", lambda site, told: solver(told))
+    monkeypatch.setattr(prepared_case, "solve", lambda site, told: solver(told))
     record = flow.judge(None, ready, outcomes, ENGINE)[0]
     assert record.verdict == "explained", record.message
     assert _explained(record) == {"layer-depends-on-pair-order"}
@@ -362,7 +362,7 @@ def test_order_of_pairs_explains_the_layer(case: str, solver: Solver, monkeypatc
         answer = solver(told)
         return replace(answer, lists=tuple(a | {"pair_ps": a["pair_ps"][:, ::-1]} for a in answer.lists))
 
-    monkeypatch.setattr(answers, "solve", turned)
+    monkeypatch.setattr(prepared_case, "solve", turned)
     assert flow.judge(None, ready, outcomes, ENGINE)[0].verdict == "differs"
 
 

@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-from lammps_cases.records.callable_module import CallableModule
+from lammps_cases.records.options import CallableModule
 
 
 @pytest.fixture

@@ -16,11 +16,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from eos_ref import InputError
-from lammps_cases.records import files, untrusted
+from lammps_cases.records import files
 from lammps_cases.records.documents import Document
+from lammps_cases.records.files import read_bytes
 from lammps_cases.records.run_record import CaseRecord, RunRecord, read_run
 from lammps_cases.report.annotations import source_of
-from lammps_cases.run import merge
+from lammps_cases.run import shards
 from lammps_cases.scene.casefile import load_file
 from tests.support import made_runs
 from tests.support.hostile import SCENE, Reader, leaves, made, outcome, readers
@@ -218,7 +219,7 @@ def test_sizes_are_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         files.read_arrays(path)
     path.write_bytes(bytes(2**21))
     with pytest.raises(InputError, match="must be at most 1 MiB"):
-        untrusted.read_bytes(path, "file", 2**20)
+        read_bytes(path, "file", 2**20)
 
 
 def test_arrays_of_objects_are_refused(tmp_path: Path) -> None:
@@ -245,7 +246,7 @@ def test_shards_of_any_kind_end_in_a_line(shard: str, tmp_path: Path) -> None:
         (tmp_path / name / "run.json").write_text(run.to_json())
     begin = time.monotonic()
     with pytest.raises(InputError, match="shard") as told:
-        merge.merge([tmp_path / "a", tmp_path / "b"], tmp_path / "out")
+        shards.merge([tmp_path / "a", tmp_path / "b"], tmp_path / "out")
     assert time.monotonic() - begin < 2.0 and len(str(told.value)) < 400
     assert not (tmp_path / "out").exists()
 

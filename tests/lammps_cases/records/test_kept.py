@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.records import folders, kept
-from lammps_cases.records.kept import KEPT, Shelf
+from lammps_cases.records import folders
+from lammps_cases.records.folders import KEPT, Shelf
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
 
 KILLED = """
 import os, sys
 from pathlib import Path
-from lammps_cases.records.kept import whole_runs
+from lammps_cases.records.folders import whole_runs
 with whole_runs(Path(sys.argv[1])).place("env") as folder:
     folder.with_name(f".{folder.name}.partial").mkdir()
     os.kill(os.getpid(), 9)
@@ -38,7 +38,7 @@ def there(shelf: Shelf) -> set[Path]:
 
 
 def test_the_link_points_to_the_newest_and_the_oldest_of_each_engine_are_dropped(tmp_path: Path) -> None:
-    shelf = kept.whole_runs(tmp_path)
+    shelf = folders.whole_runs(tmp_path)
     other = report(shelf, "pypi:2.0")
     made = [report(shelf) for _ in range(KEPT + 2)]
     assert len({*made, other}) == KEPT + 3 and made[0].name.endswith("_1.0")
@@ -48,7 +48,7 @@ def test_the_link_points_to_the_newest_and_the_oldest_of_each_engine_are_dropped
 
 
 def test_a_report_that_was_begun_earlier_and_ends_later_does_not_take_the_link(tmp_path: Path) -> None:
-    shelf = kept.whole_runs(tmp_path)
+    shelf = folders.whole_runs(tmp_path)
     with shelf.place("env") as early:
         late = report(shelf, "env")
         assert late != early and early.is_dir(), "the one at work is not cleared away"
@@ -58,7 +58,7 @@ def test_a_report_that_was_begun_earlier_and_ends_later_does_not_take_the_link(t
 
 
 def test_what_fails_or_is_killed_leaves_the_link_where_it_was(tmp_path: Path) -> None:
-    shelf = kept.whole_runs(tmp_path)
+    shelf = folders.whole_runs(tmp_path)
     whole = report(shelf)
     with pytest.raises(KeyboardInterrupt), shelf.place("env"):
         raise KeyboardInterrupt
@@ -88,7 +88,7 @@ def resumed(shelf: Shelf, engine: str) -> Path:
 
 
 def test_of_each_engine_the_report_that_was_interrupted_last_is_gone_on_with(tmp_path: Path) -> None:
-    shelf = kept.whole_runs(tmp_path)
+    shelf = folders.whole_runs(tmp_path)
     _, last = interrupted(shelf, "pypi:1.0"), interrupted(shelf, "pypi:1.0")
     other = interrupted(shelf, "pypi:2.0")
     assert resumed(shelf, "pypi:1.0") == last and resumed(shelf, "pypi:2.0") == other
@@ -98,7 +98,7 @@ def test_of_each_engine_the_report_that_was_interrupted_last_is_gone_on_with(tmp
 
 
 def test_a_report_that_is_done_takes_the_place_of_one_interrupted_before_it(tmp_path: Path) -> None:
-    shelf = kept.whole_runs(tmp_path)
+    shelf = folders.whole_runs(tmp_path)
     before = interrupted(shelf, "pypi:1.0")
     whole = report(shelf)
     assert there(shelf) == {whole} and shelf.link.resolve() == whole.resolve()
@@ -106,7 +106,7 @@ def test_a_report_that_is_done_takes_the_place_of_one_interrupted_before_it(tmp_
 
 
 def test_a_folder_in_the_place_of_the_link_is_moved_aside(tmp_path: Path) -> None:
-    shelf = kept.whole_runs(tmp_path)
+    shelf = folders.whole_runs(tmp_path)
     shelf.link.mkdir()
     (shelf.link / "run.json").write_text("old")
     made = report(shelf)
@@ -135,7 +135,7 @@ def test_a_run_of_some_cases_never_replaces_that_of_all(
         eos_ref_command("run", *options)
         for options in ([name], ["--shard", "1/2"], ["--shard", "2/2"], ["--cases", case_file()])
     ]
-    *shards, _ = reversed(kept.parts_of_runs(Path("reports")).entries())
+    *shards, _ = reversed(folders.parts_of_runs(Path("reports")).entries())
     assert len(shards) == KEPT - 1
     for outcome in some:
         assert "report: reports/parts/" in outcome.out and "reports/latest is unchanged" in outcome.out

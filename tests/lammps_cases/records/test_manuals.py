@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from eos_ref.syntax.manual import FIRST, MANUALS
-from lammps_cases.records.manuals import OfManual
+from lammps_cases.records.yaml_files import OfManual
 
 NEWEST = MANUALS[-1]
 

@@ -13,18 +13,9 @@ import pytest
 import eos_ref
 import lammps_cases
 from eos_ref import InputError
-from lammps_cases.records import wording
-from lammps_cases.records.run_record import (
-    Beyond,
-    Blame,
-    CaseRecord,
-    FieldRecord,
-    HarnessError,
-    LostAtoms,
-    Mismatch,
-    OtherSteps,
-    read_run,
-)
+from lammps_cases.records import case_wording
+from lammps_cases.records.case_parts import Beyond, Blame, FieldRecord, HarnessError, LostAtoms, Mismatch, OtherSteps
+from lammps_cases.records.run_record import CaseRecord, read_run
 
 FORCE: dict[str, Any] = {"field": "f", "stage": "pair", "atom": 3, "outside": 2, "of": 9}
 FORCE |= {"lammps": 1.5, "reference": 0.1, "bound": 1.234567e-15}
@@ -175,27 +166,27 @@ PROBES: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("name", SENTENCES)
 def test_every_end_and_blame_has_its_sentence(name: str) -> None:
     facts, sentence = SENTENCES[name]
-    assert wording.message(CaseRecord(case="one", **facts)) == sentence
+    assert case_wording.message(CaseRecord(case="one", **facts)) == sentence
 
 
 @pytest.mark.parametrize("name", PROBES)
 def test_every_mismatch_of_a_probe_has_its_sentence(name: str) -> None:
     facts, sentence = PROBES[name]
-    assert wording.message(CaseRecord(case="probes.x", verdict="differs", mismatch=Mismatch(**facts))) == sentence
+    assert case_wording.message(CaseRecord(case="probes.x", verdict="differs", mismatch=Mismatch(**facts))) == sentence
 
 
 def test_findings_are_left_out_where_they_stand_beside_the_blame() -> None:
     record = CaseRecord(case="one", **SENTENCES["explained"][0])
-    assert wording.message(record, findings=False) == f"f (stage pair) leaves its bound at step 4 at {NUMBERS}"
+    assert case_wording.message(record, findings=False) == f"f (stage pair) leaves its bound at step 4 at {NUMBERS}"
 
 
 def test_a_record_without_facts_keeps_its_message() -> None:
     record = CaseRecord(case="one", verdict="differs", message="of old")
-    assert wording.message(record) == wording.own_words(record) == "of old"
+    assert case_wording.message(record) == case_wording.own_words(record) == "of old"
 
 
 def test_own_words_are_brief_and_without_the_finding() -> None:
-    of = {name: wording.own_words(CaseRecord(case="one", **facts)) for name, (facts, _) in SENTENCES.items()}
+    of = {name: case_wording.own_words(CaseRecord(case="one", **facts)) for name, (facts, _) in SENTENCES.items()}
     assert of["refused"] == "ERROR: Illegal fix command"
     assert of["crashed, explained"] == "crashed: LAMMPS' process was killed by SIGSEGV: cannot touch"
     assert of["refused in other words, explained"] == (
@@ -283,6 +274,6 @@ def test_no_message_is_parsed() -> None:
 @pytest.mark.parametrize(("findings", "beside"), [([], ""), (["a"], ", beside a")])
 def test_what_has_no_bound_is_no_reason(findings: list[str], beside: str) -> None:
     blame = STEP.model_copy(update={"bound": math.inf, "lammps": 0.0, "reference": 0.0})
-    said = wording.message(CaseRecord(case="x", verdict="differs", beyond=Beyond(findings=findings, blame=blame)))
+    said = case_wording.message(CaseRecord(case="x", verdict="differs", beyond=Beyond(findings=findings, blame=blame)))
     unknown = "f (stage pair) is not predictable at step 4 at 2 of 9 atoms, first atom 3"
     assert said == f"{unknown}; all that has a bound is inside{beside}"

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
+from lammps_cases.records.case_parts import FieldRecord, Seconds, StepRecord
 from lammps_cases.records.outcome import ABOUT, CHANGE_KINDS, NEW, SAME, CaseOutcome, FieldOutcome, differences
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, Seconds, StepRecord
+from lammps_cases.records.run_record import CaseRecord
 
 PRESSURE: dict[str, Any] = {"field": "pressure", "stage": "eos", "verdict": "pass", "max_over_bound": 0.5}
 FORCE: dict[str, Any] = {"field": "f", "stage": "pair", "verdict": "explained", "max_over_bound": 9.0}

@@ -10,18 +10,9 @@ import numpy as np
 import pytest
 
 from eos_ref import EOS, InputError
-from lammps_cases.records.run_record import (
-    VERDICTS,
-    CaseRecord,
-    EngineRecord,
-    LawRecord,
-    Predictions,
-    RunRecord,
-    Verdict,
-    digest,
-    read_run,
-    worst,
-)
+from lammps_cases.records.case_parts import VERDICTS, LawRecord, Predictions, Verdict, digest, worst
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, read_run
+from lammps_cases.records.wording import predictions
 
 
 def run_of(*cases: CaseRecord, changed: int = 0) -> RunRecord:
@@ -111,7 +102,7 @@ def test_verdicts_and_predictions_are_counted() -> None:
     run = run_of(*cases).counted()
     assert list(run.summary.items()) == [("pass", 2), ("differs", 1)]
     assert (run.predictions.computed, run.predictions.stored) == (2, 5)
-    assert str(run.predictions) == "5 of 7 reference predictions taken from the cache"
+    assert predictions(run.predictions) == "5 of 7 reference predictions taken from the cache"
 
 
 def test_the_record_of_a_law_holds_its_parameters() -> None:

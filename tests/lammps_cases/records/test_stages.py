@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from lammps_cases.cli import shared
-from lammps_cases.records.run_record import CaseRecord, RunRecord, Seconds
-from lammps_cases.records.stages import REST, Stages
+from lammps_cases.records.case_parts import Seconds
+from lammps_cases.records.progress import REST, Stages
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 
 
 @pytest.fixture
@@ -45,7 +46,7 @@ def test_bounds_of_variants_are_theirs(clock: list[float], stages: Stages) -> No
 def test_the_table_adds_up_and_names_lammps(
     clock: list[float], stages: Stages, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lammps_cases.records.stages.taken", stages.taken)
+    monkeypatch.setattr("lammps_cases.records.progress.taken", stages.taken)
     with stages.stage("report"):
         clock[0] += 1
     clock[0] += 1

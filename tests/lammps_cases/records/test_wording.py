@@ -8,7 +8,8 @@ import math
 import pytest
 
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import StepRecord
+from lammps_cases.records.case_parts import StepRecord
+from lammps_cases.records.folders import folder_name
 
 
 @pytest.mark.parametrize(
@@ -52,7 +53,7 @@ def test_things_are_counted() -> None:
     [("pypi:2025.7.22.1.0", "pypi-2025.7.22.1.0"), ("path:../../etc", "path-..-..-etc"), ("../..", ""), ("ü/é", "")],
 )
 def test_a_folder_is_named_below_its_parent(text: str, name: str) -> None:
-    assert wording.folder_name(text) == name
+    assert folder_name(text) == name
 
 
 def test_ratios_are_ordered_with_none_first_and_nan_last() -> None:

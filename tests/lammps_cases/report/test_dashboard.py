@@ -13,7 +13,8 @@ import pytest
 from check_jsonschema import main as check_jsonschema
 from click.testing import CliRunner
 
-from lammps_cases.records.run_record import CaseRecord, StepRecord
+from lammps_cases.records.case_parts import StepRecord
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.report import dashboard, junit
 from lammps_cases.report.findings import outcome
 from lammps_cases.run.report_files import write_run

@@ -8,10 +8,10 @@ import math
 import pytest
 
 from lammps_cases.records import deck_wording, wording
-from lammps_cases.records.audit_record import EffectRecord
+from lammps_cases.records.case_parts import EffectRecord, FieldRecord
 from lammps_cases.records.headline import of_decks, strictest
 from lammps_cases.records.levels import allowed, severity_of
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report.findings import outcome
 from tests.support.made_audits import (
     BUG,

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord
+from lammps_cases.records.case_parts import CheckRecord, FieldRecord
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import plots, write_report
 from tests.support.browser import browser
 from tests.support.made_report import Page

@@ -7,16 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lammps_cases.records.case_parts import FieldRecord, LawRecord, StepRecord, Verdict
 from lammps_cases.records.outcome import CaseOutcome
-from lammps_cases.records.run_record import (
-    CaseRecord,
-    EngineRecord,
-    FieldRecord,
-    LawRecord,
-    RunRecord,
-    StepRecord,
-    Verdict,
-)
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import agreement, markdown, plots
 from lammps_cases.report.history import draw
 

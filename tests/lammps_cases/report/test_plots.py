@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from eos_ref.eos import bounds
-from lammps_cases.records.run_record import CaseRecord, LawRecord, RunRecord
+from lammps_cases.records.case_parts import LawRecord
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import drawn, plots
 from tests.support.made_report import NAME, WATER, Page, column, numbers
 

@@ -8,7 +8,7 @@ import pytest
 
 from lammps_cases.findings import KNOWN, LEDGER
 from lammps_cases.findings.variants import Variant
-from lammps_cases.records import wording
+from lammps_cases.records import case_wording, wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
 from tests.support.made_findings import finding
@@ -115,4 +115,4 @@ def test_a_word_that_lammps_does_not_have_is_one_line_and_fails() -> None:
     found = findings.outcome(run_of(*records, case("other")))
     assert found.headline.sentence == "no 'cubic' in this LAMMPS: 3 cases skipped"
     assert (found.exit_code, found.unaccepted) == (1, [])
-    assert wording.message(records[0]) == "this LAMMPS has no 'cubic'"
+    assert case_wording.message(records[0]) == "this LAMMPS has no 'cubic'"

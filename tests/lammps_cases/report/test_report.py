@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from eos_ref import EOSTable
-from lammps_cases.records import wording
-from lammps_cases.records.audit_record import OutlookRecord
+from lammps_cases.records import case_wording, wording
+from lammps_cases.records.case_parts import OutlookRecord
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import agreement, drawn, findings, markdown, page, plots, write_report
 from lammps_cases.scene.fields import in_step_order
@@ -192,11 +192,11 @@ def test_of_a_deck_that_broke_off_lammps_words_are_its_own(run: RunRecord, folde
     lost = "ERROR: Lost atoms: original 100 current 2"
     deck = CaseRecord(case="in.deck", verdict="refused", engine_error=lost, outlook=why, tags=["audit"])
     deck.unchecked = {"cv": "no thermal", "chi": "no walls", "heatflow": "no thermal"}
-    alone = run.model_copy(update={"cases": [deck.model_copy(update={"message": wording.message(deck)})]})
+    alone = run.model_copy(update={"cases": [deck.model_copy(update={"message": case_wording.message(deck)})]})
     html = unpacked(page.render(findings.outcome(alone, FINDINGS), folder / "fields"))
     says, lists = re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", html), re.findall(r"<li>([^<]*)</li>", html)
     assert ("LAMMPS said", f"<code>{lost}</code>") in says
-    assert ("Why", wording.outlook(deck)) in says
+    assert ("Why", case_wording.outlook(deck)) in says
     assert {"cv, heatflow: no thermal", "chi: no walls"} < {*lists}
 
 

@@ -12,7 +12,8 @@ import pytest
 
 from lammps_cases.cli import audit, shared
 from lammps_cases.findings import KNOWN, LEDGER
-from lammps_cases.records.run_record import CaseRecord, LawRecord, read_run
+from lammps_cases.records.case_parts import LawRecord
+from lammps_cases.records.run_record import CaseRecord, read_run
 from lammps_cases.report.advice import advice
 from lammps_cases.report.annotations import deck_place, place, workflow_commands
 from lammps_cases.report.findings import outcome

@@ -9,7 +9,7 @@ import pytest
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import KeptAnswer
 from lammps_cases.records.run_record import EngineRecord
-from lammps_cases.run import answers
+from lammps_cases.run import prepared_case
 from lammps_cases.run.flow import record_case
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
@@ -28,9 +28,9 @@ def test_answer_that_was_taken_away_is_asked_for_once_more(
         asked.append(job)
         return solver(job)
 
-    monkeypatch.setattr(answers, "solve", solve)
+    monkeypatch.setattr(prepared_case, "solve", solve)
     gone = KeptAnswer(tmp_path / "answer")
     record = record_case(None, tmp_path, ready, [gone], EngineRecord())
     assert record.verdict == "exact"
     assert len(asked) == 1
-    answers.discard([gone])
+    prepared_case.discard([gone])

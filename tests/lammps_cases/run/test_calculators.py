@@ -16,7 +16,7 @@ from eos_ref import InputError
 from lammps_cases import EosRefCalculator, LammpsRheoCalculator, run
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.run.calculators import RheoCalculator, particles, scene_of
-from lammps_cases.run.results import Result
+from lammps_cases.run.command import Result
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.setup import reference_side
 

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord
-from lammps_cases.run import case_journal
-from lammps_cases.run.case_journal import CaseJournal, RunStart
+from lammps_cases.records.case_parts import FieldRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
+from lammps_cases.run import judged
+from lammps_cases.run.judged import CaseJournal, RunStart
 from lammps_cases.scene import casefile
 
 
@@ -103,7 +104,7 @@ def test_nothing_is_left_of_what_is_forgotten(journal: CaseJournal) -> None:
 
 def test_a_start_knows_scene_tags_and_text_of_its_cases(case_file: Callable[..., Path]) -> None:
     run = run_start().run
-    hashes = [case_journal.start(run, casefile.load_file(case_file(**of))) for of in ({}, {}, {"rho": {"constant": 1}})]
+    hashes = [judged.start(run, casefile.load_file(case_file(**of))) for of in ({}, {}, {"rho": {"constant": 1}})]
     assert hashes[0] == hashes[1] != hashes[2]
     assert hashes[0].code == hashes[2].code and [*hashes[0].cases] == ["mine"]
 
@@ -116,7 +117,7 @@ def test_a_start_knows_the_files_that_its_cases_are_read_from(tmp_path: Path) ->
     assert files == set(names[1:])
 
     def hashes() -> dict[str, str]:
-        return case_journal.start(run_start().run, casefile.load_file(tmp_path / names[0])).cases
+        return judged.start(run_start().run, casefile.load_file(tmp_path / names[0])).cases
 
     before = hashes()
     with (tmp_path / "densities.csv").open("a") as table:

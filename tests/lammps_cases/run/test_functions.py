@@ -21,9 +21,8 @@ from lammps_cases import audit, compare, run
 from lammps_cases.records.files import arrays_files, read_arrays
 from lammps_cases.records.run_record import read_run
 from lammps_cases.run import tables
-from lammps_cases.run.results import Result
-from lammps_cases.run.tables import VALUE_COLUMNS
-from lammps_cases.run.units import unit
+from lammps_cases.run.command import Result
+from lammps_cases.run.tables import VALUE_COLUMNS, unit
 from tests.support.outcome import Outcome
 from tests.support.pages import unpacked
 

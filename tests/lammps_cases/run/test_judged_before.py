@@ -14,15 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.comparison.prediction_keys import open_store
-from lammps_cases.comparison.store import Store
+from lammps_cases.comparison import store as store_module
+from lammps_cases.comparison.store import Store, code, current, open_store
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
-from lammps_cases.run import answers, case_journal, flow, judged_before
-from lammps_cases.run.answers import Answers
-from lammps_cases.run.judged_before import JudgedBefore, judgement_store
-from lammps_cases.run.prepared_case import Outcomes, PreparedCase, prepare
+from lammps_cases.run import flow, judged, prepared_case
+from lammps_cases.run.judged import JudgedBefore
+from lammps_cases.run.prepared_case import Answers, Outcomes, PreparedCase, prepare
 from lammps_cases.scene import casefile
 from tests.support.outcome import Solver
 
@@ -56,7 +55,7 @@ def asked(monkeypatch: pytest.MonkeyPatch, solver: Solver) -> list[Job]:
         jobs.append(job)
         return solver(job)
 
-    monkeypatch.setattr(answers, "solve", solve)
+    monkeypatch.setattr(prepared_case, "solve", solve)
     return jobs
 
 
@@ -66,8 +65,10 @@ def store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Store:
     return open_store()
 
 
-def judged_into(folder: Path, ready: PreparedCase, outcomes: Outcomes, of: Store | None) -> CaseRecord:
-    kept = judgement_store(of, case_journal.code())
+def judged_into(
+    folder: Path, ready: PreparedCase, outcomes: Outcomes, of: Store | None, run_code: str = ""
+) -> CaseRecord:
+    kept = replace(of, context=run_code or store_module.code()) if of else None
     return flow.record_case(None, folder, ready, outcomes, ENGINE, of, kept)
 
 
@@ -198,8 +199,7 @@ def test_lists_that_differ_are_judged_again(
 
 
 def _before(store: Store, ready: PreparedCase, outcomes: Outcomes) -> JudgedBefore:
-    kept = judgement_store(store, case_journal.code())
-    assert kept is not None
+    kept = replace(store, context=code())
     before = JudgedBefore.of(kept, Answers(None, ready, outcomes), ENGINE)
     assert before is not None
     return before
@@ -235,8 +235,7 @@ def test_fresh_run_and_other_code_find_nothing(
         return record.predictions.judgements
 
     assert [judgements(each) for each in (store, store, open_store(fresh=True), store, None)] == [0, 1, 0, 1, 0]
-    monkeypatch.setattr(case_journal, "code", lambda: "another")
-    monkeypatch.setattr(judged_before, "_code", case_journal.code)
+    monkeypatch.setattr(store_module, "code", lambda *_: "another")
     assert judgements(store) == 0
 
 
@@ -249,9 +248,12 @@ def test_process_of_other_code_than_the_run_looks_up_and_keeps_nothing(
 ) -> None:
     """A worker that starts after an edit, or one that had imported less before it."""
     ready, outcomes = answered(PLAIN)
-    for edited in (True, False, False):
-        monkeypatch.setattr(judged_before, "_code", lambda edited=edited: "edited" if edited else case_journal.code())
-        record = judged_into(tmp_path, ready, outcomes, store)
+    of_run = code()
+    for of_process in ("edited", of_run, of_run):
+        monkeypatch.setattr(store_module, "code", lambda *_, code=of_process: code)
+        current.cache_clear()
+        record = judged_into(tmp_path, ready, outcomes, store, of_run)
+        edited = of_process != of_run
         assert record.predictions.judgements == 0 if edited else record.predictions.computed == 0
     assert record.predictions.judgements == 1, "the second was kept, the first was not"
 
@@ -273,7 +275,7 @@ def test_lists_that_cannot_be_read_leave_no_verdict(
     def full(*_: object) -> Answer:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(answers, "solve", full)
+    monkeypatch.setattr(prepared_case, "solve", full)
     record = judged_into(tmp_path, ready, outcomes, store)
     assert record.verdict == "error"
     assert "neighbour lists: [Errno 28] No space left on device" in record.message
@@ -292,7 +294,7 @@ def test_key_keeps_the_parts_of_a_case_apart(
     keys = [JudgedBefore.of(store, Answers(None, replace(ready, case=case), outcomes), ENGINE) for case in (one, other)]
     assert keys[0] != keys[1]
     run = RunRecord(engine=ENGINE, reference={}, date="d")
-    assert case_journal.start(run, [one]).cases != case_journal.start(run, [other]).cases
+    assert judged.start(run, [one]).cases != judged.start(run, [other]).cases
 
 
 def test_damaged_judgement_is_made_again(

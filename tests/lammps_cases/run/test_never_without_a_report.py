@@ -12,15 +12,17 @@ from typing import Any
 import pytest
 
 from lammps_cases.cli import shared
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison import store
 from lammps_cases.comparison.compare import EosState, compare_pressure
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records import folders
+from lammps_cases.records.case_parts import Blame, HarnessError, StepRecord
 from lammps_cases.records.files import write_arrays
-from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, HarnessError, StepRecord, read_run
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, read_run
 from lammps_cases.report.history import store as history
-from lammps_cases.run import campaign, case_journal
+from lammps_cases.run import campaign
 from lammps_cases.run.campaign import Campaign
+from lammps_cases.run.judged import start
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.run.provenance import run_record
 from lammps_cases.scene import casefile
@@ -34,9 +36,9 @@ ROOMS = (
     "lammps_cases.report.history",
     "lammps_cases.report.pages",
     "lammps_cases.report",
-    "lammps_cases.run.article_task",
 )
-FUNCTIONS = public(*ROOMS)
+ARTICLES = {name: of for name, of in public("lammps_cases.run.report_files").items() if "article" in name}
+FUNCTIONS = public(*ROOMS) | ARTICLES
 CASES = ("near-rho0.linear.2d", "ranges.override")
 COLOURS = {"green": 1.0, "red": 2.0}  # of runs in which LAMMPS' pressures are so many times those of the reference
 PARTS = {  # what a room may cost; the others make what all of a page or summary needs
@@ -96,14 +98,14 @@ def run(earlier: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(tmp_path / "summary.md"))
     monkeypatch.setattr(shared, "start_fork_server", lambda pairs: None)
-    monkeypatch.setattr(case_journal, "code", lambda *_: "the hash of all sources, which takes long")
+    monkeypatch.setattr(store, "code", lambda *_: "the hash of all sources, which takes long")
     monkeypatch.setattr(campaign, "Workers", no_workers)
 
     def command(factor: float, *words: str, meanwhile: Callable[[str], object] = lambda case: None) -> Outcome:
         def judge(self: Campaign, *_: Any) -> dict[str, Any]:
             begun = run_record(ENGINE, "eos-ref run").model_copy(update=self.request.recorded)
-            start = case_journal.start(begun, self.cases)
-            self.begun = self.journal.begin(start, self.judged)
+            now = start(begun, self.cases)
+            self.begun = self.journal.begin(now, self.judged)
             for case in self.cases:
                 if case.name not in self.judged:
                     self.journal.keep(judged(case, self.folder, factor))
@@ -218,9 +220,9 @@ def test_judgements_of_code_that_was_mended_are_named(
     context: str, run: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert run(1.0, meanwhile=raises(KeyboardInterrupt())).code == 130
-    monkeypatch.setattr(case_journal, "code", lambda *_: "mended")
+    monkeypatch.setattr(store, "code", lambda *_: "mended")
     if context == "other":
-        monkeypatch.setattr(prediction_keys, "context", lambda *_: context)
+        monkeypatch.setattr(store, "context", lambda *_: context)
     resumed = run(1.0, "--resume")
     since = "; the reference has changed since" if context == "other" else ""
     line = f"1 of 2 cases judged by other code, before --resume continued: {CASES[0]}{since}"
@@ -245,7 +247,7 @@ def test_a_command_that_cannot_resume_leaves_what_was_judged(
     cases = casefile.load_file(case_file())
 
     def judge(self: Campaign, *_: Any) -> dict[str, Any]:
-        self.begun = self.journal.begin(case_journal.start(run_record(ENGINE, ""), self.cases))
+        self.begun = self.journal.begin(start(run_record(ENGINE, ""), self.cases))
         self.journal.keep(judged(cases[0], self.folder, 1.0))
         return {}
 

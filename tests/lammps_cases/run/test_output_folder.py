@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.run.output_folder import output_folder
+from lammps_cases.run.report_files import output_folder
 
 REPORT = '{\n "schema": "eos-ref/run/2"'
 

@@ -17,7 +17,7 @@ from lammps_cases.records import folders
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord, read_run
 from lammps_cases.run import campaign, provenance
-from lammps_cases.run.merge import merge
+from lammps_cases.run.shards import merge
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.versions.acceptance import accept

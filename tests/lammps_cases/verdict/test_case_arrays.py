@@ -8,7 +8,8 @@ import pytest
 from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import halted
-from lammps_cases.records.run_record import Blame, CaseRecord, FieldRecord, StepRecord
+from lammps_cases.records.case_parts import Blame, FieldRecord, StepRecord
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.case_arrays import looked_at, pair_arrays

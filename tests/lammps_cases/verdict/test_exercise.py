@@ -14,7 +14,7 @@ import yaml
 from eos_ref import InputError
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
-from lammps_cases.records import wording
+from lammps_cases.records import case_wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
@@ -103,7 +103,7 @@ def test_the_exit_code_of_a_bad_case_goes_before_that_of_a_difference() -> None:
     bad = CaseRecord(case="a", verdict="error", dimension=3, exercises={"self-value": 0, "slope-sign": 7})
     differs = CaseRecord(case="b", verdict="differs", exercises={"self-value": 0})
     assert bad.unexercised == ["self-value"]
-    assert wording.message(bad) == "no field that the case compares shows self-value, which it names in exercises"
+    assert case_wording.message(bad) == "no field that the case compares shows self-value, which it names in exercises"
     assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs, bad]).exit_code() == 2
     assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs]).exit_code() == 1, "what it compares is wrong"
 

@@ -17,7 +17,7 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import LEDGER, Finding, applicable, shown_by
 from lammps_cases.findings.variants import Snapshot, Variant, combined
-from lammps_cases.records import wording
+from lammps_cases.records import case_wording
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
@@ -109,9 +109,9 @@ def test_what_is_new_beside_a_known_finding_is_the_headline(engine: str) -> None
     assert verdict.beyond.blame.field == "heatflow"
     fields = [comparison.record for comparison in verdict.comparisons]
     record = CaseRecord(case="x", verdict="differs", fields=fields, blame=verdict.first, beyond=verdict.beyond)
-    assert wording.message(record).startswith("heatflow (stage ")
+    assert case_wording.message(record).startswith("heatflow (stage ")
     assert verdict.beyond.findings == [] and "force-per-volume" in verdict.beyond.known, "heat comes before forces"
-    assert "beside" not in wording.message(record)
+    assert "beside" not in case_wording.message(record)
 
 
 @pytest.mark.parametrize(

@@ -22,15 +22,8 @@ from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import Variant
-from lammps_cases.records.run_record import (
-    CaseRecord,
-    DigitsLost,
-    EngineRecord,
-    LostAtoms,
-    OtherSteps,
-    StepRecord,
-    digest,
-)
+from lammps_cases.records.case_parts import DigitsLost, LostAtoms, OtherSteps, StepRecord, digest
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile

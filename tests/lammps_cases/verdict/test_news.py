@@ -14,7 +14,8 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.interlude import Carried
 from lammps_cases.engine.session import Answer
 from lammps_cases.findings import LEDGER
-from lammps_cases.records.run_record import Beyond, Blame, CaseRecord, EngineRecord
+from lammps_cases.records.case_parts import Beyond, Blame
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile

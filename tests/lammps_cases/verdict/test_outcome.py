@@ -18,8 +18,9 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.interlude import Carried
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
-from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, LawRecord, LostAtoms, Predictions
-from lammps_cases.records.stages import taken
+from lammps_cases.records.case_parts import Blame, LawRecord, LostAtoms, Predictions
+from lammps_cases.records.progress import taken
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile

@@ -17,8 +17,8 @@ from eos_ref.model.parameters import Model
 from lammps_cases.engine.session import Answer
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import answers as of_lammps
 from lammps_cases.run import flow, prepared_case
+from lammps_cases.run import prepared_case as of_lammps
 from lammps_cases.scene import casefile
 from tests.support.outcome import Solver
 

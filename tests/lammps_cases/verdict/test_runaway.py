@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eos_ref.evaluation.pairs import directed_pairs
-from lammps_cases.records import wording
+from lammps_cases.records import case_wording
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.verdict import runaway
 from lammps_cases.verdict.runaway import Attempts, cut_out, likeliest
@@ -68,7 +68,7 @@ def test_a_cut_out_has_the_cause_of_all(
     assert whole.cause == cause and whole.around is None
     assert (cut.cause, cut.findings, cut.steps) == (whole.cause, whole.findings, 50)
     assert cut.of_particles == len(id_n) and cut.around == likeliest(problem) + 1
-    said = wording.outlook(CaseRecord(case="in.deck", verdict="refused", outlook=cut))
+    said = case_wording.outlook(CaseRecord(case="in.deck", verdict="refused", outlook=cut))
     assert f"(in {cut.particles} of 1024 particles around atom {cut.around})" in said
 
 

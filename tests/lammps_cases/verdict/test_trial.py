@@ -20,7 +20,7 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Fields, Prediction
 from lammps_cases.findings import KNOWN, LEDGER, NEWEST, Finding
 from lammps_cases.findings.variants import Snapshot, Variant
-from lammps_cases.records.run_record import Beyond, DigitsLost
+from lammps_cases.records.case_parts import Beyond, DigitsLost
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict import particle_model

@@ -16,7 +16,8 @@ from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings.variants import Snapshot, combined
-from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, LostAtoms
+from lammps_cases.records.case_parts import Blame, LostAtoms
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lammps_cases.records.case_parts import Verdict
 from lammps_cases.records.outcome import ChangeKind, FieldOutcome
-from lammps_cases.records.run_record import Verdict
 from lammps_cases.versions.arrays import closer, field_change
 from lammps_cases.versions.change import Policy, left_to_chance
 from lammps_cases.versions.outcomes import Sample

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison import store
 from lammps_cases.records import files, folders
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.records.run_record import EngineRecord, read_run
@@ -186,7 +186,7 @@ def test_a_run_that_notes_no_machine_is_of_this_one(
 ) -> None:
     old = changed_run(of_field("pressure", digest=OTHER, verdict="pass"), whole=lambda run: run["machine"].pop("kind"))
     assert check(old, accepted).faults
-    monkeypatch.setattr(prediction_keys, "processor", lambda: "another processor")
+    monkeypatch.setattr(store, "processor", lambda: "another processor")
     assert check(old, accepted).faults == ()
 
 

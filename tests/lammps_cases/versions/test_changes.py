@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lammps_cases.records.case_parts import FieldRecord, StepRecord, Verdict
 from lammps_cases.records.files import write_arrays
 from lammps_cases.records.outcome import CHANGE_KINDS, CaseOutcome, ChangeKind
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, StepRecord, Verdict
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.versions.change import Policy
 from lammps_cases.versions.changes import compare
 from lammps_cases.versions.outcomes import Samples, comparable

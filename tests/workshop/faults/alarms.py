@@ -24,10 +24,11 @@ from lammps_cases.comparison.store import VARIABLE, Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import LEDGER
-from lammps_cases.records import wording
+from lammps_cases.records import case_wording
+from lammps_cases.records.case_parts import digest
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import CaseRecord, digest, read_run
+from lammps_cases.records.run_record import CaseRecord, read_run
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import seed
@@ -249,7 +250,7 @@ def _bits(record: CaseRecord) -> tuple[str, list[tuple[str, str]]]:
 def _alarm(kind: Kind, case: Case, record: CaseRecord, workers: JudgingWorkers | None) -> Alarm:
     if workers and record.verdict == "differs" and (reason := _reason(workers, kind, case)):
         record = record.model_copy(update={"blame": reason.first, "beyond": reason.beyond})
-        record.message = wording.message(record)
+        record.message = case_wording.message(record)
     return Alarm(case.name, kind, record.verdict, record.message, *_explanation(kind, case.scene, record))
 
 

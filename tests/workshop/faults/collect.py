@@ -12,7 +12,7 @@ from typing import Any
 
 from eos_ref import InputError
 from eos_ref.errors import unknown
-from lammps_cases.comparison.prediction_keys import open_store
+from lammps_cases.comparison.store import open_store
 from lammps_cases.engine import installations
 from lammps_cases.findings import LEDGER
 from lammps_cases.records.journal import Parts

@@ -13,10 +13,9 @@ import numpy.typing as npt
 
 from eos_ref.model.box import Box
 from lammps_cases.comparison.compare import excess
-from lammps_cases.comparison.prediction_keys import current
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.comparison.store import Store
+from lammps_cases.comparison.store import Store, current
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.interlude import Carried, Interlude

@@ -13,10 +13,10 @@ from pathlib import Path
 from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import LEDGER, shown_by
-from lammps_cases.records.run_record import CaseRecord, LostAtoms
-from lammps_cases.run.answers import Answers, with_lists
+from lammps_cases.records.case_parts import LostAtoms
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run.flow import lists_decide, set_fault
-from lammps_cases.run.prepared_case import PreparedCase
+from lammps_cases.run.prepared_case import Answers, PreparedCase, with_lists
 from lammps_cases.verdict.problems import problem_of
 from tests.workshop.faults import input_faults, output_faults, substitute
 from tests.workshop.faults.fault import Detection, files

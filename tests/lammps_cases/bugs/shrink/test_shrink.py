@@ -20,7 +20,8 @@ from lammps_cases.bugs.shrink.shrink import Shrunk, WorkerJudge, shrink
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Workers
-from lammps_cases.records.run_record import Blame, CaseRecord
+from lammps_cases.records.case_parts import Blame
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case

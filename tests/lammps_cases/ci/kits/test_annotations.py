@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from lammps_cases.records.case_parts import Verdict
 from lammps_cases.records.levels import FailOn
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Verdict
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report.annotations import (
     CODE_QUALITY,
     MOST,

@@ -16,8 +16,8 @@ from lammps_cases.claims.probes.manual import ManualProbe, judge, put
 from lammps_cases.claims.probes.run import Reply
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER
+from lammps_cases.records.case_wording import error_text
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.records.wording import error_text
 from tests.support.progress import Steps
 
 BY_ID = {probe.id: probe for probe in manual.probes()}

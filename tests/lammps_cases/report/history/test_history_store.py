@@ -17,8 +17,9 @@ from pathlib import Path
 import pytest
 
 from eos_ref.errors import InputError
+from lammps_cases.records.case_parts import FieldRecord
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import history as kept
 from lammps_cases.report.history import store
 from lammps_cases.report.history.store import History

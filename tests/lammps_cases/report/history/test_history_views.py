@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from eos_ref.errors import InputError
-from lammps_cases.records.run_record import FieldRecord, RunRecord
+from lammps_cases.records.case_parts import FieldRecord
+from lammps_cases.records.run_record import RunRecord
 from lammps_cases.report.history import views
 from lammps_cases.report.history.model import StoredRun
 from lammps_cases.report.history.store import History

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.records import kept
+from lammps_cases.records import folders
 from lammps_cases.records.run_record import EngineRecord, RunRecord
 from lammps_cases.report.history import page as history_page
 from lammps_cases.report.pages import index
@@ -43,9 +43,9 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two whole runs, a part, an audit, a table of bad input, a bug report, and a run that is being written."""
     reports = tmp_path_factory.mktemp("written") / "reports"
     for distribution in ("1.0", "2.0"):
-        with kept.whole_runs(reports).place(f"pypi:{distribution}") as folder:
+        with folders.whole_runs(reports).place(f"pypi:{distribution}") as folder:
             a_run(folder, distribution=distribution)
-    with kept.parts_of_runs(reports).place("env") as folder:
+    with folders.parts_of_runs(reports).place("env") as folder:
         a_run(folder, "2026-02-01T12:00:00Z", "3.0")
     a_run(reports / "audit-in.mine")
     a_run(reports / ".2026-01-31_12.00.00_9.partial", distribution="9.0")

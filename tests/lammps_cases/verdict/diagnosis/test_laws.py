@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lammps_cases.records.case_parts import Blame
 from lammps_cases.records.files import write_arrays
-from lammps_cases.records.run_record import Blame, CaseRecord
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case

@@ -18,7 +18,8 @@ from eos_ref.model import interactions
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, RunRecord, Triage, read_run
+from lammps_cases.records.case_parts import Blame
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage, read_run
 from lammps_cases.verdict.diagnosis import trials
 from lammps_cases.verdict.diagnosis.changes import Change
 from lammps_cases.verdict.diagnosis.features import in_common

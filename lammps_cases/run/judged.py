@@ -1,36 +1,47 @@
-"""What a run has judged so far: a file per case in its folder in the making, written when the case is judged.
+"""Cases that are judged already: in this run, by the journal in its folder; in earlier ones, by the store.
 
-A kill at any moment costs the cases under way and no other: an entry is written whole, after the arrays, for which it
-vouches by their hashes. What is damaged, or has no entry, counts as not judged.
+The journal is a file per case, written when the case is judged, and all that ``--resume`` reads. A kill at any moment
+costs the cases under way and no other: an entry is written whole, after the arrays, for which it vouches by their
+hashes. What is damaged, or has no entry, counts as not judged.
+
+In the store lies the judgement of an answer, which is judged again only if it differs by a bit. LAMMPS runs as in a
+first run; what is looked up follows from the case, the arrays that LAMMPS returned, its neighbour lists if they are
+read, and the release whose findings are known. Only what is as expected is kept; what differs is judged each time.
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
+import contextlib
 import shutil
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
-from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison import store
+from lammps_cases.comparison.store import Arrays, Store, digest, fingerprint
+from lammps_cases.engine.session import Answer
 from lammps_cases.records import folders
+from lammps_cases.records.case_parts import Predictions, Seconds
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import arrays_files, write_atomically
-from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.records.wording import counted
-from lammps_cases.scene.casefile import SHIPPED, Case
+from lammps_cases.run.prepared_case import Answers, Outcomes
+from lammps_cases.scene.casefile import Case
 
-PACKAGES = ("eos_ref", "lammps_cases")
 RESUME = "--resume"  # what complaints call it
+_RECORD = "record"
+_LISTS = "lists"  # an entry with this name alone: the judgement is that of the answer with its lists
 
 
 class RunStart(BaseModel):
-    """What a run is: whoever goes on with it has to be the same, but for the code."""
+    """Identity of a run: one that resumes it must be equal, but for the code."""
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True)
 
@@ -68,19 +79,19 @@ class CaseJournal:
         return self.folder / folders.JOURNAL / "run.json"
 
     def begun(self) -> RunStart | None:
-        """Return what the run was when it began; None if it begins now."""
+        """Return the identity of the run in this folder; None if there is no readable one."""
         try:
             return _START.read(self._start)
         except InputError:
             return None
 
     def begin(self, now: RunStart, judged: Collection[str] = ()) -> RunStart:
-        """Note what the run is, and return it; if it goes on it is as it began, with the cases that are ``judged``.
+        """Write the identity of the run, and return it; a resumed run keeps its own, with the cases ``judged``.
 
         Raises
         ------
         InputError
-            It goes on as another.
+            The run that is resumed was another one.
         """
         if begun := self.begun():
             _check_same(begun, now)
@@ -92,7 +103,7 @@ class CaseJournal:
 
     def keep(self, record: CaseRecord) -> None:
         """Keep a case whose arrays are written."""
-        entry = Entry(record=record, arrays={path.name: _hash(path) for path in self.arrays(record.case)})
+        entry = Entry(record=record, arrays={path.name: digest(path) for path in self.arrays(record.case)})
         write_atomically(self._entries / f"{record.case}.json", entry.model_dump_json(by_alias=True))
 
     def records(self, read: Mapping[str, CaseRecord] = MappingProxyType({})) -> dict[str, CaseRecord]:
@@ -105,7 +116,7 @@ class CaseJournal:
             except (ValidationError, OSError):
                 continue
             arrays = self.arrays(entry.record.case)
-            if {file.name: _hash(file) for file in arrays} == entry.arrays:
+            if {file.name: digest(file) for file in arrays} == entry.arrays:
                 records[entry.record.case] = entry.record
                 vouched |= {path, *arrays}
         kept = (self._entries, self.folder / "fields")
@@ -136,38 +147,22 @@ class CaseJournal:
 
 
 def start(run: RunRecord, cases: Sequence[Case]) -> RunStart:
-    """Return what a run is that begins with some cases."""
-    context = prediction_keys.context()
-    hashes = {case.name: _hash_of_case(case) for case in cases}
-    return RunStart(run=run, code=code(context), context=context, cases=hashes)
+    """Return the identity of a run that begins with some cases."""
+    context = store.context()
+    hashes = {
+        case.name: fingerprint(_text(case), [digest(case.source.parent / file) for file in case.scene.files])
+        for case in cases
+    }
+    return RunStart(run=run, code=store.code(context), context=context, cases=hashes)
 
 
-def _hash(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def said(case: Case) -> tuple[object, ...]:
-    """Return all that a case says but for its name, and what lies in other files."""
+def _text(case: Case) -> tuple[object, ...]:
+    """Return all of a case but its name, and what lies in other files."""
     return case.about, case.tags, case.exercises, str(case.source), case.scene.model_dump_json()
 
 
-def _hash_of_case(case: Case) -> str:
-    return prediction_keys.fingerprint(said(case), [_hash(case.source.parent / file) for file in case.scene.files])
-
-
-def code(context: str = "") -> str:
-    """Return the hash of all that judges and reports: the sources, and what predictions depend on beside them."""
-    root = Path(__file__).parents[2]
-    digest = hashlib.sha256((context or prediction_keys.context()).encode())
-    for folder, below, names in (found for package in PACKAGES for found in os.walk(root / package)):
-        below[:] = sorted(name for name in below if name != "__pycache__" and Path(folder, name) != SHIPPED)
-        for path in (Path(folder, name) for name in sorted(names)):
-            digest.update(f"{path.relative_to(root)} {_hash(path)}\n".encode())
-    return digest.hexdigest()
-
-
 def _check_same(begun: RunStart, now: RunStart) -> None:
-    """Refuse to go on with a run of another engine, other cases or options."""
+    """Refuse to resume a run with another engine, other cases or options."""
     one, other = begun.run, now.run
     rule = "needs the {} of the interrupted run"
     if one.engine != other.engine:
@@ -181,7 +176,7 @@ def _check_same(begun: RunStart, now: RunStart) -> None:
 
 
 def _resumed(begun: RunStart, now: RunStart, judged: Collection[str]) -> RunStart:
-    """Return a run that goes on, by the code that there is now: cases that other code has judged are named."""
+    """Return the identity of a resumed run, with the cases that other code has judged."""
     older = {case: what for case, what in begun.run.older.items() if case in judged}
     if (begun.context, begun.run.reference) != (now.context, now.run.reference):
         older = dict.fromkeys(judged, "reference")
@@ -195,3 +190,64 @@ def _difference(before: Mapping[str, str], now: Mapping[str, str]) -> str:
     changed = [name for name in before if name in now and before[name] != now[name]]
     sets = {"new": [*now.keys() - before], "gone": [*before.keys() - now], "changed": changed}
     return ", ".join(f"{counted(len(names), 'case')} {what} ({min(names)})" for what, names in sets.items() if names)
+
+
+@dataclass(frozen=True)
+class JudgedBefore:
+    """The judgement of a case, in a store, and in the folder of a report.
+
+    Attributes
+    ----------
+    store : where judgements lie
+    key : of the case, and of what LAMMPS answered
+    lammps : seconds that it took this time
+    """
+
+    store: Store
+    key: str
+    lammps: float
+
+    @classmethod
+    def of(cls, store: Store, answers: Answers, engine: EngineRecord) -> JudgedBefore | None:
+        """Return where the judgement of LAMMPS' answers lies; None for failures, which are judged at once."""
+        given = [outcome for outcome in answers.outcomes if isinstance(outcome, Answer)]
+        if len(given) < len(answers.outcomes):
+            return None
+        ready = answers.ready
+        case = ready.case.name, _text(ready.case), ready.case.shipped, ready.atoms
+        untimed = [replace(answer, seconds=0.0, run_seconds=()) for answer in given]
+        key = fingerprint(*case, engine.name, engine.distribution, untimed)
+        return cls(store, key, sum(answer.seconds for answer in given))
+
+    def find(self, folder: Path, answers: Answers) -> CaseRecord | None:
+        """Return the record, and put its arrays into a folder; None: to be judged.
+
+        LAMMPS is run again for its neighbour lists, if answers with these were judged.
+        """
+        entry = self.store.read(self.key)
+        if entry is not None and _LISTS in entry:
+            lists: list[Any] = []
+            with contextlib.suppress(Exception):  # judging runs LAMMPS again, and reports the failure
+                lists = [answer.lists for answer in answers.with_lists() if isinstance(answer, Answer)]
+            entry = self.store.read(fingerprint(self.key, lists)) if lists else None
+        return None if entry is None else self._restored(folder, entry)
+
+    def keep(self, folder: Path, record: CaseRecord, listed: Outcomes) -> None:
+        """Keep a record whose arrays lie in a folder; ``listed``: the answers with lists, if these were judged."""
+        contents = {path.name: path.read_bytes() for path in CaseJournal(folder).arrays(record.case)}
+        contents[_RECORD] = record.model_dump_json(by_alias=True).encode()
+        entry = {name: np.frombuffer(content, np.uint8) for name, content in contents.items()}
+        lists = [answer.lists for answer in listed if isinstance(answer, Answer)]
+        if lists:
+            self.store.write(self.key, {_LISTS: np.array(len(lists))})
+        self.store.write(fingerprint(self.key, lists) if lists else self.key, entry)
+
+    def _restored(self, folder: Path, entry: Arrays) -> CaseRecord:
+        contents = {name: array.tobytes() for name, array in entry.items()}
+        record = CaseRecord.model_validate_json(contents.pop(_RECORD))
+        for name, arrays in contents.items():
+            write_atomically(folder / "fields" / name, arrays)
+        record.seconds = Seconds(lammps=self.lammps, total=self.lammps)
+        predictions = record.predictions.computed + record.predictions.stored
+        record.predictions = Predictions(stored=predictions, judgements=1)
+        return record

@@ -1,4 +1,4 @@
-"""A problem whose input is moved by as much as a change of its units rounds it.
+"""Perturbations: random signs by which runs are moved, and input moved by as much as a change of its units rounds it.
 
 The factor of a quantity is a product of powers of three base units and the ratio of two units of its own. Its roundings
 are at most 2 in each of 3 powers, 1 in each of up to 5 factors of these, 2 products, 2 in the ratio, and 1 each in the
@@ -7,11 +7,13 @@ product with the ratio and with the number: 17.
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from eos_ref.eos.table import FloatArray
 from eos_ref.syntax.fixes import Shift
 from lammps_cases.comparison.problem import Problem
 
@@ -19,6 +21,37 @@ ROUNDING = 17 * 2.0**-53
 # The cutoff stands twice in a model, and must be one number; positions move against it. The others are pure numbers, of
 # which some are compared with counts.
 EXACT = ("cut", "surface_detection", "dimension", "zmin")
+DRAWN = 1024  # signs at a time: a draw takes as long as several hundred
+_SIGNS = np.array((-1.0, 1.0))
+
+
+class Signs:
+    """Random signs: those of ``random.choice((-1.0, 1.0), shape)``, of which many are drawn at a time.
+
+    Parameters
+    ----------
+    kept : whether those of one name and shape stay the same, whenever they are drawn
+    """
+
+    def __init__(self, random: np.random.Generator, kept: bool = False) -> None:
+        self._random, self._left = random, np.empty(0)
+        self._kept: dict[tuple[str, tuple[int, ...]], FloatArray] | None = {} if kept else None
+
+    def __call__(self, name: str, shape: tuple[int, ...]) -> FloatArray:
+        """Return those by which a quantity is moved next."""
+        if self._kept is None:
+            return self._next(shape)
+        if (name, shape) not in self._kept:
+            self._kept[name, shape] = self._next(shape)
+        return self._kept[name, shape]
+
+    def _next(self, shape: tuple[int, ...]) -> FloatArray:
+        size = math.prod(shape)
+        if size > len(self._left):
+            drawn = self._random.integers(0, 2, max(DRAWN, size))
+            self._left = np.concatenate([self._left, _SIGNS[drawn]])
+        signs, self._left = self._left[:size], self._left[size:]
+        return signs.reshape(shape)
 
 
 def moved_input(problem: Problem, random: np.random.Generator) -> Problem:

@@ -1,9 +1,8 @@
 """The ledger of findings: where LAMMPS differs from its manual, explained and reproduced.
 
-A finding stands in the module of its subject, with all that is known of it. One that changes numbers names a variant
-of the reference that reproduces LAMMPS on every atom; one that changes how LAMMPS refuses predicts the outcome.
-Neither changes the reference or a bound. The numbers in the arguments are those of the cases named, or of two
-particles.
+The text of a finding is a document in ``lammps_cases/data/findings``; its behaviour stands in the module of its
+subject. One that changes numbers names a variant of the reference that reproduces LAMMPS on every atom; one that
+changes how LAMMPS refuses predicts the outcome. Neither changes the reference or a bound.
 """
 
 from __future__ import annotations
@@ -23,12 +22,9 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import (
     exchange,
     forces,
-    inputs,
     kernels,
-    outputs,
-    refusals,
+    outcomes,
     shifting,
-    statements,
     surfaces,
     thermal,
     units,
@@ -37,7 +33,7 @@ from lammps_cases.findings import (
     walls_at_stops,
 )
 from lammps_cases.findings.engines import KNOWN, NEWEST, SEEN_ON
-from lammps_cases.findings.entry import Finding
+from lammps_cases.findings.entry import Finding, LawFinding, ModelFinding, OutcomeFinding
 from lammps_cases.records.levels import SEVERITIES, Severity
 from lammps_cases.records.run_record import CaseRecord
 
@@ -59,12 +55,9 @@ def ledger_of(subjects: Iterable[Sequence[Finding]]) -> tuple[Finding, ...]:
 _SUBJECTS = (
     exchange,
     forces,
-    inputs,
     kernels,
-    outputs,
-    refusals,
+    outcomes,
     shifting,
-    statements,
     surfaces,
     thermal,
     units,
@@ -127,27 +120,33 @@ def shown_by(problem: Problem, engine: str, lists: bool = False) -> list[Finding
 
 def with_gap(scene: Scene, engine: str) -> list[Finding]:
     """Return the findings of an engine of which it is known that no variant reproduces every such scene."""
-    listed = (entry for entry in LEDGER if entry.gaps and (not entry.engines or entry.listed(engine)))
-    return [entry for entry in listed if any(gap.applies(scene) for gap in entry.gaps)]
+    return [
+        entry
+        for entry in LEDGER
+        if isinstance(entry, ModelFinding)
+        and any(gap.applies(scene) for gap in entry.gaps)
+        and (not entry.engines or entry.listed(engine))
+    ]
 
 
 def explain_outcome(record: CaseRecord, scene: Scene | None = None) -> Finding | None:
     """Return the entry that predicts how a case ended without numbers, by its name or by its scene."""
     named = (entry for entry in LEDGER if entry.covers(record.case) and entry.predicts(record))
-    shown = (entry for entry in LEDGER if scene is not None and entry.foretells(record, scene))
+    shown = (entry for entry in LEDGER if scene is not None and entry.predicts_of(record, scene))
     return next(named, None) or next(shown, None)
 
 
 def accepting(error: InputError, engine: str) -> Finding | None:
     """Return the entry by which an engine accepts an argument that the reference refuses."""
-    return next((entry for entry in LEDGER if error.what in entry.accepts and entry.listed(engine)), None)
+    of_inputs = (entry for entry in LEDGER if isinstance(entry, OutcomeFinding) and error.what in entry.accepts)
+    return next((entry for entry in of_inputs if entry.listed(engine)), None)
 
 
 def explain_pressure(case: str, table: EOSTable, state: EosState, comparison: Comparison) -> Finding | None:
     """Return the entry whose variant is within the bound on every atom."""
     for entry in LEDGER:
-        if entry.law_variant is not None and entry.covers(case):
-            ratio_n = excess(comparison.lammps_n, entry.law_variant(table, state), comparison.bound_n)[1]
+        if isinstance(entry, LawFinding) and entry.covers(case):
+            ratio_n = excess(comparison.lammps_n, entry.variant(table, state), comparison.bound_n)[1]
             if bool(np.all(ratio_n <= 1)):
                 return entry
     return None

@@ -18,7 +18,8 @@ from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings.entry import AlarmDifference, Finding, Gap
+from lammps_cases.findings.document import document
+from lammps_cases.findings.entry import AlarmDifference, Gap, ModelFinding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
@@ -143,23 +144,8 @@ def keeps_forces(problem: Problem) -> bool:
     return problem.steps[-1] > 0 and bool(walls(problem).any())
 
 
-WALL_VELOCITY_LOST = Finding(
-    id="wall-velocity-lost",
-    number=18,
-    title="interface/reconstruct ignores the velocity of a moving wall",
-    severity="high",
-    effect="Fluid next to a moving wall sees a wrong velocity at any resolution: Couette flow is off by half",
-    documented="fix rheo, interface/reconstruct: densities and velocities of solids are reconstructed to ensure "
-    "no-slip boundaries; Takeda et al. 1994, Morris et al. 1997: v_s' = v_s + (v_s - v_f) d_s/d_f.",
-    observed="The solid's velocity as seen by the fluid is (v_s - v_f) d_s/d_f: the term v_s is missing. The two "
-    "agree only for a wall at rest.",
-    argument="A fluid and its container that move together at velocity U must feel no viscous force; in LAMMPS the "
-    "fluid sees the wall at 0 instead of U, so the forces depend on the frame of reference. A wall moving at U drags "
-    "a fluid particle towards U d_s/(d_s + d_f), not U: one row of fluid over one row of solids towards 0.5 U, over "
-    "two rows 0.6 U, and several rows of fluid towards 0.4 U and 0.5 U (spacing 1, cutoff 1.3), so a Couette flow "
-    "depends on the arrangement of the particles.",
-    workaround="Keep walls at rest: use the frame of the wall, or drive the fluid with addforce.",
-    scene="fluid at rest over one moving row of solid particles",
+WALL_VELOCITY_LOST = ModelFinding(
+    **document("wall-velocity-lost"),
     gaps=(
         Gap(
             lambda scene: scene.rheo.interface_reconstruct and scene.remaps_velocities,
@@ -167,58 +153,27 @@ WALL_VELOCITY_LOST = Finding(
             "deform, remap v) belong to the frame of the particle that is first in LAMMPS' list",
         ),
     ),
-    model_variant=Variant(has_moving_walls, WallVelocityLost, changes=("grad/v", "f")),
+    variant=Variant(has_moving_walls, WallVelocityLost, changes=("grad/v", "f")),
     acts=lambda setting: has_moving_walls(setting.problem),
 )
 
 
-WALLS_SUMMED_AFTER_SETUP = Finding(
-    id="walls-summed-after-setup",
-    number=24,
-    title="After the set-up of a run, solids report a density that was not used",
-    severity="low",
-    effect="Densities of solids in the output of step 0 are not those used for the forces",
-    documented="fix rheo, interface/reconstruct: the density of solids is reconstructed for the interaction with "
-    "fluid; rho/sum sums densities.",
-    observed="With both keywords the densities of solids reported after run 0 are the sums; the forces of the same "
-    "step used the reconstructed ones, which every later step of the run reports. Each run without 'pre no' begins "
-    "this way.",
-    argument="Output and forces of one step belong to different densities: forces computed from the densities "
-    "reported after run 0 differ from those of LAMMPS.",
-    workaround="Look at solids after a step, not after run 0.",
-    scene="fluid over solid particles with rho/sum, run 0",
+WALLS_SUMMED_AFTER_SETUP = ModelFinding(
+    **document("walls-summed-after-setup"),
     gaps=(
         Gap(
             lambda scene: not scene.whole_model and scene.rho_sum and scene.rheo.interface_reconstruct,
             "for an equation of state alone, the density that is reported is compared, not the one that was used",
         ),
     ),
-    model_variant=Variant(sums_walls, stepping=WallsSummedAfterSetup, changes=("rho",)),
+    variant=Variant(sums_walls, stepping=WallsSummedAfterSetup, changes=("rho",)),
     acts=lambda setting: sums_walls(setting.problem),
 )
 
 
-WALLS_AFTER_REBUILD = Finding(
-    id="walls-after-rebuild",
-    number=25,
-    title="Densities of walls are wrong in single steps after neighbour lists are rebuilt",
-    severity="high",
-    effect="Densities and forces of walls next to a periodic boundary jump in single steps",
-    documented="fix rheo, interface/reconstruct: densities of solids follow from the fluid's (Adami et al. "
-    "2012), whatever the neighbour lists; neigh_modify: settings of the lists must not change the physics.",
-    observed="In a step in which atoms enter or leave the layer of periodic images, the extrapolation to solids "
-    "reads accelerations from the slots of periodic images as numbered by the new list, while these slots still hold "
-    "what the old list had in them: accelerations of other particles. Densities of solids that see fluid through a "
-    "periodic boundary are wrong in that step, by 0.2 % in the scene open.walls-after-rebuild, and so are the "
-    "forces; before the next step the slots are filled again, so only the trajectory keeps the error.",
-    argument="The same run with other rebuild settings has another trajectory. With the accelerations taken from "
-    "LAMMPS' own slots, as of the previous list and 0 in slots that it did not have, every density of the scene is "
-    "reproduced to rounding, over 60 steps with a rebuild in each and different periodic images from step 6 on. "
-    "Rebuilding lists with the same images in the same order, as before step 6, does no harm.",
-    workaround="Rebuild lists only when necessary ('neigh_modify check yes', the default), and rarely, by using a "
-    "large skin.",
-    scene="fluid over fixed solids under gravity, periodic along the wall, lists rebuilt every step",
-    model_variant=Variant(
+WALLS_AFTER_REBUILD = ModelFinding(
+    **document("walls-after-rebuild"),
+    variant=Variant(
         has_kept_images,
         AccelerationsOfOldImages,
         CountingSteps,
@@ -238,24 +193,9 @@ WALLS_AFTER_REBUILD = Finding(
 )
 
 
-WALLS_DEPEND_ON_PAIR_ORDER = Finding(
-    id="walls-depend-on-pair-order",
-    number=27,
-    title="With RK1 and RK2, densities of walls depend on the order in which pairs are listed",
-    severity="medium",
-    effect="Runs that list the same pairs in a different order have different densities of walls",
-    documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
-    "fluid (Adami et al. 2012), where the acceleration excludes that due to pressure.",
-    observed="The pressure force that is subtracted from the acceleration is, for the first particle of every pair "
-    "in the list, minus that of the second, computed with the second particle's gradient; with the quintic kernel "
-    "the two are the same. With newton off, pairs across a boundary are listed for each particle, which then uses "
-    "its own gradient, as all particles do from 2025.7.22.2.0 on.",
-    argument="With the same four particles numbered in a different order, the solid has a different density from "
-    "step 1 on: physics must not depend on which particle of a pair is listed first. With the order taken from "
-    "LAMMPS' own lists, every density is reproduced to rounding.",
-    workaround="Use the quintic kernel, or 2025.7.22.2.0 or newer.",
-    scene="one solid and three fluid particles, RK1",
-    model_variant=Variant(
+WALLS_DEPEND_ON_PAIR_ORDER = ModelFinding(
+    **document("walls-depend-on-pair-order"),
+    variant=Variant(
         keeps_corrected_forces,
         GradientOfSecond,
         CountingSteps,

@@ -15,7 +15,8 @@ from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings.entry import Finding, Gap
+from lammps_cases.findings.document import document
+from lammps_cases.findings.entry import Gap, ModelFinding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, after_deletion, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 from lammps_cases.findings.walls import AccelerationsOfOldImages, walls
@@ -149,31 +150,9 @@ def begins_again_with_images(problem: Problem) -> bool:
     return problem.has_images and begins_again_with_walls(problem)
 
 
-WALLS_BEGIN_WITH_PRESSURE = Finding(
-    id="walls-begin-with-pressure",
-    number=33,
-    title="Every run but the first starts with wrong densities of walls",
-    severity="high",
-    effect="The second run of a script, or one after read_restart, starts with wrong forces at walls",
-    documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
-    "fluid (Adami et al. 2012), where the acceleration excludes that due to pressure; fix rheo: no information about "
-    "the fix is written to restart files.",
-    observed="In the set-up of a run that is not the first of its fix rheo, the extrapolation to solids uses the "
-    "pressure forces of the previous evaluation as the accelerations without pressure of all particles, walls "
-    "included; they are neither subtracted from the force nor divided by the mass. After minimize they are those "
-    "that it evaluates, from the positions, densities and energies that it finds and, for the fluid, from pressures "
-    "of the previous evaluation. They are also kept in restart files, so a run after read_restart starts with them, "
-    "and displace_atoms and change_box are refused there. Densities of solids are wrong until the first step "
-    "recomputes them, and so are the forces with which this step starts.",
-    argument="Nothing happens between two runs of 0 steps, and yet the forces differ. A fluid particle at distance 1 "
-    "from a solid (2D, cutoff 3, linear, both of mass, rho0, c and density 1, background -0.3, the solid held by "
-    "setforce): after 'run 0' the solid has the density 1, after a second 'run 0' 1.280 = 1 + 2 * 0.3 * 2 * 0.2331, "
-    "the sum of the pressure forces on either times the distance.",
-    workaround="Continue with 'run N pre no'; or remove all RHEO fixes (unfix) and define them again, before the run "
-    "or before write_restart; after read_restart define them, 'run 0', remove them and define them again: without that "
-    "run the forces stay. Data files written with 'nofix' are not affected.",
-    scene="a fluid particle next to a solid one, run 0 twice",
-    model_variant=Variant(begins_again_with_walls, stepping=PressureForceKept, changes=("chi",)),
+WALLS_BEGIN_WITH_PRESSURE = ModelFinding(
+    **document("walls-begin-with-pressure"),
+    variant=Variant(begins_again_with_walls, stepping=PressureForceKept, changes=("chi",)),
     acts=lambda setting: setting.again and bool(walls(setting.problem).any()),
     gaps=(
         Gap(
@@ -184,27 +163,9 @@ WALLS_BEGIN_WITH_PRESSURE = Finding(
     ),
 )
 
-WALLS_BEGIN_WITH_PARTS = Finding(
-    id="walls-begin-with-parts",
-    number=35,
-    title="At the start of a run, periodic images near walls have other forces than their originals",
-    severity="high",
-    effect="The second run of a script starts with wrong forces at walls next to a periodic boundary",
-    documented="fix rheo, interface/reconstruct: densities of solids follow from the fluid's (Adami et al. 2012); "
-    "newton: the flag must not change the physics; a periodic image is the same particle.",
-    observed="In the set-up of a run that is not the first of its fix rheo, where particles have the pressure forces "
-    "of the previous evaluation instead of accelerations, their periodic images have others: with newton on, the sum "
-    "over the pairs in which the image, or an image made from it, is listed second; with newton off and after "
-    "read_restart, 0. With 'newton off on', where the pair counts twice, it does so with the image of either "
-    "particle. If the set-up sorts particles, the first image has the force of one that was moved.",
-    argument="The scene of walls-begin-with-pressure, with the periodic boundary between its two particles: after a "
-    "second 'run 0' the solid has the density 1.280 with newton on, as inside the box, but 1.140 with newton off, "
-    "where only its own force is seen, and the same after read_restart. With more particles, newton on differs too, "
-    "because an image has only part of the force.",
-    workaround="As for walls-begin-with-pressure: use 'run N pre no', or remove the RHEO fixes and define them again "
-    "before the run or before write_restart, after read_restart with a 'run 0' before that.",
-    scene="a fluid particle next to a solid one across a periodic boundary, newton off, run 0 twice",
-    model_variant=Variant(
+WALLS_BEGIN_WITH_PARTS = ModelFinding(
+    **document("walls-begin-with-parts"),
+    variant=Variant(
         begins_again_with_images,
         PartsInSlots,
         BeginningWithParts,
@@ -215,24 +176,9 @@ WALLS_BEGIN_WITH_PARTS = Finding(
     acts=lambda setting: setting.again and setting.problem.has_images and bool(walls(setting.problem).any()),
 )
 
-CREATED_WITH_FORCES_OF_OTHERS = Finding(
-    id="created-with-forces-of-others",
-    number=64,
-    title="Near walls, particles created between two runs start with the forces of other particles",
-    severity="medium",
-    effect="After delete_atoms and create_atoms the next run starts with wrong forces at walls",
-    documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
-    "fluid (Adami et al. 2012); create_atoms: new particles have the properties that the page lists, and no history.",
-    observed="Particles created by create_atoms start the next run not with accelerations without pressure, but with "
-    "what is left in the memory they are given: the pressure forces of the particles that were stored there before "
-    "delete_atoms moved the last ones into the places of the deleted ones.",
-    argument="The scene of walls-begin-with-pressure, with the solid at (4, 4) and fluid particles at (4, 5) and (3, "
-    "4), the last of which is deleted and created where it was between two 'run 0': the solid should have the "
-    "density 1, and has 1.210, because the new particle has the force of the other one; it has 1.335 if nothing is "
-    "created, and would have 1.238 if the new particle had no force.",
-    workaround="Remove the RHEO fixes (unfix) and define them again after create_atoms.",
-    scene="two fluid particles next to a solid one, one of them deleted and created again between two run 0",
-    model_variant=Variant(
+CREATED_WITH_FORCES_OF_OTHERS = ModelFinding(
+    **document("created-with-forces-of-others"),
+    variant=Variant(
         creates_beside_walls, FollowingLists, LeftInMemory, lists_of_neighbours, lists=True, changes=("rho_wall",)
     ),
     acts=lambda setting: setting.again and setting.created and bool(walls(setting.problem).any()),

@@ -30,7 +30,6 @@ from lammps_cases.findings import (
     units,
     virials,
     walls,
-    walls_at_stops,
 )
 from lammps_cases.findings.engines import KNOWN, NEWEST, SEEN_ON
 from lammps_cases.findings.entry import Finding, LawFinding, ModelFinding, OutcomeFinding
@@ -63,7 +62,6 @@ _SUBJECTS = (
     units,
     virials,
     walls,
-    walls_at_stops,
 )
 LEDGER = ledger_of(subject.ENTRIES for subject in _SUBJECTS)
 

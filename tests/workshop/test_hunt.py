@@ -16,7 +16,7 @@ from lammps_cases.findings.entry import ModelFinding
 from lammps_cases.records.run_record import Beyond, Blame, CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from tests.support.told import told
+from tests.support.small_scene import small_scene
 from tests.workshop.fuzz import hunt
 from tests.workshop.fuzz.__main__ import main
 from tests.workshop.fuzz.draw import draw
@@ -90,7 +90,9 @@ def test_a_gap_speaks_of_what_its_reason_says(changed: dict[str, Any], by: str, 
     """A minimisation beside reconstructed walls, with images or a corrected kernel."""
     (entry,) = (entry for entry in LEDGER if entry.id == "walls-begin-with-pressure")
     assert isinstance(entry, ModelFinding)
-    scene = told([[1.0, 1.0]], (8, 8), evolve={"steps": 2, "timestep": 1e-3, "stops": [{"at": 1, "by": by}]}, **changed)
+    scene = small_scene(
+        [[1.0, 1.0]], (8, 8), evolve={"steps": 2, "timestep": 1e-3, "stops": [{"at": 1, "by": by}]}, **changed
+    )
     assert any(gap.applies(scene.scene) for gap in entry.gaps) == known
 
 

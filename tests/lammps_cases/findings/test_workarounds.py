@@ -19,7 +19,8 @@ from lammps_cases.findings.document import FOLDER
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from tests.support.bug_decks import engine_of, report_of, version_of
-from tests.support.told import ENTRIES, Engine, Told, agree
+from tests.support.printed import ENTRIES
+from tests.support.small_scene import Engine, SmallScene, agree
 from tests.support.workarounds import NEWER, WORKAROUNDS, Deck, How, Orders, Scene, Test
 
 
@@ -55,13 +56,13 @@ def test_what_no_command_runs_is_of_a_newer_lammps_where_it_says_so() -> None:
         assert (NEWER in hows) <= (not ENTRIES[name].listed(version_of("env"))), name
 
 
-def scene_of(name: str, changes: Mapping[str, Any]) -> Told:
+def scene_of(name: str, changes: Mapping[str, Any]) -> SmallScene:
     """The scene of a finding, changed."""
     case = case_of(name, name, casefile.merge(demonstrations()[name].scene, changes))
-    return Told(case.scene, prepared_case.prepare(case).atoms)
+    return SmallScene(case.scene, prepared_case.prepare(case).atoms)
 
 
-def as_documented(lammps: Engine, scene: Told, beside: tuple[str, ...]) -> bool:
+def as_documented(lammps: Engine, scene: SmallScene, beside: tuple[str, ...]) -> bool:
     """Whether every field lies within its bound of the reference's, at every step that is compared."""
     predicted = scene.predicted(*beside)
     return all(

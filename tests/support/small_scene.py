@@ -1,8 +1,7 @@
-"""Small scenes that a finding's text speaks of, put to LAMMPS and to the reference; and the numbers in a text."""
+"""Small scenes of a few particles, for LAMMPS and for the reference."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,8 +18,6 @@ from lammps_cases.comparison.trajectory import Prediction, predict
 from lammps_cases.engine import installations
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Workers
-from lammps_cases.findings import LEDGER
-from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
@@ -28,49 +25,13 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.snapshots import read_snapshots
+from tests.support.printed import ENTRIES
 
 Floats = npt.NDArray[np.floating]
-NUMBER = r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
-ENTRIES: dict[str, Finding] = {entry.id: entry for entry in LEDGER}
-
-
-def said(entry: str, part: str, pattern: str) -> tuple[Quoted, ...]:
-    """The numbers that a sentence quotes: those of the groups of a pattern, in which # is any number."""
-    text = getattr(ENTRIES[entry], part)
-    found = re.search(pattern.replace("#", f"({NUMBER})"), text)
-    assert found, f"{entry}: no {pattern!r} in {text!r}"
-    return tuple(Quoted(number) for number in found.groups())
-
-
-class Quoted(float):
-    """A number as a text quotes it: equal to all that round to it."""
-
-    def __new__(cls, text: str) -> Quoted:
-        """Keep the text, whose digits count."""
-        made = super().__new__(cls, text)
-        mantissa, _, exponent = text.partition("e")
-        made.digits = len(mantissa.partition(".")[2]) - int(exponent or 0)
-        return made
-
-    digits: int  # after the point; negative: before it
-
-    @property
-    def half_unit(self) -> float:
-        """Half a unit of the last digit."""
-        return 0.5 * 10.0**-self.digits
-
-    def is_rounded(self, number: Any) -> bool:
-        """Whether a number, rounded to the digits quoted, is this one."""
-        return round(float(number), self.digits) == float(self)
-
-
-def quoted(entry: str, part: str) -> list[str]:
-    """What stands in quotation marks."""
-    return re.findall(r"(?<!\w)'([^']+)'(?!\w)", getattr(ENTRIES[entry], part))
 
 
 @dataclass(frozen=True)
-class Told:
+class SmallScene:
     """A scene with particles of its own."""
 
     scene: Scene
@@ -97,7 +58,7 @@ class Told:
         return predict(self.problem, stages, stepping)
 
 
-def told(
+def small_scene(
     x: Any,
     box: Sequence[float],
     v: Any = None,
@@ -106,7 +67,7 @@ def told(
     kind: Any = 1,
     own: Any = None,
     **scene: Any,
-) -> Told:
+) -> SmallScene:
     """A scene of particles at ``x``, of types ``kind`` or masses of their ``own``, in a box whose low corner is 0."""
     x_nd = np.asarray(x, float)
     n, d = x_nd.shape
@@ -152,7 +113,7 @@ def told(
         energy_n,
         (*(made.positions.tilt or ()), 0.0, 0.0, 0.0)[:3],
     )
-    return Told(made, atoms)
+    return SmallScene(made, atoms)
 
 
 class Engine:
@@ -161,14 +122,14 @@ class Engine:
     def __init__(self, workers: Workers) -> None:
         self.workers = workers
 
-    def answer(self, given: Told | Job) -> Answer:
+    def answer(self, given: SmallScene | Job) -> Answer:
         """All that LAMMPS answers to a scene."""
-        what = given.job if isinstance(given, Told) else given
+        what = given.job if isinstance(given, SmallScene) else given
         found = self.workers.outcome(self.workers.submit(what, 60.0))
         assert isinstance(found, Answer), found
         return found
 
-    def fields(self, given: Told, every_step: bool = False) -> list[Snapshot]:
+    def fields(self, given: SmallScene, every_step: bool = False) -> list[Snapshot]:
         """LAMMPS' fields of a scene at the steps that are compared; at every step with the lists of neighbours."""
         if not every_step:
             return read_snapshots(given.scene, self.answer(given))

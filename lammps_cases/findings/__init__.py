@@ -8,7 +8,7 @@ changes how LAMMPS refuses predicts the outcome. Neither changes the reference o
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -39,7 +39,7 @@ from lammps_cases.records.run_record import CaseRecord
 if TYPE_CHECKING:
     from lammps_cases.scene import Scene
 
-__all__ = ["KNOWN", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "accepting", "applicable"]
+__all__ = ["KNOWN", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "accepting", "applicable", "by_cause"]
 __all__ += ["SEEN_ON", "check_names", "explain_outcome", "explain_pressure", "ledger_of", "severities", "shown_by"]
 
 SHOWN_BY = Path(__file__).with_name("shown_by.json")
@@ -81,6 +81,14 @@ def severities(names: Iterable[str], ledger: Sequence[Finding] = LEDGER) -> dict
     of_ledger: dict[str, Severity] = {entry.id: entry.severity for entry in ledger}
     chosen: dict[str, Severity] = {name: of_ledger.get(name, "high") for name in names}
     return dict(sorted(chosen.items(), key=lambda item: SEVERITIES.index(item[1])))
+
+
+def by_cause(shown: Mapping[str, Collection[str]], ledger: Iterable[Finding] = LEDGER) -> list[Finding]:
+    """Return findings grouped by cause: causes, and the findings of each, in the order of how many cases show them."""
+    cases: dict[str, set[str]] = {}
+    for entry in ledger:
+        cases.setdefault(entry.cause, set()).update(shown.get(entry.id, ()))
+    return sorted(ledger, key=lambda e: (-len(cases[e.cause]), e.cause, -len(shown.get(e.id, ())), e.number))
 
 
 def finding(name: str) -> Finding:

@@ -37,6 +37,7 @@ class FindingText:
     ----------
     number : place in the ledger, where variants are tried and named in the order in which they were added
     effect : what it does to a user, in one line
+    cause : what several findings have in common, as a list groups them
     documented, observed : what the manual says (with its place), what LAMMPS does
     argument : why the documented behaviour is the right one
     workaround : what a user can do meanwhile
@@ -54,6 +55,7 @@ class FindingText:
     observed: str
     argument: str
     workaround: str
+    cause: str = ""
     upstream: str = "unreported"
     scene: str = ""
     numbers: Mapping[str, str] = field(default_factory=dict)

@@ -15,10 +15,9 @@ from pathlib import Path
 
 from packaging.version import Version
 
-from lammps_cases.findings import KNOWN, LEDGER, SHOWN_BY, Finding, engines
+from lammps_cases.findings import KNOWN, LEDGER, SHOWN_BY, Finding, by_cause, engines
 from lammps_cases.findings.document import SECTIONS
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.wording import by_file
 from lammps_cases.report.markdown import text
 from lammps_cases.versions import baseline
@@ -76,15 +75,15 @@ def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> AcceptedEvid
 
 
 def table(evidence: AcceptedEvidence, ledger: Sequence[Finding] = LEDGER) -> str:
-    """Return the findings as a table in Markdown, the most severe first."""
-    lines = ["| severity | finding | versions | cases |\n", "|---|---|---|---|\n"]
-    for entry in sorted(ledger, key=lambda entry: (SEVERITIES.index(entry.severity), entry.id)):
+    """Return the findings as a table in Markdown, by their causes."""
+    lines = ["| cause | severity | finding | versions | cases |\n", "|---|---|---|---|---|\n"]
+    for entry in by_cause(evidence.cases, ledger):
         seen_on = evidence.seen_on[entry.id]
         some = ", ".join(engine.removeprefix("2025.7.22") for engine in seen_on)
         versions = "all" if seen_on == evidence.engines else some
         count = len(evidence.cases[entry.id])
         link = f"[`{entry.id}`]({SOURCES}/{entry.id}.md)"
-        lines.append(f"| {entry.severity} | {entry.title} ({link}) | {versions} | {count} |\n")
+        lines.append(f"| {entry.cause} | {entry.severity} | {entry.title} ({link}) | {versions} | {count} |\n")
     return "".join(lines)
 
 

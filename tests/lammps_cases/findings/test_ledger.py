@@ -17,7 +17,7 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.findings import LEDGER, accepted_cases, engines, forces, ledger_of
+from lammps_cases.findings import LEDGER, accepted_cases, by_cause, engines, forces, ledger_of
 from lammps_cases.findings.document import FOLDER, SECTIONS, document
 from lammps_cases.findings.engines import SEEN_ON
 from lammps_cases.findings.entry import ModelFinding, OutcomeFinding
@@ -30,6 +30,7 @@ from lammps_cases.scene import casefile
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.problems import problem_of
 from lammps_cases.versions import acceptance, baseline, evidence
+from tests.support.made_findings import finding
 from tests.support.outcome import Outcome
 from tests.workshop.faults.alarms import KINDS
 
@@ -171,6 +172,18 @@ def test_findings_are_named_in_their_room_only() -> None:
         assert all(place.startswith("findings/") for place in found), (name, found)
 
 
+def test_findings_of_the_causes_that_most_cases_show_come_first() -> None:
+    assert all(entry.cause for entry in LEDGER)
+    made = [
+        finding("a", 1, cause="rare"),
+        finding("b", 2, cause="often"),
+        finding("c", 3, cause="often"),
+        finding("d", 4, cause="twice"),
+    ]
+    shown = {"a": ["1"], "b": ["1"], "c": ["1", "2", "3"], "d": ["1", "2"]}
+    assert [entry.id for entry in by_cause(shown, made)] == ["c", "b", "d", "a"]
+
+
 # --- a new finding
 
 
@@ -228,7 +241,7 @@ def test_a_new_finding_is_a_record_and_a_class(
     (tmp_path / "run" / "run.json").write_text(run.counted().to_json())
     acceptance.accept(tmp_path / "run", "has the finding", tmp_path / "accepted")
     documents = evidence.documents(tmp_path / "accepted", ledger)
-    row = "| low | Forces are halved ([`halved`](../lammps_cases/data/findings/halved.md)) | 2099.1.1 | 1 |\n"
+    row = "|  | low | Forces are halved ([`halved`](../lammps_cases/data/findings/halved.md)) | 2099.1.1 | 1 |\n"
     assert row in documents[evidence.TABLE]
     assert evidence.page(HALVED, evidence.collect(tmp_path / "accepted", ledger)).startswith(
         "# Forces are halved\n\n`halved`, severity low\n"

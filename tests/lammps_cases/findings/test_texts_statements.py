@@ -55,7 +55,7 @@ def found(lammps: Engine, id: str) -> float:
 def test_sound_of_force_per_volume(lammps: Engine) -> dict[str, Any]:
     """The speed is c over the root of the volume, to the accuracy of the measurement."""
     n = printed("force-per-volume")
-    volume, speed, c = n.volume, n.speed, n.c
+    volume, speed, c = n.volume, n.speed, float(n.c)
     reply = shown(lammps, "sound.linear")
     within = float(reply.arrays["within"][0]) / c
     assert abs(float(reply.arrays["found"][0]) / speed - 1) <= within

@@ -11,6 +11,9 @@ from markdown.extensions.toc import slugify
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+from lammps_cases.findings import LEDGER
+from lammps_cases.versions.evidence import BASELINES, collect, page
+
 ROOT = Path(__file__).parents[1]
 PAGES = ("ARCHITECTURE.md", "CONTRIBUTING.md", "eos_ref/NUMERICS.md")
 # A link to a file that is no page of the site is left as text.
@@ -18,6 +21,7 @@ OUTSIDE = re.compile(
     r"\[([^\]]+)\]\((?:\.\./)*"
     r"(?:LICENSE|CITATION\.cff|lammps_cases/[^)]*|tests/[^)]*|reports/[^)]*(?<!\.png)|\.github/[^)]*)\)"
 )
+FINDING = re.compile(r"\]\((?:\.\./)?lammps_cases/data/findings/")  # its source, which has a page here
 CODE = re.compile(r"(```.*?```|`[^`\n]+`)", re.DOTALL)
 FORMULA = re.compile(r"\$\$([^$]+)\$\$|\$([^$\n]+)\$")
 KEPT = re.compile("\ue000([0-9a-f]+)([\ue001\ue002])")
@@ -26,10 +30,13 @@ PREFIX = "section-"  # of the name of such a heading
 
 
 def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
-    """Add the pages and pictures that live elsewhere in the repository."""
-    for path in (*(ROOT / page for page in PAGES), *sorted((ROOT / "reports").glob("*.png"))):
+    """Add the pages and pictures that live elsewhere in the repository, and a page of each finding."""
+    for path in (*(ROOT / name for name in PAGES), *sorted((ROOT / "reports").glob("*.png"))):
         name = path.relative_to(ROOT).as_posix()
         files.append(File.generated(config, name, abs_src_path=str(path)))
+    evidence = collect(BASELINES)
+    for entry in LEDGER:
+        files.append(File.generated(config, f"findings/{entry.id}.md", content=page(entry, evidence)))
     return files
 
 
@@ -41,7 +48,7 @@ def on_config(config: MkDocsConfig, **_: Any) -> MkDocsConfig:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Follow links within the site, and keep formulas from Markdown."""
-    inside = OUTSIDE.sub(r"\1", markdown)
+    inside = OUTSIDE.sub(r"\1", FINDING.sub("](findings/", markdown))
     inside = re.sub(r"\]\((\.\./)+(ARCHITECTURE|CONTRIBUTING|eos_ref|reports)", r"](\2", inside)
     inside = inside.replace("](docs/", "](")
     parts = CODE.split(inside)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from lammps_cases.findings.document import FOLDER
 from lammps_cases.scene import casefile
 
 ROOT = Path(__file__).parents[1]
@@ -134,8 +135,9 @@ def test_every_page_is_linked() -> None:
     """A page of the documentation can be reached from the README."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     of_findings = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
-    linked = {f"docs/{link}" for link in re.findall(r"\]\((findings/[\w-]+\.md)\)", of_findings)}
-    linked |= set(re.findall(r"\]\((docs/[\w-]+\.md)\)", text)) | {"docs/index.md"}
+    findings = set(re.findall(r"\]\(\.\./(lammps_cases/data/findings/[\w-]+\.md)\)", of_findings))
+    assert findings == {path.relative_to(ROOT).as_posix() for path in FOLDER.glob("*.md")}
+    linked = set(re.findall(r"\]\((docs/[\w-]+\.md)\)", text)) | {"docs/index.md"}
     assert linked == set(PAGES)
 
 

@@ -13,7 +13,7 @@ from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.outlook import model_with_forces
 from lammps_cases.findings import LEDGER, Finding, accepting
 from lammps_cases.findings.entry import DeckRun
-from lammps_cases.findings.statements import GAS_WITHOUT_WORK
+from lammps_cases.findings.outcomes import GAS_WITHOUT_WORK
 from lammps_cases.records.case_parts import ActingRecord
 
 PRINTED = "thermo_style press"  # of a deck that names it

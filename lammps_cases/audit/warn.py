@@ -18,7 +18,7 @@ from eos_ref import EOS
 from eos_ref.eos.table import FloatArray
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.lints import Lint, Stillness, lints
-from lammps_cases.findings.refusals import HYPHEN_RANGE_ACCEPTED
+from lammps_cases.findings.outcomes import HYPHEN_RANGE_ACCEPTED
 from lammps_cases.studies.stability.advice import judge
 
 DEFAULT_RHO = 1.0  # LAMMPS 22Jul2025's density of an atom for which none is set

@@ -12,7 +12,6 @@ import click
 from lammps_cases.cli import shared
 from lammps_cases.cli.commands import command
 from lammps_cases.cli.options import LAUNCHER, Json
-from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import by_file, counted
@@ -27,7 +26,7 @@ def findings_command(
     names: Annotated[tuple[str, ...], Positional(metavar="[FINDING]...", complete="findings")] = (),
     as_json: Json = False,
 ) -> int:
-    """List the findings, the most severe first: where LAMMPS differs from its manual.
+    """List the findings by cause, that of most cases first: where LAMMPS differs from its manual.
 
     With names, show the details of these: the argument, and workarounds.
 
@@ -47,7 +46,7 @@ def say(names: Sequence[str], as_json: bool) -> None:
     InputError
         A name that is of no finding.
     """
-    from lammps_cases.findings import LEDGER, accepted_cases, check_names
+    from lammps_cases.findings import LEDGER, accepted_cases, by_cause, check_names
 
     check_names(names)
     chosen = [entry for entry in LEDGER if not names or entry.id in names]
@@ -64,10 +63,7 @@ def say(names: Sequence[str], as_json: bool) -> None:
         for entry in chosen:
             show(entry, shown_by.get(entry.id, []))
         return
-    rows = [
-        (entry.severity, entry.id, entry.title, _versions(entry.engines))
-        for entry in sorted(chosen, key=lambda entry: SEVERITIES.index(entry.severity))
-    ]
+    rows = [(entry.severity, entry.id, entry.title, _versions(entry.engines)) for entry in by_cause(shown_by, chosen)]
     columns = ("severity", "id", "title", "seen on")
     shared.table(columns, rows, counted(len(rows), "finding"), drop=columns[:1:-1], prose=("title",))
     click.echo("eos-ref findings ID shows the details of one")
@@ -82,6 +78,7 @@ def show(entry: Finding, cases: Sequence[str]) -> None:
         shared.show(f"  smallest scene: {entry.scene}; reproduced by: {entry.named_variant}", "    ")
     shown = _cases(cases, entry.applies_to)
     shared.show(f"  seen in: {', '.join(entry.engines) or 'none'}; shown by: {shown}", "    ")
+    shared.show(f"  cause: {entry.cause}", "    ")
     shared.show(f"  upstream: {entry.upstream}; eos-ref report-bug {entry.id}", "    ")
 
 

@@ -1,15 +1,14 @@
 """The ledger of findings: where LAMMPS differs from its manual, explained and reproduced.
 
-A finding stands in the module of its subject, with all that is known of it. One that changes numbers names a variant
-of the reference that reproduces LAMMPS on every atom; one that changes how LAMMPS refuses predicts the outcome.
-Neither changes the reference or a bound. The numbers in the arguments are those of the cases named, or of two
-particles.
+The text of a finding is a document in ``lammps_cases/data/findings``; its behaviour stands in the module of its
+subject. One that changes numbers names a variant of the reference that reproduces LAMMPS on every atom; one that
+changes how LAMMPS refuses predicts the outcome. Neither changes the reference or a bound.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,28 +22,24 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import (
     exchange,
     forces,
-    inputs,
     kernels,
-    outputs,
-    refusals,
+    outcomes,
     shifting,
-    statements,
     surfaces,
     thermal,
     units,
     virials,
     walls,
-    walls_at_stops,
 )
 from lammps_cases.findings.engines import KNOWN, NEWEST, SEEN_ON
-from lammps_cases.findings.entry import Finding
+from lammps_cases.findings.entry import Finding, LawFinding, ModelFinding, OutcomeFinding
 from lammps_cases.records.levels import SEVERITIES, Severity
 from lammps_cases.records.run_record import CaseRecord
 
 if TYPE_CHECKING:
     from lammps_cases.scene import Scene
 
-__all__ = ["KNOWN", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "accepting", "applicable"]
+__all__ = ["KNOWN", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "accepting", "applicable", "by_cause"]
 __all__ += ["SEEN_ON", "check_names", "explain_outcome", "explain_pressure", "ledger_of", "severities", "shown_by"]
 
 SHOWN_BY = Path(__file__).with_name("shown_by.json")
@@ -59,18 +54,14 @@ def ledger_of(subjects: Iterable[Sequence[Finding]]) -> tuple[Finding, ...]:
 _SUBJECTS = (
     exchange,
     forces,
-    inputs,
     kernels,
-    outputs,
-    refusals,
+    outcomes,
     shifting,
-    statements,
     surfaces,
     thermal,
     units,
     virials,
     walls,
-    walls_at_stops,
 )
 LEDGER = ledger_of(subject.ENTRIES for subject in _SUBJECTS)
 
@@ -90,6 +81,14 @@ def severities(names: Iterable[str], ledger: Sequence[Finding] = LEDGER) -> dict
     of_ledger: dict[str, Severity] = {entry.id: entry.severity for entry in ledger}
     chosen: dict[str, Severity] = {name: of_ledger.get(name, "high") for name in names}
     return dict(sorted(chosen.items(), key=lambda item: SEVERITIES.index(item[1])))
+
+
+def by_cause(shown: Mapping[str, Collection[str]], ledger: Iterable[Finding] = LEDGER) -> list[Finding]:
+    """Return findings grouped by cause: causes, and the findings of each, in the order of how many cases show them."""
+    cases: dict[str, set[str]] = {}
+    for entry in ledger:
+        cases.setdefault(entry.cause, set()).update(shown.get(entry.id, ()))
+    return sorted(ledger, key=lambda e: (-len(cases[e.cause]), e.cause, -len(shown.get(e.id, ())), e.number))
 
 
 def finding(name: str) -> Finding:
@@ -127,27 +126,33 @@ def shown_by(problem: Problem, engine: str, lists: bool = False) -> list[Finding
 
 def with_gap(scene: Scene, engine: str) -> list[Finding]:
     """Return the findings of an engine of which it is known that no variant reproduces every such scene."""
-    listed = (entry for entry in LEDGER if entry.gaps and (not entry.engines or entry.listed(engine)))
-    return [entry for entry in listed if any(gap.applies(scene) for gap in entry.gaps)]
+    return [
+        entry
+        for entry in LEDGER
+        if isinstance(entry, ModelFinding)
+        and any(gap.applies(scene) for gap in entry.gaps)
+        and (not entry.engines or entry.listed(engine))
+    ]
 
 
 def explain_outcome(record: CaseRecord, scene: Scene | None = None) -> Finding | None:
     """Return the entry that predicts how a case ended without numbers, by its name or by its scene."""
     named = (entry for entry in LEDGER if entry.covers(record.case) and entry.predicts(record))
-    shown = (entry for entry in LEDGER if scene is not None and entry.foretells(record, scene))
+    shown = (entry for entry in LEDGER if scene is not None and entry.predicts_of(record, scene))
     return next(named, None) or next(shown, None)
 
 
 def accepting(error: InputError, engine: str) -> Finding | None:
     """Return the entry by which an engine accepts an argument that the reference refuses."""
-    return next((entry for entry in LEDGER if error.what in entry.accepts and entry.listed(engine)), None)
+    of_inputs = (entry for entry in LEDGER if isinstance(entry, OutcomeFinding) and error.what in entry.accepts)
+    return next((entry for entry in of_inputs if entry.listed(engine)), None)
 
 
 def explain_pressure(case: str, table: EOSTable, state: EosState, comparison: Comparison) -> Finding | None:
     """Return the entry whose variant is within the bound on every atom."""
     for entry in LEDGER:
-        if entry.law_variant is not None and entry.covers(case):
-            ratio_n = excess(comparison.lammps_n, entry.law_variant(table, state), comparison.bound_n)[1]
+        if isinstance(entry, LawFinding) and entry.covers(case):
+            ratio_n = excess(comparison.lammps_n, entry.variant(table, state), comparison.bound_n)[1]
             if bool(np.all(ratio_n <= 1)):
                 return entry
     return None

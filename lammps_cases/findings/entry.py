@@ -1,4 +1,4 @@
-"""One finding: what it says, the engines that have it, what reproduces or predicts it, and where else it shows."""
+"""One finding: its text, the engines that have it, what reproduces or predicts it, and where else it shows."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import EosState
 from lammps_cases.comparison.problem import Problem
+from lammps_cases.findings.document import FindingText
 from lammps_cases.findings.engines import nearest, since
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.case_parts import Ended, Verdict
-from lammps_cases.records.levels import Severity
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import FACTOR, times
 
@@ -93,71 +93,39 @@ class Gap:
     why: str
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One finding.
+@dataclass(frozen=True, kw_only=True)
+class Finding(FindingText):
+    """One finding: its text, and what follows from it whatever its kind.
 
     Attributes
     ----------
-    number : place in the ledger, where variants are tried and named in the order in which they were added
-    effect : what it does to a user, in one line
-    documented, observed : what the manual says (with its place), what LAMMPS does
-    argument : why the documented behaviour is the right one
-    workaround : what a user can do meanwhile
-    upstream : what LAMMPS knows of it: unreported, the address of an issue, or "fixed in VERSION"
     engines : versions of LAMMPS that were seen to have it, from `lammps_cases.findings.engines`
-    applies_to : patterns of the cases that it speaks of, for all findings without a model variant; with one, of the
-        probes that measure what follows from it
-    scene : the smallest scene that shows it
-    law_variant : replaces the reference's pressure, for a finding in an equation of state
-    model_variant : the variant of the particle model, for a finding in its fields
-    ends : part of LAMMPS' error on a scene that shows it, whatever its name; empty on others, for a finding in refusals
-    outcome, ended, engine_error : verdict, end (if it has another name) and part of LAMMPS' error that it predicts,
-        for a finding in refusals
+    applies_to : patterns of the cases that it speaks of by name; of one of the model, of probes that measure it
+    outcome, ended, engine_error : verdict, end (if it has another name) and part of LAMMPS' error predicted for these
     differing : field in which it predicts that the two decks of a probe differ, or what it predicts to be measured as
         another number
-    replaces : functions of the reference whose result no case compares, as LAMMPS with this finding has another one
-    expected_in_maps, expected_in_alarms : where else the engines differ by it
-    gaps : scenes of which it is known that the variant does not reproduce them
     acts : what it does to a run of a deck by the deck's definitions, in words; True: its effect; False: nothing
-    accepts : arguments that the manual forbids and LAMMPS accepts, as the reference's input errors name them
-    expected_inputs : bad inputs (ids of the table of `eos-ref stability`) that LAMMPS treats as the finding says
+    expected_in_maps : stability maps on which the engines differ by it
     """
 
-    id: str
-    number: int
-    title: str
-    severity: Severity
-    effect: str
-    documented: str
-    observed: str
-    argument: str
-    workaround: str
-    upstream: str = "unreported"
     engines: tuple[str, ...] = ()
     applies_to: tuple[str, ...] = ()
-    scene: str = ""
-    law_variant: Law | None = None
-    model_variant: Variant | None = None
-    ends: Callable[[Scene], str] = lambda scene: ""
     outcome: Verdict | None = None
     ended: Ended | None = None
     engine_error: str = ""
     differing: str = ""
-    replaces: tuple[str, ...] = ()
-    expected_in_maps: tuple[MapDifference, ...] = ()
-    expected_in_alarms: tuple[AlarmDifference, ...] = ()
-    gaps: tuple[Gap, ...] = ()
     acts: Callable[[DeckRun], str | bool] = lambda setting: False
-    accepts: tuple[str, ...] = ()
-    expected_inputs: tuple[str, ...] = ()
+    expected_in_maps: tuple[MapDifference, ...] = ()
+
+    @property
+    def model_variant(self) -> Variant | None:
+        """Return the variant of the particle model that reproduces it, if there is one."""
+        return None
 
     @property
     def named_variant(self) -> str:
         """Return the name of the variant that reproduces it, or the outcome that it predicts."""
-        model = self.model_variant
-        part = self.law_variant or (model and (model.stages or model.stepping))
-        return part.__name__ if part else (self.outcome or "")
+        return self.outcome or ""
 
     @property
     def since(self) -> str:
@@ -175,10 +143,9 @@ class Finding:
             return False
         return not self.differing or (record.mismatch is not None and self.differing in record.mismatch.fields)
 
-    def foretells(self, record: CaseRecord, scene: Scene) -> bool:
-        """Return whether a scene of any name ended without numbers as the entry says of it."""
-        text = self.ends(scene)
-        return bool(text) and self.outcome == record.verdict == record.ended and text in record.engine_error
+    def predicts_of(self, record: CaseRecord, scene: Scene) -> bool:
+        """Return whether it predicts how a case of any name ended without numbers, by its scene."""
+        return False
 
     def acting(self, setting: DeckRun) -> str:
         """Return what it does to a run of a deck by the deck's definitions; nothing if it does not act."""
@@ -192,3 +159,65 @@ class Finding:
     def new_on(self, engine: str) -> bool:
         """Return whether a version of LAMMPS that shows it is the first to do so: neither it nor the nearest had it."""
         return bool(engine and self.engines) and not self.listed(engine)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawFinding(Finding):
+    """A finding in an equation of state; ``variant`` replaces the reference's pressure."""
+
+    variant: Law
+
+    @property
+    def named_variant(self) -> str:
+        """Return the name of the variant."""
+        return self.variant.__name__
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelFinding(Finding):
+    """A finding in the fields of the particle model.
+
+    Attributes
+    ----------
+    variant : the variant of the reference that reproduces it
+    replaces : functions of the reference whose result no case compares, as LAMMPS with this finding has another one
+    expected_in_alarms : restatements of scenes by which the engines differ
+    gaps : scenes of which it is known that the variant does not reproduce them
+    """
+
+    variant: Variant
+    replaces: tuple[str, ...] = ()
+    expected_in_alarms: tuple[AlarmDifference, ...] = ()
+    gaps: tuple[Gap, ...] = ()
+
+    @property
+    def model_variant(self) -> Variant:
+        """Return the variant of the particle model that reproduces it."""
+        return self.variant
+
+    @property
+    def named_variant(self) -> str:
+        """Return the name of the variant, or the outcome that it predicts."""
+        part = self.variant.stages or self.variant.stepping
+        return part.__name__ if part else super().named_variant
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutcomeFinding(Finding):
+    """A finding that no variant reproduces: it predicts how cases end, or which statement is measured to be wrong.
+
+    Attributes
+    ----------
+    ends : part of LAMMPS' error on a scene that shows it, whatever its name; empty on others
+    accepts : arguments that the manual forbids and LAMMPS accepts, as the reference's input errors name them
+    expected_inputs : bad inputs (ids of the table of `eos-ref stability`) that LAMMPS treats as the finding says
+    """
+
+    ends: Callable[[Scene], str] = lambda scene: ""
+    accepts: tuple[str, ...] = ()
+    expected_inputs: tuple[str, ...] = ()
+
+    def predicts_of(self, record: CaseRecord, scene: Scene) -> bool:
+        """Return whether it predicts how a case of any name ended without numbers, by its scene."""
+        text = self.ends(scene)
+        return bool(text) and self.outcome == record.verdict == record.ended and text in record.engine_error

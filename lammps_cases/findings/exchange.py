@@ -19,7 +19,8 @@ from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings.entry import Finding
+from lammps_cases.findings.document import document
+from lammps_cases.findings.entry import ModelFinding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, NeighbourList, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
@@ -207,24 +208,9 @@ def has_close_images(problem: Problem) -> bool:
     return len(directed_pairs(problem.state.x_nc, problem.box, min(2 * reach, problem.model.cut))[0]) > 0
 
 
-BOUNDARY_PAIRS_TWICE = Finding(
-    id="boundary-pairs-twice",
-    number=29,
-    title="With 'newton off on', pairs across a boundary count twice",
-    severity="high",
-    effect="Densities and gradients at periodic boundaries, and between processes, are wrong",
-    documented="newton: the flags for pairs and for bonds may differ, and results must not depend on them except for "
-    "rounding.",
-    observed="With 'newton off on' a pair across a periodic boundary, or between two processes, is listed for each "
-    "of its particles, and counts twice in summed densities, in gradients, in same-phase fractions and densities of "
-    "walls, and in divergences and normals of surfaces; it counts once in coordination numbers, in the moments of "
-    "RK1 and RK2, in shifts and in the terms of pair rheo. The other three settings agree with each other.",
-    argument="Two particles of mass 1 at distance 1 (2D, cutoff 3) have summed densities of 0.4289 in the middle of "
-    "a box, and of 0.5501 with a periodic boundary between them: where the box is cut must not matter. Only "
-    "particles within reach of a boundary are wrong, so a large box hides the error.",
-    workaround="Use the same newton setting for pairs and bonds; 'newton on off' is right too.",
-    scene="two particles with a periodic boundary between them, rho/sum, newton off on",
-    model_variant=Variant(
+BOUNDARY_PAIRS_TWICE = ModelFinding(
+    **document("boundary-pairs-twice"),
+    variant=Variant(
         lists_pairs_twice,
         BoundaryPairsTwice,
         CountingSteps,
@@ -235,53 +221,17 @@ BOUNDARY_PAIRS_TWICE = Finding(
     acts=lambda setting: lists_pairs_twice(setting.problem),
 )
 
-IMAGES_LEFT_BEHIND = Finding(
-    id="images-left-behind",
-    number=65,
-    title="While fix deform changes the box, half of each step uses periodic images at their previous positions",
-    severity="medium",
-    effect="Densities and velocities at the boundaries of a box that changes its size depend on where it is cut",
-    documented="fix deform: the box changes at the end of a step, and with remap x the positions of the atoms with "
-    "it; fix rheo: the first half of the next step takes gradients at the positions with which it starts.",
-    observed="Atoms start the step where the box has moved them, but their periodic images, and the copies of other "
-    "processes, are still those of the previous step, in its box. Gradients of the first half of the step, and with "
-    "them densities, shifts and densities of walls, use distances between the two. So do coordination numbers in the "
-    "output, if neither a reproducing kernel nor surface/detection has counted before. Without remap, periodic "
-    "images lag behind by the growth of the edges.",
-    argument="Two particles of volume 1 at distance 1 (2D, cutoff 3) move apart at a speed of 2 in a box of length 8 "
-    "that grows by 5 % in each step of 0.05. After two steps their density is 0.9592 in the middle of the box, and "
-    "0.9568 if the boundary lies between them: where the box is cut must not matter. The middle agrees with the "
-    "reference to rounding. The error of a step decreases with the square of its length.",
-    workaround="Keep the growth of an edge per step small compared with the smoothing length, or change the box "
-    "between runs with change_box.",
-    scene="two particles with a periodic boundary between them, fix deform x erate, two steps",
-    model_variant=Variant(
+IMAGES_LEFT_BEHIND = ModelFinding(
+    **document("images-left-behind"),
+    variant=Variant(
         grows, ImagesLeftBehind, CountingLate, lists_of_neighbours, lists=True, changes=("coordination", "x")
     ),
     acts=lambda setting: setting.deforms and any(setting.problem.box.periodic) and setting.problem.steps[-1] > 0,
 )
 
-ALIGNED_PAIRS_TWICE = Finding(
-    id="aligned-pairs-twice",
-    number=69,
-    title="In a tilted (triclinic) box, close pairs with the same x across a boundary count twice",
-    severity="medium",
-    effect="Forces and densities at the boundaries of a tilted box are wrong where distances are small numbers",
-    documented="newton: the flags for pairs and for bonds may differ, and results must not depend on them except for "
-    "rounding.",
-    observed="With newton on for pairs, a pair across a boundary of a box that is tilted or will be, or between two "
-    "processes, is listed for each of its particles if the two have the same x and are closer than 0.01 in every "
-    "other direction (0.01 Angstrom in units nano, micro, cgs and si), and counts twice in summed densities, "
-    "gradients, same-phase fractions and densities of walls, divergences and normals of surfaces, shifts and forces; "
-    "it counts once in coordination numbers and in the moments of RK1 and RK2. With newton off, in a box that stays "
-    "orthogonal, or at larger distances it counts once everywhere.",
-    argument="Two particles of mass 6.4e-5 at distance 0.008 (2D, cutoff 0.024) have summed densities of 0.4289 in "
-    "the middle of a tilted box, and of 0.5501 with a periodic boundary between them; with all lengths ten times as "
-    "long and a mass of 6.4e-3 they have 0.4289 at both places. Neither where the box is cut nor the unit of length "
-    "may matter.",
-    workaround="Set newton off, or measure lengths in a unit in which particles are further apart than 0.01.",
-    scene="two particles with the same x and a boundary of a tilted box between them, rho/sum",
-    model_variant=Variant(
+ALIGNED_PAIRS_TWICE = ModelFinding(
+    **document("aligned-pairs-twice"),
+    variant=Variant(
         has_close_images,
         AlignedPairsTwice,
         CountingSteps,

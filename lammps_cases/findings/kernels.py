@@ -21,7 +21,8 @@ from eos_ref.numbers.elementary import maximum
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import Decision, Rounded, error, value
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings.entry import Finding, Gap, MapDifference
+from lammps_cases.findings.document import document
+from lammps_cases.findings.entry import Gap, MapDifference, ModelFinding, OutcomeFinding
 from lammps_cases.findings.neighbour_lists import (
     UNDEFINED,
     CountingSteps,
@@ -199,29 +200,9 @@ class WendlandC4(ArrayEvaluator):
         return sums
 
 
-STALE_GRADIENT_BELOW_ZMIN = Finding(
-    id="stale-gradient-below-zmin",
-    number=28,
-    title="Particles with fewer than zmin (or collinear) neighbours use gradients of other pairs",
-    severity="high",
-    effect="With RK1 and RK2, forces on particles with few neighbours depend on pair order or on stale memory",
-    documented="fix rheo: if reproducing kernels are requested but a particle has fewer than zmin neighbours, it "
-    "will revert to a non-reproducing quintic kernel until it gains more.",
-    observed="With RK1 and RK2 the gradient of a particle with fewer than zmin neighbours is not computed: the "
-    "particle uses that of the last pair before it in the neighbour list whose gradient was computed on the same "
-    "side, first or second, in this loop or the previous one; or whatever an earlier use of the memory left there. "
-    "The same happens, with any zmin, to a particle whose matrix of moments cannot be factorised: it has one "
-    "neighbour, or all of them lie in a row or, in 3D, in a plane. Sums of W use the quintic "
-    "kernel in any case (kernel-corrects-gradients-only).",
-    argument="Two lone particles with RK1 and zmin 5 have one velocity gradient in a fresh process and a different "
-    "one after another scene; neither is that of the quintic kernel. At a free surface, where particles run out of "
-    "neighbours, gradients are arbitrary. With the order taken from LAMMPS' own lists, every gradient, force and "
-    "heat flow is predicted, also over several steps, except those before the first pair that was ever computed; on "
-    "several ranks, where lists are not read, only those of particles with zmin neighbours or more are.",
-    workaround="Set zmin to 0 if every particle has enough neighbours for its matrix, as without a free surface; "
-    "otherwise use the quintic kernel.",
-    scene="two particles, RK1, zmin 5",
-    model_variant=Variant(
+STALE_GRADIENT_BELOW_ZMIN = ModelFinding(
+    **document("stale-gradient-below-zmin"),
+    variant=Variant(
         falls_back,
         StaleGradient,
         LeavingGradients,
@@ -253,22 +234,8 @@ STALE_GRADIENT_BELOW_ZMIN = Finding(
     ),
 )
 
-KERNEL_WENDLAND_C4 = Finding(
-    id="kernel-wendland-c4",
-    number=37,
-    title="There is a fifth kernel style, wendland/c4, which is undocumented and incomplete",
-    severity="medium",
-    effect="With wendland/c4 the limits of surface detection have another meaning",
-    documented="fix rheo: kstyle = quintic or RK0 or RK1 or RK2; four kernels are currently available.",
-    observed="'wendland/c4' is accepted: Wendland's C4 kernel with support cut and without correction, with h = "
-    "cut/3 in shift and artificial viscosity. Densities, gradients, forces and shift are right for it. Surface "
-    "detection uses the slope of the quintic spline with Wendland's factor over cut: surface/divr and the gradient "
-    "of the color function are 22.76 times (2D) or 22.92 times (3D) those of the spline. interface/reconstruct uses "
-    "the spline as its weight.",
-    argument="The divergence of positions is 2 inside a fluid in 2D, whatever the kernel; with wendland/c4 it is 46, "
-    "so no limit suggested by the manual finds a surface, and in a comparison of the two kernels the fluid appears "
-    "to have no surface. None of some 2000 other names that were tried is accepted.",
-    workaround="Use the documented kernels; with wendland/c4, multiply the limit of divergence by 22.76 or 22.92.",
+KERNEL_WENDLAND_C4 = OutcomeFinding(
+    **document("kernel-wendland-c4"),
     applies_to=("probes.rheo-kernel-wendland",),
     outcome="differs",
     ended="accepted",

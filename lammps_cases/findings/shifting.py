@@ -20,7 +20,8 @@ from eos_ref.numbers.elementary import sqrt, where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings.entry import AlarmDifference, Finding
+from lammps_cases.findings.document import document
+from lammps_cases.findings.entry import AlarmDifference, ModelFinding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours, unbounded
 from lammps_cases.findings.variants import Snapshot, Variant
 
@@ -206,47 +207,17 @@ def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot
     return {"pair": (int(plain.i[p]), int(plain.j[p])), "apart": tuple(x_pc[p].tolist())}
 
 
-CROSS_TYPE_SUPPORT = Finding(
-    id="cross-type-support",
-    number=22,
-    title="shift scale/cross/type sums W r instead of W for the same-type support",
-    severity="medium",
-    effect="The threshold wmin turns off the shift of other particles than documented",
-    documented="fix rheo, scale/cross/type: W_same = sum W_ij delta_ij over particles of the same type.",
-    observed="The sum compared with wmin is sum W_ij r_ij delta_ij.",
-    argument="The sum has an additional factor of length: at twice the spacing, with everything else scaled and wmin "
-    "scaled like W, other particles are shifted. W r is largest at 0.24 times the cutoff: of two neighbours closer "
-    "than that, the closer one counts less, although it contributes more support.",
-    workaround="Multiply wmin by the W-weighted mean distance of neighbours: on a lattice with a cutoff of 3 "
-    "spacings 0.38 times the cutoff in 2D and 0.42 times in 3D. Particles close to the threshold may still differ.",
-    scene="two disordered types, wmin at half of the full support",
-    model_variant=Variant(asks_for_support, SupportTimesDistance),
+CROSS_TYPE_SUPPORT = ModelFinding(
+    **document("cross-type-support"),
+    variant=Variant(asks_for_support, SupportTimesDistance),
     acts=lambda setting: asks_for_support(setting.problem),
     replaces=("same_type_support",),
 )
 
 
-CROSS_TYPE_NORMAL = Finding(
-    id="cross-type-normal",
-    number=23,
-    title="shift scale/cross/type uses one direction for all interfaces",
-    severity="high",
-    effect="Particles at an interface between two fluids are shifted in a wrong direction, or not scaled",
-    documented="fix rheo, scale/cross/type: a color function estimates the local interfacial normal; shifting "
-    "along it is scaled by shiftscale.",
-    observed="For every pair, the gradient of the color function uses the kernel gradient of one and the same pair: "
-    "the one with which the loop over neighbours ended. The direction that is scaled is therefore the direction of "
-    "this pair for all particles. With RK1 and RK2 a pair has one gradient for its first and one for its second "
-    "particle, and each process has its own last pair, so the directions are mixtures of these, in which a pair at "
-    "the cutoff counts like any other. Where all volumes are the same, the sums of single particles cancel, and "
-    "their direction is determined by rounding, or they are not scaled.",
-    argument="A flat interface normal to x and one normal to y lose the same component of the shift. Relabelling the "
-    "atoms turns the direction, although nothing physical has changed; so may another skin or number of ranks. With "
-    "the order taken from LAMMPS' own lists, every shift is predicted, with every kernel, over several steps and on "
-    "several ranks, except where the sums cancel.",
-    workaround="Use 2026.7.4 or newer, or exclude/type, which is not affected.",
-    scene="two disordered types, shiftscale 0",
-    model_variant=Variant(
+CROSS_TYPE_NORMAL = ModelFinding(
+    **document("cross-type-normal"),
+    variant=Variant(
         scales_across_types,
         NormalOfLastPair,
         CorrectingShifts,
@@ -266,47 +237,15 @@ CROSS_TYPE_NORMAL = Finding(
     ),
 )
 
-CROSS_TYPE_CORRECTED = Finding(
-    id="cross-type-corrected",
-    number=66,
-    title="With RK1 and RK2, shift scale/cross/type uses another normal than that of its color function",
-    severity="medium",
-    effect="With RK1 and RK2, shifts at an interface between two fluids are scaled along another direction",
-    documented="fix rheo, scale/cross/type: a color function is calculated and used to estimate a local interfacial "
-    "normal. Shifts and the color function use the quintic spline whatever the kernel.",
-    observed="The color function that is compared with cmin is a sum of the quintic spline. Since 2026.7.4 the "
-    "gradient that gives the normal is the sum of the gradients of the reproducing kernel.",
-    argument="The gradient of the color function, from differences of the color when a particle is slightly "
-    "displaced, is the sum of the spline's gradients; that of the corrected ones has another direction. Two "
-    "disordered fluids (49 particles, 2D, a cutoff of 2.6 spacings): for the particles with a color of 0.05 or more "
-    "the normals with RK1 differ by 2.7 degrees in the median, and by up to 10.5. Corrected gradients of all "
-    "neighbours cancel, because RK1 and RK2 reproduce constants: where all are of the other type, as around a single "
-    "particle of one fluid in another, only rounding is left, and determines the normal.",
-    workaround="Use the kernel quintic, whose gradients are not corrected.",
-    scene="two disordered types, RK1, shiftscale 0",
-    model_variant=Variant(corrects_across_types, CorrectedColor, CorrectingFirst, undefined=True, changes=("shift/v",)),
+CROSS_TYPE_CORRECTED = ModelFinding(
+    **document("cross-type-corrected"),
+    variant=Variant(corrects_across_types, CorrectedColor, CorrectingFirst, undefined=True, changes=("shift/v",)),
     acts=lambda setting: corrects_across_types(setting.problem),
 )
 
-CROSS_TYPE_MASS_OF_TYPE = Finding(
-    id="cross-type-mass-of-type",
-    number=67,
-    title="With per-particle masses, shift scale/cross/type uses the mass of the type for one particle of a pair",
-    severity="medium",
-    effect="With rmass, shifts at an interface between two fluids are scaled along another direction",
-    documented="fix rheo, scale/cross/type: a color function is calculated and used to estimate a local interfacial "
-    "normal; fix property/atom: rmass gives every particle its own mass, which replaces that of its type.",
-    observed="Since 2026.7.4, in the gradient of the color function, which gives the normal, the second particle of "
-    "a pair sees the first with the mass of the first's type; the first sees the second with its own mass. The color "
-    "function itself, which is compared with cmin, uses own masses. In earlier versions the sums of "
-    "cross-type-normal use the same masses, which matters with RK1 and RK2.",
-    argument="A particle of one fluid has two neighbours of another at the same distance, along x and along y, with "
-    "rmass 2 and 1 where their type has the mass 3: the color function falls off in the direction (2, 1). If the "
-    "particle is listed first in both pairs of the neighbour list, LAMMPS has that direction, and if it is listed "
-    "second it has (1, 1): exchanging labels turns the normal.",
-    workaround="Give particles of different mass different types ('mass'), without rmass.",
-    scene="two disordered types with rmass, shiftscale 0",
-    model_variant=Variant(
+CROSS_TYPE_MASS_OF_TYPE = ModelFinding(
+    **document("cross-type-mass-of-type"),
+    variant=Variant(
         has_masses_across_types, ColorMassOfType, CountingSteps, lists_of_neighbours, lists=True, changes=("shift/v",)
     ),
     acts=lambda setting: has_masses_across_types(setting.problem),

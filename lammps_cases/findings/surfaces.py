@@ -11,7 +11,8 @@ from eos_ref.model.box import BoolArray
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings.entry import AlarmDifference, Finding
+from lammps_cases.findings.document import document
+from lammps_cases.findings.entry import AlarmDifference, ModelFinding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
@@ -43,24 +44,9 @@ def shows_layers(problem: Problem) -> bool:
     return "status" in problem.fields and problem.model.fix.surface_detection is not None
 
 
-LAYER_DEPENDS_ON_PAIR_ORDER = Finding(
-    id="layer-depends-on-pair-order",
-    number=26,
-    title="Which particles belong to the layer beside a surface depends on the order in which pairs are listed",
-    severity="low",
-    effect="Runs that list the same pairs in a different order have different surface layers",
-    documented="fix rheo, surface/detection: particles are classified as bulk, surface or splash; neigh_modify, "
-    "newton and the number of processors must not change the physics. The layer beside a surface is not "
-    "documented; its status is listed by compute rheo/property/atom.",
-    observed="A bulk particle has the status of the layer (8) only if it is listed first in some pair with a surface "
-    "particle within the cutoff; one that is listed second in all such pairs keeps the status of bulk (4), although "
-    "surface/r of the same step holds its distance.",
-    argument="With newton off, or with the atoms numbered in reverse order, other particles of the same state have "
-    "the status. With the order taken from LAMMPS' own lists, every status is predicted; on several ranks the lists "
-    "are not read.",
-    workaround="Define the layer as the bulk particles whose surface/r is less than the cutoff.",
-    scene="a block of fluid beside vacuum",
-    model_variant=Variant(
+LAYER_DEPENDS_ON_PAIR_ORDER = ModelFinding(
+    **document("layer-depends-on-pair-order"),
+    variant=Variant(
         shows_layers,
         LayerOfFirst,
         StatusOfLayers,

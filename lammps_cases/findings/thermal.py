@@ -11,7 +11,8 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.parameters import IntArray
 from eos_ref.numbers.number import Array
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings.entry import Finding, Gap, multiplied
+from lammps_cases.findings.document import document
+from lammps_cases.findings.entry import Gap, ModelFinding, multiplied
 from lammps_cases.findings.variants import Variant
 
 
@@ -67,64 +68,24 @@ def density_factors(problem: Problem) -> list[float]:
     return [1 / law.rho0 if of.conductivity else 1.0 for law, of in types]
 
 
-HEAT_IS_TEMPERATURE_RATE = Finding(
-    id="heat-is-temperature-rate",
-    number=19,
-    title="The heat flow is a rate of temperature, but is added to the energy",
-    severity="high",
-    effect="Temperatures equalise at a wrong rate, about 1/(m cv) times the right one",
-    documented="fix rheo/thermal: conductivity in power/(length temperature); Cleary & Monaghan 1999: the energy "
-    "of a particle changes by sum 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2.",
-    observed="Since 2025.7.22.2.0 the output heatflow is sum 2 D V_j (T_i - T_j) (x.grad W)/r^2 with D the mean of "
-    "kappa/(rho0 cv): the rate of T at the equilibrium density, without V_i. It is then integrated as if it were the "
-    "rate of the particle's energy, which is m cv times larger.",
-    argument="Two particles of masses 2 and 3 and temperatures 2 and 1 at distance 1 (2D, cutoff 3; rho, rho0, cv "
-    "and kappa are 1) exchange -1.398 and +0.932 instead of -2.797 and +2.797: where m cv = 2 heat flows half as "
-    "fast as the conductivity implies, and energy is not conserved.",
-    workaround="Multiply the conductivity by m cv, with the same m/rho0 for every type; the factor rho/rho0 remains.",
-    scene="two particles of different temperature and volume, cv different from 1",
-    model_variant=Variant(has_heat, HeatAsTemperatureRate, changes=("heatflow",)),
+HEAT_IS_TEMPERATURE_RATE = ModelFinding(
+    **document("heat-is-temperature-rate"),
+    variant=Variant(has_heat, HeatAsTemperatureRate, changes=("heatflow",)),
     acts=lambda setting: multiplied("heat flows", heat_factors(setting.problem)),
     replaces=("heated_volume",),
 )
 
 
-HEAT_OVER_DENSITY = Finding(
-    id="heat-over-density",
-    number=20,
-    title="The heat flow of a pair is divided by its mean density",
-    severity="high",
-    effect="Heat flows 1/rho times as fast as it should",
-    documented="fix rheo/thermal: conductivity in power/(length temperature); Cleary & Monaghan 1999: the energy "
-    "of a particle changes by sum 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2.",
-    observed="Every term of the sum is divided by (rho_i + rho_j)/2. From 2025.7.22.2.0 on the heat flow is wrong in "
-    "another way (heat-is-temperature-rate).",
-    argument="The flow between two particles of density 1.5 is 2/3 of what the conductivity implies; the unit of the "
-    "result is power over density. At the density of water in SI units, 1000, heat flows a thousand times too slowly.",
-    workaround="Multiply the conductivity by rho0, with the same rho0 for every type; the factor rho0 over the mean "
-    "density of the pair remains.",
-    scene="two particles of different temperature and a density different from 1",
-    model_variant=Variant(has_heat, HeatOverDensity, changes=("heatflow",)),
+HEAT_OVER_DENSITY = ModelFinding(
+    **document("heat-over-density"),
+    variant=Variant(has_heat, HeatOverDensity, changes=("heatflow",)),
     acts=lambda setting: multiplied("heat flows", density_factors(setting.problem)),
 )
 
 
-TEMPERATURE_WITHOUT_MASS = Finding(
-    id="temperature-without-mass",
-    number=21,
-    title="The temperature is computed from the energy of the particle, not from its energy per mass",
-    severity="high",
-    effect="Temperatures are too large by a factor of the particle's mass",
-    documented="fix rheo/thermal: specific heat in energy/(mass temperature), so T = E/(m cv) for the energy E "
-    "of a particle.",
-    observed="T = E/cv, while the heat flow changes E and ideal/gas uses E/m as the energy per mass. From "
-    "2025.7.22.2.0 on T = E/(m cv).",
-    argument="Two particles of masses 2 and 3 with energies 2 and 1 and cv = 1 have T = 1 and 1/3; LAMMPS reports 2 "
-    "and 1. The temperature depends on how finely the fluid is resolved: with a quarter of the mass and energy per "
-    "particle, it is a quarter.",
-    workaround="Multiply the specific heat by the mass of a particle, or use 2025.7.22.2.0 or newer.",
-    scene="one particle of a mass different from 1",
-    model_variant=Variant(has_heat, TemperatureWithoutMass),
+TEMPERATURE_WITHOUT_MASS = ModelFinding(
+    **document("temperature-without-mass"),
+    variant=Variant(has_heat, TemperatureWithoutMass),
     acts=lambda setting: multiplied("temperatures", heated_masses(setting.problem)),
 )
 
@@ -170,21 +131,8 @@ def has_sound_of_masses(problem: Problem) -> bool:
     return has_gas_of_masses(problem) and (bool(model.pair.artificial_viscosity) or model.fix.interface_reconstruct)
 
 
-GAS_OF_MASS_OF_TYPE = Finding(
-    id="gas-of-mass-of-type",
-    number=62,
-    title="With per-particle masses, the pressure of an ideal gas uses the mass of the type",
-    effect="Pressures of a gas are wrong by the ratio of rmass to the mass of the type",
-    severity="medium",
-    documented="fix rheo/pressure: P = (gamma - 1) rho e, where e is the internal energy per unit mass; fix "
-    "property/atom: rmass gives every particle its own mass, which replaces that of its type.",
-    observed="e is the energy of the particle over the mass of its type. From 2025.7.22.2.0 on it is the energy over "
-    "the particle's own mass.",
-    argument="A particle of mass 3 and energy 6 has 2 per unit mass, and at the density 1.4 with gamma = 1.4 the "
-    "pressure 1.12; with the mass 2 for its type LAMMPS reports 1.68, and with 1 it reports 3.36, although no mass "
-    "of the scene has changed.",
-    workaround="Give particles of a gas the mass of their type, or use 2025.7.22.2.0 or newer.",
-    scene="a gas particle whose rmass is not the mass of its type",
+GAS_OF_MASS_OF_TYPE = ModelFinding(
+    **document("gas-of-mass-of-type"),
     gaps=(
         Gap(
             lambda scene: (
@@ -193,25 +141,12 @@ GAS_OF_MASS_OF_TYPE = Finding(
             "for an equation of state alone, the law is evaluated with the per-particle masses",
         ),
     ),
-    model_variant=Variant(has_gas_of_masses, GasOfType, changes=("pressure",)),
+    variant=Variant(has_gas_of_masses, GasOfType, changes=("pressure",)),
 )
 
-SOUND_OF_MASS_OF_TYPE = Finding(
-    id="sound-of-mass-of-type",
-    number=63,
-    title="With per-particle masses, the speed of sound of an ideal gas uses the mass of the type",
-    effect="Artificial viscosity and walls of a gas are wrong if rmass is not the mass of the type",
-    severity="low",
-    documented="fix rheo/pressure: c is ignored by ideal/gas, whose speed of sound is not constant; fix "
-    "property/atom: rmass gives every particle its own mass, which replaces that of its type.",
-    observed="In artificial viscosity and in the repulsion by reconstructed walls the speed of sound of a gas is the "
-    "square root of (gamma - 1) e, where e is the energy of the particle over the mass of its type.",
-    argument="Two particles of mass 1, density 1 and energy 2 that approach each other at 1 (gamma = 1.4, distance 1, "
-    "2D, cutoff 3, artificial/visc 1) push each other apart with 0.958 in LAMMPS where their type has the mass 4, and "
-    "with 1.275 where it has the mass 1.",
-    workaround="Give particles of a gas the mass of their type.",
-    scene="two gas particles whose rmass is not the mass of their type, with artificial viscosity",
-    model_variant=Variant(has_sound_of_masses, SoundOfType),
+SOUND_OF_MASS_OF_TYPE = ModelFinding(
+    **document("sound-of-mass-of-type"),
+    variant=Variant(has_sound_of_masses, SoundOfType),
 )
 
 ENTRIES = (

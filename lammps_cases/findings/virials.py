@@ -9,7 +9,8 @@ from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings.entry import Finding
+from lammps_cases.findings.document import document
+from lammps_cases.findings.entry import ModelFinding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
@@ -74,27 +75,9 @@ def shows_sums(problem: Problem) -> bool:
     return not set(OVERALL).isdisjoint(problem.fields)
 
 
-VIRIALS_CANCEL = Finding(
-    id="virials-cancel",
-    number=60,
-    title="Per-particle virials cancel; with newton off the pressure of the system loses them, too",
-    severity="high",
-    effect="stress/atom is wrong; with newton off, so is the pressure printed by thermo",
-    documented="compute stress/atom: each particle of a pair gets half of r1 F1 + r2 F2, which is half of the "
-    "distance times the force on the particle itself; compute pressure: the virial of the system is that of all its "
-    "pairs, and the newton setting must not matter.",
-    observed="The virial that each particle of a pair gets is half of the distance times the sum of both forces. If "
-    "these are opposite it is 0; otherwise it depends on which of the two is listed first. With newton off, "
-    "particles at a boundary have the right share of the pairs across it, but not of any other pair. With newton "
-    "off, compute pressure and thermo press are the sum of these virials; with newton on they are right.",
-    argument="Two particles of volume 1 and pressure 0.2 at distance 1 (2D, cutoff 3) repel each other with 0.0932: "
-    "each has a virial stress of -0.0466, for which LAMMPS shows 0. A fluid of volume 1 at rest on a square lattice "
-    "at pressure 0.2 has with RK1, whose gradients are exact, a virial pressure of 0.2: LAMMPS shows it with newton "
-    "on, and 0.0423 with newton off in a box of 7 by 7 particles, less in a larger one.",
-    workaround="Leave newton on for the pressure of the system; for stress/atom and what is derived from it there is "
-    "no workaround.",
-    scene="two particles",
-    model_variant=Variant(
+VIRIALS_CANCEL = ModelFinding(
+    **document("virials-cancel"),
+    variant=Variant(
         shows_virials, VirialsCancel, CountingSteps, lists_of_neighbours, lists=True, changes=("stress/atom", *OVERALL)
     ),
     acts=lambda setting: (
@@ -102,23 +85,9 @@ VIRIALS_CANCEL = Finding(
     ),
 )
 
-VIRIAL_OF_PLACES = Finding(
-    id="virial-of-places",
-    number=36,
-    title="With newton on, the virial depends on the origin if the forces of a pair do not cancel",
-    severity="low",
-    effect="The pressure that thermo prints depends on where the origin is",
-    documented="compute pressure: the virial is the sum of r F over all particles and images, and the pressure is "
-    "thus a property of the system, wherever the origin lies.",
-    observed="The sum is over positions times forces, which equals a sum over distances only if both forces of a "
-    "pair are opposite. With RK1 and RK2 they are not, and neither are they where forces lack a volume.",
-    argument="The same particles, displaced together, have a different virial: it changes by the displacement times "
-    "the sum of all forces, which is not 0. Half of the distance times the difference of the two forces of each pair "
-    "does not change, and is equal to it where forces are opposite.",
-    workaround="Compare only pressures computed with the same origin, or use the quintic kernel and, where forces lack "
-    "a volume (force-per-volume), particles of the same volume.",
-    scene="disordered particles in an open box, RK1",
-    model_variant=Variant(shows_sums, VirialOfPlaces, CountingSteps, lists_of_neighbours, lists=True, changes=OVERALL),
+VIRIAL_OF_PLACES = ModelFinding(
+    **document("virial-of-places"),
+    variant=Variant(shows_sums, VirialOfPlaces, CountingSteps, lists_of_neighbours, lists=True, changes=OVERALL),
     acts=lambda setting: (
         setting.problem.newton[0] and not setting.shown.isdisjoint(("thermo_style press", "compute pressure"))
     ),

@@ -1,9 +1,9 @@
-"""Findings about solids: their velocity and their densities as the fluid sees them."""
+"""Findings about solids: their velocity and their densities as the fluid sees them, in steps and where runs begin."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,9 +18,13 @@ from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.findings.entry import AlarmDifference, Finding, Gap
-from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
+from lammps_cases.findings.document import document
+from lammps_cases.findings.entry import AlarmDifference, Gap, ModelFinding
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, after_deletion, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
+
+if TYPE_CHECKING:
+    from lammps_cases.scene import Scene
 
 
 class WallVelocityLost(ArrayEvaluator):
@@ -143,23 +147,8 @@ def keeps_forces(problem: Problem) -> bool:
     return problem.steps[-1] > 0 and bool(walls(problem).any())
 
 
-WALL_VELOCITY_LOST = Finding(
-    id="wall-velocity-lost",
-    number=18,
-    title="interface/reconstruct ignores the velocity of a moving wall",
-    severity="high",
-    effect="Fluid next to a moving wall sees a wrong velocity at any resolution: Couette flow is off by half",
-    documented="fix rheo, interface/reconstruct: densities and velocities of solids are reconstructed to ensure "
-    "no-slip boundaries; Takeda et al. 1994, Morris et al. 1997: v_s' = v_s + (v_s - v_f) d_s/d_f.",
-    observed="The solid's velocity as seen by the fluid is (v_s - v_f) d_s/d_f: the term v_s is missing. The two "
-    "agree only for a wall at rest.",
-    argument="A fluid and its container that move together at velocity U must feel no viscous force; in LAMMPS the "
-    "fluid sees the wall at 0 instead of U, so the forces depend on the frame of reference. A wall moving at U drags "
-    "a fluid particle towards U d_s/(d_s + d_f), not U: one row of fluid over one row of solids towards 0.5 U, over "
-    "two rows 0.6 U, and several rows of fluid towards 0.4 U and 0.5 U (spacing 1, cutoff 1.3), so a Couette flow "
-    "depends on the arrangement of the particles.",
-    workaround="Keep walls at rest: use the frame of the wall, or drive the fluid with addforce.",
-    scene="fluid at rest over one moving row of solid particles",
+WALL_VELOCITY_LOST = ModelFinding(
+    **document("wall-velocity-lost"),
     gaps=(
         Gap(
             lambda scene: scene.rheo.interface_reconstruct and scene.remaps_velocities,
@@ -167,58 +156,27 @@ WALL_VELOCITY_LOST = Finding(
             "deform, remap v) belong to the frame of the particle that is first in LAMMPS' list",
         ),
     ),
-    model_variant=Variant(has_moving_walls, WallVelocityLost, changes=("grad/v", "f")),
+    variant=Variant(has_moving_walls, WallVelocityLost, changes=("grad/v", "f")),
     acts=lambda setting: has_moving_walls(setting.problem),
 )
 
 
-WALLS_SUMMED_AFTER_SETUP = Finding(
-    id="walls-summed-after-setup",
-    number=24,
-    title="After the set-up of a run, solids report a density that was not used",
-    severity="low",
-    effect="Densities of solids in the output of step 0 are not those used for the forces",
-    documented="fix rheo, interface/reconstruct: the density of solids is reconstructed for the interaction with "
-    "fluid; rho/sum sums densities.",
-    observed="With both keywords the densities of solids reported after run 0 are the sums; the forces of the same "
-    "step used the reconstructed ones, which every later step of the run reports. Each run without 'pre no' begins "
-    "this way.",
-    argument="Output and forces of one step belong to different densities: forces computed from the densities "
-    "reported after run 0 differ from those of LAMMPS.",
-    workaround="Look at solids after a step, not after run 0.",
-    scene="fluid over solid particles with rho/sum, run 0",
+WALLS_SUMMED_AFTER_SETUP = ModelFinding(
+    **document("walls-summed-after-setup"),
     gaps=(
         Gap(
             lambda scene: not scene.whole_model and scene.rho_sum and scene.rheo.interface_reconstruct,
             "for an equation of state alone, the density that is reported is compared, not the one that was used",
         ),
     ),
-    model_variant=Variant(sums_walls, stepping=WallsSummedAfterSetup, changes=("rho",)),
+    variant=Variant(sums_walls, stepping=WallsSummedAfterSetup, changes=("rho",)),
     acts=lambda setting: sums_walls(setting.problem),
 )
 
 
-WALLS_AFTER_REBUILD = Finding(
-    id="walls-after-rebuild",
-    number=25,
-    title="Densities of walls are wrong in single steps after neighbour lists are rebuilt",
-    severity="high",
-    effect="Densities and forces of walls next to a periodic boundary jump in single steps",
-    documented="fix rheo, interface/reconstruct: densities of solids follow from the fluid's (Adami et al. "
-    "2012), whatever the neighbour lists; neigh_modify: settings of the lists must not change the physics.",
-    observed="In a step in which atoms enter or leave the layer of periodic images, the extrapolation to solids "
-    "reads accelerations from the slots of periodic images as numbered by the new list, while these slots still hold "
-    "what the old list had in them: accelerations of other particles. Densities of solids that see fluid through a "
-    "periodic boundary are wrong in that step, by 0.2 % in the scene open.walls-after-rebuild, and so are the "
-    "forces; before the next step the slots are filled again, so only the trajectory keeps the error.",
-    argument="The same run with other rebuild settings has another trajectory. With the accelerations taken from "
-    "LAMMPS' own slots, as of the previous list and 0 in slots that it did not have, every density of the scene is "
-    "reproduced to rounding, over 60 steps with a rebuild in each and different periodic images from step 6 on. "
-    "Rebuilding lists with the same images in the same order, as before step 6, does no harm.",
-    workaround="Rebuild lists only when necessary ('neigh_modify check yes', the default), and rarely, by using a "
-    "large skin.",
-    scene="fluid over fixed solids under gravity, periodic along the wall, lists rebuilt every step",
-    model_variant=Variant(
+WALLS_AFTER_REBUILD = ModelFinding(
+    **document("walls-after-rebuild"),
+    variant=Variant(
         has_kept_images,
         AccelerationsOfOldImages,
         CountingSteps,
@@ -238,24 +196,9 @@ WALLS_AFTER_REBUILD = Finding(
 )
 
 
-WALLS_DEPEND_ON_PAIR_ORDER = Finding(
-    id="walls-depend-on-pair-order",
-    number=27,
-    title="With RK1 and RK2, densities of walls depend on the order in which pairs are listed",
-    severity="medium",
-    effect="Runs that list the same pairs in a different order have different densities of walls",
-    documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
-    "fluid (Adami et al. 2012), where the acceleration excludes that due to pressure.",
-    observed="The pressure force that is subtracted from the acceleration is, for the first particle of every pair "
-    "in the list, minus that of the second, computed with the second particle's gradient; with the quintic kernel "
-    "the two are the same. With newton off, pairs across a boundary are listed for each particle, which then uses "
-    "its own gradient, as all particles do from 2025.7.22.2.0 on.",
-    argument="With the same four particles numbered in a different order, the solid has a different density from "
-    "step 1 on: physics must not depend on which particle of a pair is listed first. With the order taken from "
-    "LAMMPS' own lists, every density is reproduced to rounding.",
-    workaround="Use the quintic kernel, or 2025.7.22.2.0 or newer.",
-    scene="one solid and three fluid particles, RK1",
-    model_variant=Variant(
+WALLS_DEPEND_ON_PAIR_ORDER = ModelFinding(
+    **document("walls-depend-on-pair-order"),
+    variant=Variant(
         keeps_corrected_forces,
         GradientOfSecond,
         CountingSteps,
@@ -266,4 +209,172 @@ WALLS_DEPEND_ON_PAIR_ORDER = Finding(
     acts=lambda setting: keeps_corrected_forces(setting.problem),
 )
 
-ENTRIES = (WALL_VELOCITY_LOST, WALLS_SUMMED_AFTER_SETUP, WALLS_AFTER_REBUILD, WALLS_DEPEND_ON_PAIR_ORDER)
+
+class PressureForceKept(Simulation):
+    """A run that is not the first begins with the pressure forces of the evaluation before, taken for accelerations.
+
+    A minimisation evaluates them with the positions and densities that it finds, and with the pressures of the
+    evaluation before but for solids, whose pressures follow from the energies that it finds.
+    """
+
+    used_n: Array
+
+    def force_pressure(self) -> Array:
+        """Return the pressure that forces take, and keep it."""
+        self.used_n = super().force_pressure()
+        return self.used_n
+
+    def minimize(self) -> None:
+        """Keep the pressure forces of the minimisation, which has the images of its positions."""
+        super().minimize()
+        if self.model.deform:  # else particles are where the evaluation had them
+            assert isinstance(self.evaluator, ArrayEvaluator)
+            ArrayEvaluator.follow(self.evaluator, self.state.x_nc)
+        pressure_n = where(self.evaluator.solid_n, super().force_pressure(), self.used_n)
+        self.pressure_force_nc = self.evaluator.pair_terms(self.pair_input(pressure_n)).pressure_force_nc
+
+    def kept_at_stop(self, new_n: BoolArray) -> Array:
+        """Return the pressure force on every particle that is not new."""
+        assert self.pressure_force_nc is not None
+        return where(new_n[:, None], 0.0, self.pressure_force_nc)
+
+
+def begins_again_with_walls(problem: Problem) -> bool:
+    """Return whether a run with reconstructed walls ends and another begins, of the same fixes."""
+    kept = any(stop.step <= problem.steps[-1] and not stop.new_n.all() for stop in problem.stops)
+    return kept and bool(walls(problem).any())
+
+
+def minimises_beside_walls(scene: Scene) -> bool:
+    """Return whether a minimisation may keep other forces for walls: it corrects the kernel, or slots are of images."""
+    stops = scene.evolve.stops if scene.evolve else ()
+    if not (scene.rheo.interface_reconstruct and any(stop.by == "minimize" for stop in stops)):
+        return False
+    periodic = getattr(scene.positions, "periodic", None)  # None: all axes; of files it may not be known
+    has_images = periodic is None or any(periodic) or scene.engine.ranks > 1
+    return has_images or scene.rheo.kernel in ("RK1", "RK2")
+
+
+class PartsInSlots(AccelerationsOfOldImages):
+    """When a run begins, slots of images hold the pressure forces of the pairs that list them second, not the sums.
+
+    An image of which further images were made has what these gathered too.
+
+    Attributes
+    ----------
+    parts_pc : pressure force on the first of every pair of the last evaluation, by axes
+    """
+
+    parts_pc: tuple[FloatArray, ...] = ()
+    recording: bool = False
+
+    def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
+        """Return all terms, of which the first sums, those of pressure, are kept pair by pair."""
+        self.recording, self.parts_pc = True, ()
+        terms = super().pair_terms(*fields, **options)
+        self.recording = False
+        return terms
+
+    def total(self, term_p: Any) -> Any:
+        """Return the sum of a term of the pairs."""
+        if self.recording and len(self.parts_pc) < self.model.dimension:
+            self.parts_pc = (*self.parts_pc, np.asarray(value(term_p), float))
+        return super().total(term_p)
+
+    def parts(self) -> FloatArray:
+        """Return the sum, in every slot of the last list used, over the pairs that list it second."""
+        listed = self.lists[self.at]
+        second_p = self.backward_p >= 0
+        sum_sc = np.zeros((len(listed.row_s), self.model.dimension))
+        np.add.at(sum_sc, listed.pair_ps[self.backward_p[second_p], 1], np.column_stack(self.parts_pc)[second_p])
+        source_s = listed.sources(self.box)
+        for slot in np.flatnonzero(source_s >= 0)[::-1]:  # sums come back the way that places went out
+            sum_sc[source_s[slot]] += sum_sc[slot]
+        return sum_sc
+
+
+class BeginningWithParts(PressureForceKept, CountingSteps):
+    """Steps whose runs begin with pressure forces, of images with parts of them."""
+
+    evaluator: PartsInSlots
+
+    def slots_at_stop(self, new_n: BoolArray, read_back: bool) -> FloatArray:
+        """Return the pressure force on every particle, and in the slots of images what pairs have added there."""
+        old, new = self.evaluator.lists[self.at - 1 : self.at + 1]
+        slots_sc = self.evaluator.parts()
+        if read_back or new_n.all() or not old.newton[0]:
+            slots_sc[:] = 0.0
+        own_nc = np.asarray(value(self.kept_at_stop(new_n)), float)
+        slots_sc[old.own_s] = own_nc[old.row_s[old.own_s]]
+        return old.left_to(new, slots_sc, own_nc, new_n)
+
+
+class LeftInMemory(PressureForceKept, CountingSteps):
+    """Particles created anew begin a run with what the memory that they get has held: forces of other particles."""
+
+    def kept_at_stop(self, new_n: BoolArray) -> Array:
+        """Return the pressure forces kept, of new particles those of the particles that had their slots."""
+        kept_nc = super().kept_at_stop(new_n)
+        if new_n.all() or not new_n.any() or not self.evaluator.lists:
+            return kept_nc
+        old = self.evaluator.lists[self.at - 1]
+        old_s = old.row_s[old.own_s]
+        left_nc = value(kept_nc).copy()
+        left_nc[new_n] = value(self.pressure_force_nc)[after_deletion(old_s, new_n)[-new_n.sum() :]]
+        return left_nc
+
+
+def creates_beside_walls(problem: Problem) -> bool:
+    """Return whether some particles are created anew before a run that is not the first of its fixes."""
+    some = any(stop.new_n.any() and not stop.new_n.all() for stop in problem.stops if stop.step <= problem.steps[-1])
+    return some and begins_again_with_walls(problem)
+
+
+def begins_again_with_images(problem: Problem) -> bool:
+    """Return whether a run with reconstructed walls ends and another begins, among images."""
+    return problem.has_images and begins_again_with_walls(problem)
+
+
+WALLS_BEGIN_WITH_PRESSURE = ModelFinding(
+    **document("walls-begin-with-pressure"),
+    variant=Variant(begins_again_with_walls, stepping=PressureForceKept, changes=("chi",)),
+    acts=lambda setting: setting.again and bool(walls(setting.problem).any()),
+    gaps=(
+        Gap(
+            minimises_beside_walls,
+            "where the slots of images are others than in the step before, or the kernel is RK1 or RK2, a minimisation "
+            "keeps other forces for walls than those of its positions; which, is not known",
+        ),
+    ),
+)
+
+WALLS_BEGIN_WITH_PARTS = ModelFinding(
+    **document("walls-begin-with-parts"),
+    variant=Variant(
+        begins_again_with_images,
+        PartsInSlots,
+        BeginningWithParts,
+        lists_of_neighbours,
+        lists=True,
+        changes=("rho_wall",),
+    ),
+    acts=lambda setting: setting.again and setting.problem.has_images and bool(walls(setting.problem).any()),
+)
+
+CREATED_WITH_FORCES_OF_OTHERS = ModelFinding(
+    **document("created-with-forces-of-others"),
+    variant=Variant(
+        creates_beside_walls, FollowingLists, LeftInMemory, lists_of_neighbours, lists=True, changes=("rho_wall",)
+    ),
+    acts=lambda setting: setting.again and setting.created and bool(walls(setting.problem).any()),
+)
+
+ENTRIES = (
+    WALL_VELOCITY_LOST,
+    WALLS_SUMMED_AFTER_SETUP,
+    WALLS_AFTER_REBUILD,
+    WALLS_DEPEND_ON_PAIR_ORDER,
+    WALLS_BEGIN_WITH_PRESSURE,
+    WALLS_BEGIN_WITH_PARTS,
+    CREATED_WITH_FORCES_OF_OTHERS,
+)

@@ -147,7 +147,11 @@ def read_yaml(path: Path, what: str = "case file") -> Any:
     InputError
         Unreadable, not UTF-8, not YAML, or a repeated key.
     """
-    text = read_text(path, what, LARGEST)
+    return parse_yaml(read_text(path, what, LARGEST), path, what)
+
+
+def parse_yaml(text: str, path: Path, what: str) -> Any:
+    """Return the data of the text of a file, or of its beginning; raises as `read_yaml`."""
     try:
         _check_size(text)
         return yaml.load(text, _UniqueKeys)

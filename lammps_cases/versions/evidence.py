@@ -1,8 +1,8 @@
 """What the accepted runs show of the findings: ``python -m lammps_cases.versions.evidence`` writes it down.
 
 ``findings/shown_by.json`` holds the cases that show each finding, ``findings/engines.json`` the versions it was seen
-on, ``docs/findings.md`` a table of all findings, ``docs/findings/`` a page of each. `eos-ref accept` and `eos-ref
-adopt` write them anew after they have changed the baselines of this repository.
+on, ``docs/findings.md`` a table of all findings. `eos-ref accept` and `eos-ref adopt` write them again after they have
+changed the baselines of this repository.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from pathlib import Path
 
 from packaging.version import Version
 
-from lammps_cases.findings import KNOWN, LEDGER, SHOWN_BY, Finding, engines
+from lammps_cases.findings import KNOWN, LEDGER, SHOWN_BY, Finding, by_cause, engines
+from lammps_cases.findings.document import SECTIONS
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.wording import by_file
 from lammps_cases.report.markdown import text
 from lammps_cases.versions import baseline
@@ -25,7 +25,7 @@ from lammps_cases.versions import baseline
 ROOT = Path(__file__).parents[2]
 BASELINES = ROOT / "reports" / "accepted"
 TABLE = ROOT / "docs" / "findings.md"
-PAGES = ROOT / "docs" / "findings"
+SOURCES = "../lammps_cases/data/findings"  # of the texts, as docs/findings.md links them
 BEGIN, END = "<!-- findings:begin -->\n", "<!-- findings:end -->\n"
 
 
@@ -75,27 +75,24 @@ def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> AcceptedEvid
 
 
 def table(evidence: AcceptedEvidence, ledger: Sequence[Finding] = LEDGER) -> str:
-    """Return the findings as a table in Markdown, the most severe first."""
-    lines = ["| severity | finding | versions | cases |\n", "|---|---|---|---|\n"]
-    for entry in sorted(ledger, key=lambda entry: (SEVERITIES.index(entry.severity), entry.id)):
+    """Return the findings as a table in Markdown, by their causes."""
+    lines = ["| cause | severity | finding | versions | cases |\n", "|---|---|---|---|---|\n"]
+    for entry in by_cause(evidence.cases, ledger):
         seen_on = evidence.seen_on[entry.id]
         some = ", ".join(engine.removeprefix("2025.7.22") for engine in seen_on)
         versions = "all" if seen_on == evidence.engines else some
         count = len(evidence.cases[entry.id])
-        link = f"[`{entry.id}`]({PAGES.name}/{entry.id}.md)"
-        lines.append(f"| {entry.severity} | {entry.title} ({link}) | {versions} | {count} |\n")
+        link = f"[`{entry.id}`]({SOURCES}/{entry.id}.md)"
+        lines.append(f"| {entry.cause} | {entry.severity} | {entry.title} ({link}) | {versions} | {count} |\n")
     return "".join(lines)
 
 
 def page(entry: Finding, evidence: AcceptedEvidence) -> str:
-    """Return the page of a finding in Markdown."""
+    """Return the page of a finding in Markdown: its text, with the versions and cases that show it."""
     cases = evidence.cases[entry.id]
     parts = [
         f"# {text(entry.title)}\n\n`{entry.id}`, severity {entry.severity}\n\n**Effect:** {text(entry.effect)}.\n",
-        f"## What is documented\n\n{text(entry.documented)}\n",
-        f"## What LAMMPS does\n\n{text(entry.observed)}\n",
-        f"## Why this is wrong\n\n{text(entry.argument)}\n",
-        f"## Workaround\n\n{text(entry.workaround)}\n",
+        *(f"## {heading}\n\n{text(getattr(entry, part))}\n" for part, heading in SECTIONS.items()),
         f"## Versions\n\n{_versions(evidence.seen_on[entry.id], evidence.engines)}\n",
         "## Show it\n",
         f"`eos-ref report-bug {entry.id}` writes an input deck for LAMMPS alone and the text of an issue.\n",
@@ -121,7 +118,6 @@ def documents(baselines: Path = BASELINES, ledger: Sequence[Finding] = LEDGER) -
         SHOWN_BY: _shown(evidence.cases),
         engines.FILE: engines.document(evidence.engines, evidence.seen_on),
         TABLE: f"{head}{BEGIN}{table(evidence, ledger)}{END}{tail}",
-        **{PAGES / f"{entry.id}.md": page(entry, evidence) for entry in ledger},
     }
 
 
@@ -133,12 +129,8 @@ def _shown(cases: Mapping[str, Mapping[str, Sequence[str]]]) -> str:
 
 def publish() -> None:
     """Write the files that follow from the ledger and the accepted runs of this repository."""
-    files = documents()
-    for path, content in files.items():
-        path.parent.mkdir(exist_ok=True)
+    for path, content in documents().items():
         write_atomically(path, content)
-    for path in set(PAGES.glob("*.md")) - set(files):
-        path.unlink()
 
 
 if __name__ == "__main__":

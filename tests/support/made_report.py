@@ -19,6 +19,7 @@ from lammps_cases.records import case_wording, files
 from lammps_cases.records.case_parts import Blame, CheckRecord, FieldRecord, LawRecord, Seconds, StepRecord
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.verdict import case_arrays
+from tests.support.made_findings import finding
 
 HOSTILE = "<img src=x onerror=alert(1)> | `b` </script><script>alert(2)</script> \x1b[31m & ]]> *x*"
 NAME = HOSTILE.replace("/", "")  # of a case, which is that of a file
@@ -194,15 +195,15 @@ def entry(name: str, **more: Any) -> Finding:
         "argument": "so",
         "workaround": "-",
     }
-    known: dict[str, Any] = {"number": 0, "severity": "low", "engines": ("2025.7.22.4.0",)}
-    return Finding(id=name, **(texts | known | more))
+    known: dict[str, Any] = {"number": 0, "engines": ("2025.7.22.4.0",)}
+    return finding(name, **(texts | known | more))
 
 
 FINDINGS = (
     entry("elsewhere", severity="high", engines=("2024.1.1",), applies_to=("*",)),
-    entry("F-3", severity="medium", model_variant=Variant(lambda scene: True)),
-    entry("pairs", severity="high", applies_to=("*",), model_variant=Variant(lambda scene: True)),
-    entry("gone", severity="high", model_variant=Variant(lambda scene: True)),
+    entry("F-3", severity="medium", model=Variant(lambda scene: True)),
+    entry("pairs", severity="high", applies_to=("*",), model=Variant(lambda scene: True)),
+    entry("gone", severity="high", model=Variant(lambda scene: True)),
     entry("open", applies_to=("eos.broken",)),
     entry(
         "hostile", title=HOSTILE, effect=HOSTILE, documented=HOSTILE, observed=HOSTILE, argument=HOSTILE, scene=HOSTILE

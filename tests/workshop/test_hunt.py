@@ -12,11 +12,12 @@ import pytest
 
 from lammps_cases import findings
 from lammps_cases.findings import LEDGER
+from lammps_cases.findings.entry import ModelFinding
 from lammps_cases.records.case_parts import Beyond, Blame
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from tests.support.told import told
+from tests.support.small_scene import small_scene
 from tests.workshop.fuzz import hunt
 from tests.workshop.fuzz.__main__ import main
 from tests.workshop.fuzz.draw import draw
@@ -62,6 +63,7 @@ def test_gaps_are_of_findings_that_the_engine_has(monkeypatch: pytest.MonkeyPatc
 def test_a_gap_is_of_the_fields_that_its_finding_reaches(monkeypatch: pytest.MonkeyPatch) -> None:
     """Which the judgement knows: it names such limits."""
     (entry,) = (entry for entry in LEDGER if entry.id == "wall-velocity-lost")
+    assert isinstance(entry, ModelFinding)
     anywhere = replace(entry, gaps=(replace(entry.gaps[0], applies=lambda scene: True),), engines=("2025.7.22.4.0",))
     monkeypatch.setattr(findings, "LEDGER", (anywhere,))
     scene, record = draw(1, 0).case.scene, CaseRecord(case="drawn", verdict="differs", ended="answered")
@@ -88,7 +90,10 @@ CLOSED = {"lattice": "sq", "spacing": 1.0, "cells": [8, 8], "periodic": [False, 
 def test_a_gap_speaks_of_what_its_reason_says(changed: dict[str, Any], by: str, known: bool) -> None:
     """A minimisation beside reconstructed walls, with images or a corrected kernel."""
     (entry,) = (entry for entry in LEDGER if entry.id == "walls-begin-with-pressure")
-    scene = told([[1.0, 1.0]], (8, 8), evolve={"steps": 2, "timestep": 1e-3, "stops": [{"at": 1, "by": by}]}, **changed)
+    assert isinstance(entry, ModelFinding)
+    scene = small_scene(
+        [[1.0, 1.0]], (8, 8), evolve={"steps": 2, "timestep": 1e-3, "stops": [{"at": 1, "by": by}]}, **changed
+    )
     assert any(gap.applies(scene.scene) for gap in entry.gaps) == known
 
 

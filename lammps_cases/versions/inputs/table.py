@@ -18,6 +18,7 @@ from lammps_cases.claims.probes.reaction import ERRORS, Reaction, reaction
 from lammps_cases.claims.probes.run import Reply
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER
+from lammps_cases.findings.entry import OutcomeFinding
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.versions.inputs.generate import generated
 from lammps_cases.versions.inputs.scenes import bad_inputs
@@ -155,7 +156,8 @@ def row(bad: BadWords, reply: Reply, control: Reply | None = None) -> InputRow:
 @functools.cache
 def _expected() -> Mapping[str, str]:
     """Return the findings by the patterns of the inputs that LAMMPS treats as they say."""
-    return {pattern: entry.id for entry in LEDGER for pattern in entry.expected_inputs}
+    of_inputs = (entry for entry in LEDGER if isinstance(entry, OutcomeFinding))
+    return {pattern: entry.id for entry in of_inputs for pattern in entry.expected_inputs}
 
 
 def _fits(id: str, pattern: str) -> bool:

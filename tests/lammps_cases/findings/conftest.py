@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.support.told import Engine, engine
+from tests.support.small_scene import Engine, engine
 
 
 @pytest.fixture(scope="module")

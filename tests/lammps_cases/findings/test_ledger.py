@@ -17,9 +17,10 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.findings import LEDGER, accepted_cases, engines, forces, ledger_of
+from lammps_cases.findings import LEDGER, accepted_cases, by_cause, engines, forces, ledger_of
+from lammps_cases.findings.document import FOLDER, SECTIONS, document
 from lammps_cases.findings.engines import SEEN_ON
-from lammps_cases.findings.entry import Finding
+from lammps_cases.findings.entry import ModelFinding, OutcomeFinding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.case_parts import Mismatch
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
@@ -30,12 +31,14 @@ from lammps_cases.scene import casefile
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.problems import problem_of
 from lammps_cases.versions import acceptance, baseline, evidence
+from tests.support.made_findings import finding
 from tests.support.outcome import Outcome
 from tests.workshop.faults.alarms import KINDS
 
 Run = Callable[..., Outcome]
 ROOT = Path(__file__).parents[3]
 BY_ID = {entry.id: entry for entry in LEDGER}
+OF_MODEL = [entry for entry in LEDGER if isinstance(entry, ModelFinding)]
 ENGINE = "2099.1.1"
 
 
@@ -52,17 +55,15 @@ def test_a_finding_is_reproduced_or_speaks_of_cases() -> None:
 
 
 def test_functions_that_a_finding_replaces_are_those_of_its_variant() -> None:
-    replaced = {entry.id: entry.replaces for entry in LEDGER if entry.replaces}
-    assert replaced
-    for name, functions in replaced.items():
-        variant = BY_ID[name].model_variant
-        assert variant is not None
-        assert set(functions) <= vars(variant.stages).keys()
-        assert all(hasattr(ArrayEvaluator, function) for function in functions)
+    replacing = [entry for entry in OF_MODEL if entry.replaces]
+    assert replacing
+    for entry in replacing:
+        assert set(entry.replaces) <= vars(entry.variant.stages).keys()
+        assert all(hasattr(ArrayEvaluator, function) for function in entry.replaces)
 
 
 def test_alarms_are_of_kinds_that_there_are() -> None:
-    expected = [alarm for entry in LEDGER for alarm in entry.expected_in_alarms]
+    expected = [alarm for entry in OF_MODEL for alarm in entry.expected_in_alarms]
     assert expected
     assert {kind for alarm in expected for kind in alarm.kinds} <= set(KINDS)
 
@@ -86,7 +87,7 @@ def test_the_list_of_engines_is_in_the_order_of_versions() -> None:
 
 
 def test_a_finding_about_two_decks_predicts_the_field_in_which_they_differ() -> None:
-    entry = replace(LEDGER[0], outcome="differs", ended="answered", engine_error="", differing="q.rho")
+    entry = OutcomeFinding(**document("cubic-unit"), outcome="differs", ended="answered", differing="q.rho")
     record = CaseRecord(case="probes.any", verdict="differs", ended="answered")
     assert not entry.predicts(record)
     for fields, predicted in ((["q.rho"], True), (["pressure", "q.rho"], True), (["pressure"], False), ([], False)):
@@ -117,17 +118,24 @@ def _site(page: str) -> str:
     return html
 
 
+def _paragraphs(html: str) -> list[str]:
+    return [" ".join(unescape(each).split()) for each in re.findall(r"<p>(.*?)</p>", html, re.DOTALL)]
+
+
 @pytest.mark.parametrize("rendered", [_commonmark, _site])
 def test_nothing_in_the_text_of_a_finding_is_markup(rendered: Callable[[str], str]) -> None:
+    """Neither on its page nor in its source, which is read as Markdown shows it."""
+    shown_by = evidence.collect(evidence.BASELINES)
     for entry in LEDGER:
-        content = (evidence.PAGES / f"{entry.id}.md").read_text(encoding="utf-8")
-        html = rendered(content)
-        shown = [" ".join(unescape(each).split()) for each in re.findall(r"<p>(.*?)</p>", html, re.DOTALL)]
-        texts = [entry.documented, entry.observed, entry.argument, entry.workaround]
+        html = rendered(evidence.page(entry, shown_by))
+        shown = _paragraphs(html)
+        texts = [getattr(entry, part) for part in SECTIONS]
         assert shown[1:6] == [f"<strong>Effect:</strong> {entry.effect}.", *texts], entry.id
         assert "<em>" not in html and html.count("<strong>") == 1, entry.id
         cases = accepted_cases().get(entry.id)
         assert not cases or shown[-1] == f"Shown by {by_file(cases)}.", entry.id
+        body = (FOLDER / f"{entry.id}.md").read_text(encoding="utf-8").partition("\n---\n")[2]
+        assert [text.format(**entry.numbers) for text in _paragraphs(rendered(body))] == texts, entry.id
 
 
 def test_the_ledger_names_the_cases_of_the_accepted_runs(eos_ref_command: Run) -> None:
@@ -165,6 +173,18 @@ def test_findings_are_named_in_their_room_only() -> None:
         assert all(place.startswith("findings/") for place in found), (name, found)
 
 
+def test_findings_of_the_causes_that_most_cases_show_come_first() -> None:
+    assert all(entry.cause for entry in LEDGER)
+    made = [
+        finding("a", 1, cause="rare"),
+        finding("b", 2, cause="often"),
+        finding("c", 3, cause="often"),
+        finding("d", 4, cause="twice"),
+    ]
+    shown = {"a": ["1"], "b": ["1"], "c": ["1", "2", "3"], "d": ["1", "2"]}
+    assert [entry.id for entry in by_cause(shown, made)] == ["c", "b", "d", "a"]
+
+
 # --- a new finding
 
 
@@ -176,7 +196,7 @@ class HalfVolume(ArrayEvaluator):
         return 0.5 * super().collecting_volume(rho_i)
 
 
-HALVED = Finding(
+HALVED = ModelFinding(
     id="halved",
     number=len(LEDGER) + 1,
     title="Forces are halved",
@@ -188,7 +208,7 @@ HALVED = Finding(
     workaround="Twice the mass.",
     engines=(ENGINE,),
     scene="two particles",
-    model_variant=Variant(forces.has_forces, HalfVolume),
+    variant=Variant(forces.has_forces, HalfVolume),
 )
 
 
@@ -222,9 +242,11 @@ def test_a_new_finding_is_a_record_and_a_class(
     (tmp_path / "run" / "run.json").write_text(run.counted().to_json())
     acceptance.accept(tmp_path / "run", "has the finding", tmp_path / "accepted")
     documents = evidence.documents(tmp_path / "accepted", ledger)
-    row = "| low | Forces are halved ([`halved`](findings/halved.md)) | 2099.1.1 | 1 |\n"
+    row = "|  | low | Forces are halved ([`halved`](../lammps_cases/data/findings/halved.md)) | 2099.1.1 | 1 |\n"
     assert row in documents[evidence.TABLE]
-    assert documents[evidence.PAGES / "halved.md"].startswith("# Forces are halved\n\n`halved`, severity low\n")
+    assert evidence.page(HALVED, evidence.collect(tmp_path / "accepted", ledger)).startswith(
+        "# Forces are halved\n\n`halved`, severity low\n"
+    )
     assert '"halved": ["2099.1.1"]' in documents[engines.FILE]
 
     (tmp_path / "shown_by.json").write_text(documents[findings.SHOWN_BY])

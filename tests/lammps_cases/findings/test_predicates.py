@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.findings import refusals
+from lammps_cases.findings import outcomes
 from lammps_cases.findings.forces import has_means_of_zeros
 from lammps_cases.findings.kernels import WENDLAND_C4, falls_back
 from lammps_cases.run import prepared_case
@@ -60,7 +60,7 @@ def test_a_scene_that_lammps_refuses_is_foretold(
     case_file: Write, changes: dict[str, Any], ends: dict[str, str]
 ) -> None:
     (case,) = casefile.load((case_file(types=THREE, **{"compare": ["f"]} | changes),))
-    foretold = {entry.id: entry.ends(case.scene) for entry in refusals.ENTRIES}
+    foretold = {entry.id: entry.ends(case.scene) for entry in outcomes.ENTRIES}
     assert {name: text for name, text in foretold.items() if text} == ends
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from eos_ref.eos.bounds import EPS
-from tests.support.told import ENTRIES, Engine, Told, agree, is_multiple, said, told
+from tests.support.printed import ENTRIES, printed, recomputes
+from tests.support.small_scene import Engine, SmallScene, agree, is_multiple, small_scene
 
 pytestmark = pytest.mark.lammps
 
@@ -17,23 +18,22 @@ TWICE, BEHIND, ALIGNED = "boundary-pairs-twice", "images-left-behind", "aligned-
 APART = {"newton": False, "newton_bond": True}  # newton off on
 
 
-def two(first: float, **options: Any) -> Told:
+def two(first: float, **options: Any) -> SmallScene:
     """Two particles at distance 1 in a periodic box of 8, the first at some x."""
-    return told([[first, 4.0], [(first + 1) % 8, 4.0]], (8, 8), **options)
+    return small_scene([[first, 4.0], [(first + 1) % 8, 4.0]], (8, 8), **options)
 
 
-def test_boundary_pairs_twice(lammps: Engine) -> None:
-    distance, d, cut, within, across = said(
-        TWICE, "argument", r"at distance # \(#D, cutoff #\) have summed densities of # in the middle .* and of # with"
-    )
-    assert (distance, d, cut) == (1, 2, 3)
+@recomputes(TWICE, "distance cut", given="inside across")
+def test_boundary_pairs_twice(lammps: Engine) -> dict[str, Any]:
+    n = printed(TWICE)
     summed: dict[str, Any] = {"rheo": {"rho_sum": True}, "compare": ["rho"], "rho": None}
-    for first, number in ((3.0, within), (7.5, across)):
+    for first, number in ((3.0, n.inside), (7.5, n.across)):
         scene = two(first, engine=APART, **summed)
         (snapshot,) = lammps.fields(scene, every_step=True)
         assert all(map(number.is_rounded, snapshot["rho"]))
         assert agree(snapshot["rho"], scene.predicted(TWICE, snapshot=snapshot), "rho")
-        assert all(map(within.is_rounded, scene.predicted().fields[0]["rho"]))
+        assert all(map(n.inside.is_rounded, scene.predicted().fields[0]["rho"]))
+    return {"distance": 1.0, "cut": scene.problem.model.cut}
 
 
 def test_pairs_between_processes_count_twice(lammps: Engine) -> None:
@@ -50,7 +50,6 @@ def test_pairs_between_processes_count_twice(lammps: Engine) -> None:
 @pytest.mark.parametrize("newton", [(True, True), (True, False), (False, False)])
 def test_the_other_settings_are_right(lammps: Engine, newton: tuple[bool, bool]) -> None:
     """Those that the workaround names, for sums and for gradients."""
-    assert ENTRIES[TWICE].observed.endswith("The other three settings agree with each other.")
     engine = dict(zip(("newton", "newton_bond"), newton, strict=True))
     scene = two(7.5, engine=engine, rheo={"rho_sum": True}, compare=["rho", "grad/v"], rho=None, v=[[0.3, 0], [0, 0]])
     (snapshot,) = lammps.fields(scene)
@@ -63,7 +62,7 @@ def test_what_counts_twice_and_what_once(lammps: Engine) -> None:
     once = ["coordination", "drho"]
     places = np.stack(np.meshgrid(np.arange(4) + 0.5, np.arange(6) + 1.0), axis=-1).reshape(-1, 2)
     solid_n = places[:, 1] < 3
-    scene = told(
+    scene = small_scene(
         places + 0.1 * np.sin(7 * places[:, ::-1] + places),
         (4, 8),
         v=np.where(solid_n[:, None], 0.0, np.cos(places)),
@@ -87,7 +86,7 @@ def test_what_counts_twice_and_what_once(lammps: Engine) -> None:
     assert all(agree(snapshot[field], right, field) for field in once)
 
 
-def parting(first: float, engine: dict[str, bool] | None = None, **evolve: Any) -> Told:
+def parting(first: float, engine: dict[str, bool] | None = None, **evolve: Any) -> SmallScene:
     """Two particles at distance 1 that part in a box of 8 that grows, by 5 % a step."""
     grows = {"steps": 2, "timestep": 0.05, "deform": {"x": 1.0}} | evolve
     velocities = [[-1.0, 0.0], [1.0, 0.0]]
@@ -97,25 +96,28 @@ def parting(first: float, engine: dict[str, bool] | None = None, **evolve: Any) 
 HELD = {"style": "setforce", "vector": [0.0, 0.0]}
 
 
-def test_images_left_behind(lammps: Engine) -> None:
-    numbers = said(
-        BEHIND,
-        "argument",
-        r"at distance # \(#D, cutoff #\) move apart at a speed of # in a box of length # that grows by # % in each "
-        r"step of #\. After two steps their density is # in the middle of the box, and # if",
-    )
-    assert [float(number) for number in numbers[:7]] == [1, 2, 3, 2, 8, 5, 0.05]
-    for first, number in ((3.5, numbers[7]), (7.5, numbers[8])):
+@recomputes(BEHIND, "volume distance cut speed length percent timestep", given="inside across")
+def test_images_left_behind(lammps: Engine) -> dict[str, Any]:
+    n = printed(BEHIND)
+    for first, number in ((3.5, n.inside), (7.5, n.across)):
         scene = parting(first)
         found = lammps.fields(scene, every_step=True)
         assert all(map(number.is_rounded, found[2]["rho"]))
-        assert all(map(numbers[7].is_rounded, scene.predicted().fields[2]["rho"]))
+        assert all(map(n.inside.is_rounded, scene.predicted().fields[2]["rho"]))
         assert agree(found[2]["rho"], scene.predicted(), "rho", 2) == (first == 3.5), "the middle agrees"
         assert agree(found[2]["rho"], scene.predicted(BEHIND, snapshot=found[0]), "rho", 2)
+    return {
+        "volume": scene.problem.model.mass[0] / scene.atoms.rho_n,
+        "distance": 1.0,
+        "cut": scene.problem.model.cut,
+        "speed": np.ptp(scene.atoms.v_nc),
+        "length": scene.atoms.high_c[:2],
+        "percent": 100 * scene.scene.evolve.timestep * scene.scene.evolve.deform.x,
+        "timestep": scene.scene.evolve.timestep,
+    }
 
 
 def test_without_remap_images_are_left_behind_by_what_the_edges_grow(lammps: Engine) -> None:
-    assert ENTRIES[BEHIND].observed.endswith("Without remap, periodic images lag behind by the growth of the edges.")
     scene = parting(7.5, deform={"x": 1.0, "remap": "none"})
     found = lammps.fields(scene, every_step=True)
     assert agree(found[2]["rho"], scene.predicted(BEHIND, snapshot=found[0]), "rho", 2)
@@ -134,8 +136,6 @@ def test_pairs_that_count_twice_do_so_with_the_image_of_either_particle(lammps: 
 
 
 def test_the_error_of_a_step_shrinks_with_the_square_of_its_length(lammps: Engine) -> None:
-    assert ENTRIES[BEHIND].argument.endswith("The error of a step decreases with the square of its length.")
-
     def error(dt: float) -> float:
         scene = parting(7.5, timestep=dt)
         return float(np.abs(lammps.fields(scene)[2]["rho"] - scene.predicted().fields[2]["rho"]).max())
@@ -157,7 +157,7 @@ def test_coordination_numbers_are_counted_late_unless_something_has_counted(
     lammps: Engine, rheo: dict[str, Any], late: bool
 ) -> None:
     """Particles 3.2 apart across the boundary: one has moved towards the other's image, to 2.9; this one has not."""
-    scene = told(
+    scene = small_scene(
         [[7.0, 4.0], [2.2, 4.0]],
         (8, 8),
         rheo=rheo,
@@ -170,7 +170,7 @@ def test_coordination_numbers_are_counted_late_unless_something_has_counted(
     assert agree(found[1]["coordination"], scene.predicted(BEHIND, snapshot=found[0]), "coordination", 1)
 
 
-def aligned(distance: float, across: bool = True, off: float = 0.0, lean: float = 2.0, **options: Any) -> Told:
+def aligned(distance: float, across: bool = True, off: float = 0.0, lean: float = 2.0, **options: Any) -> SmallScene:
     """Two particles, ``off`` from the same x, maybe with a boundary of a box between them that leans."""
     apart, x = 8 * distance if across else 0.0, 2 * distance
     second = [x + (lean * distance if across else 0.0) + off, 0.5 * distance - distance + apart]
@@ -181,24 +181,22 @@ def aligned(distance: float, across: bool = True, off: float = 0.0, lean: float 
     rheo = {"cut": 3 * distance} | options.pop("rheo", {"rho_sum": True})
     mass = {"types": [{"mass": distance**2}]}
     given: dict[str, Any] = mass | {"compare": ["rho"], "rho": None, "positions": inside} | options
-    return told([first, second], (8 * distance, 8 * distance), rheo=rheo, **given)
+    return small_scene([first, second], (8 * distance, 8 * distance), rheo=rheo, **given)
 
 
-def test_aligned_pairs_twice(lammps: Engine) -> None:
-    mass, distance, d, cut, middle, across, far = said(
-        ALIGNED,
-        "argument",
-        r"of mass # at distance # \(#D, cutoff #\) have summed densities of # in the middle .* and of # with a "
-        r"periodic .* ten times as long and a mass of # they",
-    )
+@recomputes(ALIGNED, "cut", given="mass distance inside across far")
+def test_aligned_pairs_twice(lammps: Engine) -> dict[str, Any]:
+    n = printed(ALIGNED)
+    mass, distance, middle, across, far = n.mass, n.distance, n.inside, n.across, n.far
     for scale, number, own in ((1, across, mass), (10, middle, far)):
-        assert np.isclose(own, (scale * distance) ** 2, rtol=EPS, atol=0) and (d, cut) == (2, 3 * distance)
+        assert np.isclose(own, (scale * distance) ** 2, rtol=EPS, atol=0)
         for place, shown in ((True, number), (False, middle)):
             scene = aligned(scale * distance, place)
             (snapshot,) = lammps.fields(scene, every_step=True)
             assert all(map(shown.is_rounded, snapshot["rho"]))
             assert agree(snapshot["rho"], scene.predicted(ALIGNED, snapshot=snapshot), "rho")
             assert all(map(middle.is_rounded, scene.predicted().fields[0]["rho"]))
+    return {"cut": 3 * distance}
 
 
 def shearing(rate: float) -> dict[str, Any]:
@@ -218,7 +216,7 @@ def beside(limit: float, side: int) -> float:
         *[
             (aligned(beside(limit, side), units=units), side < 0)
             for units, limit in (
-                ("lj", 0.01),
+                ("lj", float(printed(ALIGNED).near)),
                 ("nano", 1e-3),
                 ("micro", 1e-6),
                 ("cgs", 1e-10),
@@ -234,12 +232,14 @@ def beside(limit: float, side: int) -> float:
         (aligned(0.008, engine={"newton": True, "newton_bond": False}), True),
     ],
 )
-def test_which_pairs_are_close_and_aligned(lammps: Engine, scene: Told, twice: bool) -> None:
+@recomputes(ALIGNED, given="near")
+def test_which_pairs_are_close_and_aligned(lammps: Engine, scene: SmallScene, twice: bool) -> dict[str, Any]:
     snapshot, *_ = lammps.fields(scene, every_step=True)
     assert agree(snapshot["rho"], scene.predicted(), "rho") == (not twice)
     assert agree(snapshot["rho"], scene.predicted(ALIGNED, snapshot=snapshot), "rho")
     variant = ENTRIES[ALIGNED].model_variant
     assert variant and (variant.applies(scene.problem) or not twice)
+    return {}
 
 
 def test_what_counts_twice_of_aligned_pairs_and_what_once(lammps: Engine) -> None:

@@ -11,7 +11,8 @@ from eos_ref import EOS, InputError, Viscosity, parse_fix_rheo
 from eos_ref.model.commands import parse_pair_style_rheo
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.claims.probes.run import Reply
-from tests.support.told import ENTRIES, Engine, quoted
+from tests.support.printed import ENTRIES, quoted
+from tests.support.small_scene import Engine
 
 pytestmark = pytest.mark.lammps
 

@@ -17,7 +17,8 @@ from lammps_cases.findings import forces
 from lammps_cases.findings.kernels import WENDLAND_C4, WendlandC4
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.verdict.snapshots import read_snapshots
-from tests.support.told import ENTRIES, Engine, Told, quoted, said, told
+from tests.support.printed import printed, quoted, recomputes
+from tests.support.small_scene import Engine, SmallScene, small_scene
 
 pytestmark = pytest.mark.lammps
 
@@ -39,7 +40,7 @@ class Stages(WendlandC4, forces.ForcePerVolume):
     """What the LAMMPS of this environment does."""
 
 
-def disorder(dimension: int, **options: Any) -> Told:
+def disorder(dimension: int, **options: Any) -> SmallScene:
     """Particles in disorder, walls at rest."""
     random = np.random.default_rng(dimension)
     n = 24
@@ -47,10 +48,10 @@ def disorder(dimension: int, **options: Any) -> Told:
     kind = np.arange(n) % 2 + 1 if "types" in options else 1
     v[np.broadcast_to(kind, n) == 2] = 0.0
     given = {"rho": random.uniform(0.8, 1.2, n)} | options
-    return told(x, (8,) * dimension, v=v, kind=kind, **given)
+    return small_scene(x, (8,) * dimension, v=v, kind=kind, **given)
 
 
-def with_kernel(lammps: Engine, scene: Told) -> list[Snapshot]:
+def with_kernel(lammps: Engine, scene: SmallScene) -> list[Snapshot]:
     """LAMMPS' fields with the kernel of the text."""
     (name,) = quoted(NAME, "observed")
     edited = tuple(line.replace(" quintic ", f" {name} ") for line in scene.job.commands)
@@ -71,31 +72,30 @@ def test_every_sum_is_reproduced(lammps: Engine, dimension: int, option: str) ->
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_surfaces_have_the_spline_with_another_factor(lammps: Engine, dimension: int) -> None:
-    factor = said(NAME, "observed", r"are # times \(2D\) or # times \(3D\)")[dimension - 2]
+@recomputes(NAME, "factor_2d factor_3d", some=True)
+def test_surfaces_have_the_spline_with_another_factor(lammps: Engine, dimension: int) -> dict[str, Any]:
+    factor = vars(printed(NAME))[f"factor_{dimension}d"]
     scene = disorder(dimension, **OPTIONS["surface"])
     (found,), spline = with_kernel(lammps, scene), scene.predicted()
     spline_n, bound_n = spline.fields[0]["surface/divr"], spline.bounds[0]["surface/divr"]
     ratio_n = found["surface/divr"] / spline_n
     rounding_n = bound_n / np.abs(spline_n)  # of the same sums on both sides; to first order, so twice is enough
     assert np.all(np.abs(ratio_n / ratio_n[0] - 1) <= 2 * (rounding_n + rounding_n[0]))
-    assert factor.is_rounded(ratio_n[0])
     # The workaround: with a limit that many times as high LAMMPS finds the surface of the spline.
-    assert f"{factor:g}" in ENTRIES[NAME].workaround
     limits = [{"style": "divergence", "limit": limit, "splash": 3} for limit in (0.9, 0.9 * factor)]
     ours, theirs = (disorder(dimension, rheo={"surface_detection": one}, compare=["surface"]) for one in limits)
     surface_n = ours.predicted().fields[0]["surface"]
     assert len(np.unique(surface_n)) > 1
     np.testing.assert_array_equal(with_kernel(lammps, theirs)[0]["surface"], surface_n)
+    return {f"factor_{dimension}d": ratio_n[0]}
 
 
-def test_the_divergence_inside_a_fluid(lammps: Engine) -> None:
-    inside, reported = said(NAME, "argument", r"is # inside a fluid in 2D.* it is #, so")
+@recomputes(NAME, "inside reported")
+def test_the_divergence_inside_a_fluid(lammps: Engine) -> dict[str, Any]:
     grid = np.stack(np.meshgrid(*[np.arange(8.0)] * 2), axis=-1).reshape(-1, 2)
-    scene = told(grid, (8, 8), **OPTIONS["surface"])
-    assert all(map(inside.is_rounded, scene.predicted().fields[0]["surface/divr"]))
+    scene = small_scene(grid, (8, 8), **OPTIONS["surface"])
     (found,) = with_kernel(lammps, scene)
-    assert reported.is_rounded(found["surface/divr"][0])
+    return {"inside": scene.predicted().fields[0]["surface/divr"], "reported": found["surface/divr"][0]}
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from lammps_cases.claims.probes.run import Reply
-from tests.support.told import Engine, quoted
+from tests.support.printed import quoted
+from tests.support.small_scene import Engine
 
 pytestmark = pytest.mark.lammps
 

@@ -14,7 +14,8 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.kernels.quintic import quintic
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.findings.shifting import CorrectedColor, CorrectingFirst
-from tests.support.told import ENTRIES, Engine, Told, agree, engine, said, told
+from tests.support.printed import printed, recomputes
+from tests.support.small_scene import Engine, SmallScene, agree, engine, small_scene
 
 pytestmark = pytest.mark.lammps
 
@@ -34,32 +35,32 @@ def w(r: Any) -> Any:
 # --- cross-type-support
 
 
-def test_where_a_neighbour_counts_most() -> None:
-    (place,) = said(SUPPORT, "argument", "W r is largest at # times the cutoff")
+@recomputes(SUPPORT, "place")
+def test_where_a_neighbour_counts_most() -> dict[str, Any]:
     r = np.linspace(0.0, 1.0, 100_001)
     product = w(r) * r
     largest = int(product.argmax())
-    assert place.is_rounded(r[largest])
     assert np.all(np.diff(product[: largest + 1]) > 0) and np.all(np.diff(w(r)[:largest]) < 0)
+    return {"place": r[largest]}
 
 
 @pytest.mark.parametrize(("dimension", "cells"), [(2, (9, 9)), (3, (6, 6, 6))])
-def test_wmin_times_the_mean_distance(lammps: Engine, dimension: int, cells: tuple[int, ...]) -> None:
-    spacings, *factors = said(SUPPORT, "workaround", "of # spacings # times the cutoff in 2D and # times in 3D")
+@recomputes(SUPPORT, "factor_2d factor_3d", given="spacings", some=True)
+def test_wmin_times_the_mean_distance(lammps: Engine, dimension: int, cells: tuple[int, ...]) -> dict[str, Any]:
+    spacings = printed(SUPPORT).spacings
     around = np.stack(np.meshgrid(*[np.arange(-3, 4)] * dimension), -1).reshape(-1, dimension)
     r = np.linalg.norm(around, axis=1) / spacings
     r = r[(r > 0) & (r < 1)]
     factor = float((w(r) * r).sum() / w(r).sum())
-    assert factors[dimension - 2].is_rounded(factor)
     random = np.random.default_rng(0)
     sites = np.indices(cells).reshape(dimension, -1).T + 0.5
     x, v = sites + random.uniform(-0.1, 0.1, sites.shape), random.uniform(-1, 1, sites.shape)
     kind = random.integers(1, 3, len(x))
     cut = float(spacings)
 
-    def scene(wmin: float) -> Told:
+    def scene(wmin: float) -> SmallScene:
         rheo = {"cut": cut, "shift": {"scale_cross_type": [1.0, 0.0, wmin]}}
-        return told(x, cells, v, kind=kind, types=[{"mass": 1.0}] * 2, rheo=rheo, compare=["shift/v"])
+        return small_scene(x, cells, v, kind=kind, types=[{"mass": 1.0}] * 2, rheo=rheo, compare=["shift/v"])
 
     wmin = {2: 0.346, 3: 0.412}[dimension]  # half of the full support
     right = scene(wmin).predicted().fields[0]["shift/v"].any(axis=1)
@@ -68,12 +69,13 @@ def test_wmin_times_the_mean_distance(lammps: Engine, dimension: int, cells: tup
     assert right.any() and not right.all()
     assert np.mean(found != right) < np.mean(wrong != right)  # the text calls it a mean: single particles differ
     assert agree(lammps.fields(scene(wmin))[0]["shift/v"], scene(wmin).predicted(SUPPORT), "shift/v")
+    return {f"factor_{dimension}d": factor}
 
 
 # --- cross-type-normal
 
 
-def interface(scale: float, axis: int = 0, order: Any = None, equal: bool = False, **options: Any) -> Told:
+def interface(scale: float, axis: int = 0, order: Any = None, equal: bool = False, **options: Any) -> SmallScene:
     """Two fluids whose interface is normal to an axis."""
     random = np.random.default_rng(1)
     x, v = SITES + random.uniform(-0.15, 0.15, SITES.shape), random.uniform(-1, 1, SITES.shape)
@@ -82,7 +84,9 @@ def interface(scale: float, axis: int = 0, order: Any = None, equal: bool = Fals
     at = np.arange(len(x)) if order is None else order
     rheo = {"cut": CUT, "shift": {"scale_cross_type": [scale, 0.05, 0.0]}} | options.pop("rheo", {})
     types = [{"mass": 1.0}] * 2
-    return told(x[at], (N, N), v[at], rho[at], kind=kind[at], types=types, rheo=rheo, compare=["shift/v"], **options)
+    return small_scene(
+        x[at], (N, N), v[at], rho[at], kind=kind[at], types=types, rheo=rheo, compare=["shift/v"], **options
+    )
 
 
 def directions(lammps: Engine, **options: Any) -> Any:
@@ -135,7 +139,9 @@ def test_pairs_at_the_cutoff_count_like_all_others(lammps: Engine, kernel: str) 
     random = np.random.default_rng(1)
     rheo = {"cut": 3 * spacing, "kernel": kernel, "shift": {"scale_cross_type": [0.0, 0.0, 0.0]}}
     kind, v, rho = 1 + random.integers(0, 2, len(x)), random.uniform(-1, 1, x.shape), random.uniform(0.9, 1.1, len(x))
-    scene = told(x, (edge * spacing,) * 2, v, rho, kind=kind, types=[{"mass": 1.0}] * 2, rheo=rheo, compare=["shift/v"])
+    scene = small_scene(
+        x, (edge * spacing,) * 2, v, rho, kind=kind, types=[{"mass": 1.0}] * 2, rheo=rheo, compare=["shift/v"]
+    )
     (found,) = lammps.fields(scene, every_step=True)
     (listed,) = found["lists"]
     one_pc, other_pc = listed.x_sc[listed.pair_ps.T]
@@ -180,11 +186,10 @@ def test_exclude_type_is_not_affected(lammps: Engine) -> None:
 # --- cross-type-corrected
 
 
-def test_normals_of_the_color_and_of_corrected_gradients() -> None:
+@recomputes(CORRECTED, "count cut median most", given="least")
+def test_normals_of_the_color_and_of_corrected_gradients() -> dict[str, Any]:
     """The color's gradient by central differences is that of the spline; that of corrected gradients is another."""
-    *_, least, median, most = said(
-        CORRECTED, "argument", r"\(# particles, 2D, a cutoff of # spacings\): .* color of # or more .* by # .* up to #"
-    )
+    least = printed(CORRECTED).least
     scene = interface(0.0, rheo={"kernel": "RK1"})
     problem = scene.problem
     sim = CorrectingFirst(problem.model, problem.box, problem.state, ("shift/v",), CorrectedColor)
@@ -195,7 +200,6 @@ def test_normals_of_the_color_and_of_corrected_gradients() -> None:
     normals = [np.stack(g, axis=1) / np.linalg.norm(g, axis=0)[:, None] for g in (own, corrected)]
     cosine_n = np.abs((normals[0] * normals[1]).sum(axis=1)).clip(max=1.0)
     angle_n = np.degrees(np.arccos(cosine_n))[color_n >= least]
-    assert len(color_n) == N * N and median.is_rounded(np.median(angle_n)) and most.is_rounded(angle_n.max())
     at, step = int(np.argmax(np.asarray(color_n))), 1e-4
     moved = [np.array(problem.state.x_nc) for _ in range(4)]
     for k, (axis, sign) in enumerate([(0, 1), (0, -1), (1, 1), (1, -1)]):
@@ -206,6 +210,7 @@ def test_normals_of_the_color_and_of_corrected_gradients() -> None:
         colors.append(ArrayEvaluator.color_sums(sim.evaluator, volume_n)[1][at])
     slope = np.array([colors[0] - colors[1], colors[2] - colors[3]]) / (2 * step)
     assert angle(slope, normals[0][at]) < angle(slope, normals[1][at]) / 1000
+    return {"count": len(color_n), "cut": problem.model.cut, "median": np.median(angle_n), "most": angle_n.max()}
 
 
 def test_gradients_are_corrected_where_nothing_that_is_looked_at_needs_pairs() -> None:
@@ -243,11 +248,11 @@ def angle(one: Any, other: Any) -> float:
 BULK, ON_LAYER = 4, 8
 
 
-def layer(turn: int = 1, newton: bool = True) -> Told:
+def layer(turn: int = 1, newton: bool = True) -> SmallScene:
     """A block of fluid, periodic along x, beside vacuum; with -1 the last particle is the first."""
     x = np.indices((12, 5)).reshape(2, -1).T + np.array([0.5, 3.0])
     x = x + np.random.default_rng(4).uniform(-0.1, 0.1, x.shape)
-    return told(
+    return small_scene(
         x[::turn],
         (12, 11),
         rheo={"cut": 1.6, "surface_detection": {"style": "coordination", "limit": 7, "splash": 2}},
@@ -256,9 +261,8 @@ def layer(turn: int = 1, newton: bool = True) -> Told:
     )
 
 
-def test_layer_depends_on_pair_order(lammps: Engine) -> None:
-    assert f"the status of the layer ({ON_LAYER})" in ENTRIES[LAYER].observed
-    assert f"status of bulk ({BULK})" in ENTRIES[LAYER].observed
+@recomputes(LAYER, "layer bulk")
+def test_layer_depends_on_pair_order(lammps: Engine) -> dict[str, Any]:
     seen = []
     for turn, newton in ((1, True), (1, False), (-1, True)):
         scene = layer(turn, newton)
@@ -274,36 +278,37 @@ def test_layer_depends_on_pair_order(lammps: Engine) -> None:
         np.testing.assert_array_equal(within, right["status"] == ON_LAYER)
     ordinary, newton_off, turned = seen
     assert (newton_off != ordinary).any() and (turned != ordinary).any()
+    return {"layer": ON_LAYER, "bulk": BULK}
 
 
 # --- stale-gradient-below-zmin
 
 
-def moving(x: Any, box: tuple[float, ...], kernel: str, zmin: int, **options: Any) -> Told:
+def moving(x: Any, box: tuple[float, ...], kernel: str, zmin: int, **options: Any) -> SmallScene:
     """Particles with random velocities."""
     v = np.random.default_rng(3).uniform(-1, 1, np.shape(x))
     rheo = {"cut": CUT, "kernel": kernel, "zmin": zmin} | options.pop("rheo", {})
-    return told(x, box, v, rheo=rheo, **{"compare": ["grad/v", "coordination"]} | options)
+    return small_scene(x, box, v, rheo=rheo, **{"compare": ["grad/v", "coordination"]} | options)
 
 
-def filled(kernel: str, zmin: int) -> Told:
+def filled(kernel: str, zmin: int) -> SmallScene:
     """A box full of fluid."""
     x = SITES + np.random.default_rng(5).uniform(-0.2, 0.2, SITES.shape)
     return moving(x, (N, N), kernel, zmin)
 
 
-def two(kernel: str, **options: Any) -> Told:
+def two(kernel: str, **options: Any) -> SmallScene:
     """Two lone particles."""
-    (zmin,) = said(STALE, "argument", "Two lone particles with RK1 and zmin #")
+    zmin = printed(STALE).zmin
     return moving([[4.0, 4.0], [5.0, 4.0]], (12, 12), kernel, int(zmin), **options)
 
 
-def row(kernel: str, **options: Any) -> Told:
+def row(kernel: str, **options: Any) -> SmallScene:
     """Three particles in a row."""
     return moving([[4.0, 4.0], [5.0, 4.0], [5.9, 4.0]], (12, 12), kernel, 0, **options)
 
 
-def plane(kernel: str, **options: Any) -> Told:
+def plane(kernel: str, **options: Any) -> SmallScene:
     """Five particles in a plane."""
     x = [[4.0, 4.0, 4.0], [5.0, 4.1, 4.0], [4.2, 4.9, 4.0], [5.1, 5.0, 4.0], [4.5, 5.7, 4.0]]
     return moving(x, (12, 12, 12), kernel, 0, **options)
@@ -311,8 +316,8 @@ def plane(kernel: str, **options: Any) -> Told:
 
 @pytest.mark.parametrize("two", [two, row, plane])
 @pytest.mark.parametrize("kernel", ["RK1", "RK2"])
-def test_stale_gradient(kernel: str, two: Callable[..., Told]) -> None:
-    assert "one neighbour, or all of them lie in a row or, in 3D, in a plane" in ENTRIES[STALE].observed
+@recomputes(STALE, given="zmin")
+def test_stale_gradient(kernel: str, two: Callable[..., SmallScene]) -> dict[str, Any]:
     with engine() as fresh:
         first = fresh.fields(two(kernel))[0]["grad/v"]
         filler = fresh.fields(filled(kernel, 0))[0]["grad/v"]
@@ -329,6 +334,7 @@ def test_stale_gradient(kernel: str, two: Callable[..., Told]) -> None:
     right = two(kernel).predicted()
     np.testing.assert_array_equal(right.fields[0]["grad/v"], plain.predicted().fields[0]["grad/v"])
     assert not agree(first, right, "grad/v") and not agree(second, right, "grad/v")
+    return {}
 
 
 def test_gradients_of_a_free_surface(lammps: Engine) -> None:

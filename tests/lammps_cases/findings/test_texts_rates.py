@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import numpy as np
@@ -11,17 +10,18 @@ import pytest
 from eos_ref.eos.bounds import EPS
 from lammps_cases.claims.probes.manual import probes
 from lammps_cases.claims.probes.probe import edited
-from tests.support.told import ENTRIES, Engine, Told, agree, is_multiple, said, told
+from tests.support.printed import ENTRIES, printed, recomputes
+from tests.support.small_scene import Engine, SmallScene, agree, is_multiple, small_scene
 
 pytestmark = pytest.mark.lammps
 
 APART = np.array([[4.0, 4.0], [5.0, 4.0]])  # at distance 1
 
 
-def pair(x: Any = APART, **options: Any) -> Told:
+def pair(x: Any = APART, **options: Any) -> SmallScene:
     """Two particles, with the cutoff of the texts."""
     options = {"kind": [1, 2], "rheo": {"cut": 3.0}} | options
-    return told(x, (12, 12), **options)
+    return small_scene(x, (12, 12), **options)
 
 
 # --- force-per-volume
@@ -41,7 +41,6 @@ PARTS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("part", PARTS)
 def test_forces_lack_a_volume_each(lammps: Engine, part: str) -> None:
     """f is the right force over V_i; the acceleration is f over the mass; with volumes of 1 nothing shows."""
-    assert part in ENTRIES[FORCES].observed
     rho = np.array([1.4, 1.35])
     given = PARTS[part]
     wrong = pair(**given, rho=rho)
@@ -56,22 +55,24 @@ def test_forces_lack_a_volume_each(lammps: Engine, part: str) -> None:
     assert agree(lammps.fields(unit)[0]["f"], unit.predicted(), "f")
 
 
-def test_force_per_volume(lammps: Engine) -> None:
-    mass, *rho, apart, dimension, cut = said(
-        FORCES, "argument", r"mass # and densities # and # at distance # \(#D, cutoff #,"
-    )
-    assert (mass, dimension, cut) == (1, 2, 3) and apart == np.diff(APART[:, 0])[0]
-    *found, low, high = said(FORCES, "argument", r"feel # and # instead of # and #")
-    scene = pair(types=[{"mass": 1.0}] * 2, rho=rho)
+@recomputes(FORCES, "mass distance cut wrong_1 wrong_2 right_1 right_2", given="rho_1 rho_2")
+def test_force_per_volume(lammps: Engine) -> dict[str, Any]:
+    n = printed(FORCES)
+    scene = pair(types=[{"mass": 1.0}] * 2, rho=[n.rho_1, n.rho_2])
     lammps_n, right = lammps.fields(scene)[0]["f"][:, 0], scene.predicted().fields[0]["f"][:, 0]
     variant = scene.predicted(FORCES).fields[0]["f"][:, 0]
-    for k, (quoted, reference) in enumerate(zip(found, (low, high), strict=True)):
-        assert quoted.is_rounded(lammps_n[k]) and quoted.is_rounded(variant[k])
-        assert reference.is_rounded(right[k])
+    return {
+        "mass": scene.atoms.mass_n,
+        "distance": np.diff(APART[:, 0]),
+        "cut": scene.problem.model.cut,
+        **{f"wrong_{k + 1}": (lammps_n[k], variant[k]) for k in (0, 1)},
+        **{f"right_{k + 1}": right[k] for k in (0, 1)},
+    }
 
 
-def test_the_missing_volume_depends_on_the_resolution(lammps: Engine) -> None:
-    (factor,) = said(FORCES, "argument", "with a quarter of each mass, it is # times larger")
+@recomputes(FORCES, given="times")
+def test_the_missing_volume_depends_on_the_resolution(lammps: Engine) -> dict[str, Any]:
+    factor = printed(FORCES).times
     errors, relative = [], np.zeros(2)
     gravity = [{"style": "gravity", "vector": [0.0, -0.75]}]
     for size in (1.0, 0.5):
@@ -84,6 +85,7 @@ def test_the_missing_volume_depends_on_the_resolution(lammps: Engine) -> None:
         pulled = pair([[2.0, 2.0], [8.0, 8.0]], types=types, forces=gravity, rheo={"cut": 3.0 * size})
         assert agree(lammps.fields(pulled)[0]["f"], pulled.predicted(), "f")
     assert np.all(np.abs(errors[1] / (factor * errors[0]) - 1) <= relative)
+    return {}
 
 
 def test_unit_volumes_leave_a_factor(lammps: Engine) -> None:
@@ -100,7 +102,7 @@ HEAT, OVER, MASS = "heat-is-temperature-rate", "heat-over-density", "temperature
 
 def warm(
     mass: Any, energy: Any, kappa: Any = (1.0, 1.0), cv: Any = (1.0, 1.0), rho0: Any = (1.0, 1.0), **options: Any
-) -> Told:
+) -> SmallScene:
     """Two particles with energies."""
     values = zip(mass, kappa, cv, rho0, strict=True)
     types = [
@@ -111,20 +113,22 @@ def warm(
     return pair(types=types, e=list(energy), **options)
 
 
-def test_heat_is_temperature_rate(lammps: Engine) -> None:
-    *mass, t1, t2, apart, dimension, cut = said(
-        HEAT, "argument", r"masses # and # and temperatures # and # at distance # \(#D, cutoff #; rho"
-    )
-    assert (apart, dimension, cut) == (1, 2, 3)
-    *wrong, low, high = said(HEAT, "argument", "exchange # and # instead of # and #")
-    m = np.array(mass)
-    scene = warm(m, m * [t1, t2])
+@recomputes(HEAT, "distance cut wrong_1 wrong_2 right_1 right_2 capacity", given="mass_1 mass_2 T_1 T_2")
+def test_heat_is_temperature_rate(lammps: Engine) -> dict[str, Any]:
+    n = printed(HEAT)
+    m = np.array([n.mass_1, n.mass_2])
+    scene = warm(m, m * [n.T_1, n.T_2])
     found, right = lammps.fields(scene)[0], scene.predicted().fields[0]
-    np.testing.assert_array_equal(found["temperature"], [t1, t2])
-    for k, (quoted, reference) in enumerate(zip(wrong, (low, high), strict=True)):
-        assert quoted.is_rounded(found["heatflow"][k]) and reference.is_rounded(right["heatflow"][k])
+    np.testing.assert_array_equal(found["temperature"], [n.T_1, n.T_2])
     assert is_multiple(found["heatflow"], 1 / m, scene.predicted(), scene.predicted(HEAT), "heatflow")
-    assert mass[0] == 2 and "where m cv = 2 heat flows half as fast" in ENTRIES[HEAT].argument
+    assert m[0] == 2, "heat flows half as fast"
+    return {
+        "distance": np.diff(APART[:, 0]),
+        "cut": scene.problem.model.cut,
+        "capacity": m[0],
+        **{f"wrong_{k + 1}": found["heatflow"][k] for k in (0, 1)},
+        **{f"right_{k + 1}": right["heatflow"][k] for k in (0, 1)},
+    }
 
 
 DIFFERENT: dict[str, Any] = {"cv": (1.5, 0.8), "kappa": (0.7, 0.3), "rho0": (1.27, 0.81), "rho": [1.3, 0.79]}
@@ -162,10 +166,10 @@ def test_heat_with_another_conductivity(lammps: Engine, harmonic: bool) -> None:
 
 
 @pytest.mark.slow
-def test_heat_over_density(older: Engine) -> None:
+@recomputes(OVER, given="density part whole water")
+def test_heat_over_density(older: Engine) -> dict[str, Any]:
     """The specific heat times the mass makes the temperature of this LAMMPS right, which takes E/cv for it."""
-    density, part, whole = said(OVER, "argument", r"density # is #/# of what")
-    (water,) = said(OVER, "argument", r"SI units, #, heat flows a thousand times")
+    n = printed(OVER)
 
     def flows(expected: float, mass: Any, rho: Any, **options: Any) -> bool:
         """Whether the heat flow is a part of the right one, but for its bound and the roundings of what is given."""
@@ -177,35 +181,37 @@ def test_heat_over_density(older: Engine) -> None:
         found = older.fields(asked)[0]["heatflow"]
         return is_multiple(found, expected, right.predicted(), asked.predicted(OVER, MASS), "heatflow", roundings=16)
 
-    assert flows(part / whole, (1.0, 1.0), [density] * 2)
-    assert flows(1e-3, (900.0, 1100.0), [water] * 2)
+    assert flows(n.part / n.whole, (1.0, 1.0), [n.density] * 2)
+    assert flows(1e-3, (900.0, 1100.0), [n.water] * 2)
     assert flows(2 / (1.3 + 0.8), (1.3, 0.6), [1.3, 0.8], kappa=(0.7, 0.3))
     rho0, cv = 1.25, np.array([1.5, 0.8])
     around = {"kappa": (0.7, 0.3), "rho0": (rho0, rho0), "factor": rho0, "cv": cv}
     assert flows(rho0 / (0.5 * (1.3 + 1.2)), (1.3, 0.6), [1.3, 1.2], **around)
+    return {}
 
 
 @pytest.mark.slow
-def test_temperature_without_mass(lammps: Engine, older: Engine) -> None:
-    *numbers, cv, right1, right2, over = said(
-        MASS, "argument", r"masses # and # with energies # and # and cv = # have T = # and #/#;"
-    )
-    mass, energy = np.array(numbers[:2]), np.array(numbers[2:])
-    wrong = said(MASS, "argument", "LAMMPS reports # and #")
+@recomputes(MASS, "wrong_1 wrong_2", given="mass_1 mass_2 energy_1 energy_2 cv right_1 part whole")
+def test_temperature_without_mass(lammps: Engine, older: Engine) -> dict[str, Any]:
+    n = printed(MASS)
+    cv = n.cv
+    mass, energy = np.array([n.mass_1, n.mass_2]), np.array([n.energy_1, n.energy_2])
     temperature = {"compare": ["temperature"]}
     scene = warm(mass, energy, cv=(cv, cv), **temperature)
-    right = [right1, right2 / over]
+    right = [n.right_1, n.part / n.whole]
     # A product and a quotient, and the quotient that is expected.
     np.testing.assert_allclose(scene.predicted().fields[0]["temperature"], right, rtol=3 * 2.0**-53)
-    np.testing.assert_array_equal(older.fields(scene)[0]["temperature"], wrong)
+    wrong = older.fields(scene)[0]["temperature"]
+    np.testing.assert_array_equal(wrong, [n.wrong_1, n.wrong_2])
     assert agree(lammps.fields(scene)[0]["temperature"], scene.predicted(), "temperature")
     around = warm(mass, energy, cv=mass * cv, **temperature)
     assert agree(older.fields(around)[0]["temperature"], scene.predicted(), "temperature")
     fine = warm(mass / 4, energy / 4, cv=(cv, cv), **temperature)
-    np.testing.assert_array_equal(older.fields(fine)[0]["temperature"], np.array(wrong) / 4)
+    np.testing.assert_array_equal(older.fields(fine)[0]["temperature"], wrong / 4)
     np.testing.assert_array_equal(fine.predicted().fields[0]["temperature"], scene.predicted().fields[0]["temperature"])
     gas = warm(mass, energy, compare=["pressure"], pressure=[{"types": "*", "style": "ideal/gas", "gamma": 1.4}])
     assert agree(older.fields(gas)[0]["pressure"], gas.predicted(), "pressure"), "E/m is the energy per mass"
+    return {"wrong_1": wrong[0], "wrong_2": wrong[1]}
 
 
 # --- harmonic-mean-undefined
@@ -213,7 +219,7 @@ def test_temperature_without_mass(lammps: Engine, older: Engine) -> None:
 HARMONIC = "harmonic-mean-undefined"
 
 
-def coefficients(what: str, a: float, b: float, harmonic: bool = True) -> Told:
+def coefficients(what: str, a: float, b: float, harmonic: bool = True) -> SmallScene:
     """Two fluids of some viscosity or conductivity each, at different velocities and temperatures."""
     per_type = [{"mass": 1.0, "viscosity": 0.3, "conductivity": 0.2, what: value} for value in (a, b)]
     moving = {"v": [[0.2, 0.1], [0.0, 0.0]], "e": np.array([2.0, 1.0]), "types": per_type, "rho": 1.0}
@@ -221,9 +227,11 @@ def coefficients(what: str, a: float, b: float, harmonic: bool = True) -> Told:
 
 
 @pytest.mark.parametrize(("what", "field"), [("viscosity", "f"), ("conductivity", "heatflow")])
-def test_harmonic_means(lammps: Engine, what: str, field: str) -> None:
+@recomputes(HARMONIC, given="large small tiny")
+def test_harmonic_means(lammps: Engine, what: str, field: str) -> dict[str, Any]:
     """NaN of two zeros alone; infinite and 0 where the product leaves the range; right between."""
-    large, small = said(HARMONIC, "observed", r"as for two of #, the mean is infinite, and for two of # it is 0")
+    n = printed(HARMONIC)
+    large, small, workaround = n.large, n.small, n.tiny
 
     def found(a: float, b: float, harmonic: bool = True) -> Any:
         return lammps.fields(coefficients(what, a, b, harmonic))[0][field]
@@ -236,8 +244,8 @@ def test_harmonic_means(lammps: Engine, what: str, field: str) -> None:
     assert not found(0.0, 1.0).any() and not right(0.0, 1.0).any()
     assert np.isinf(found(large, large)).any() and np.isfinite(right(large, large)).all()
     assert not found(small, small).any() and right(small, small).any()
-    workaround = float(re.findall(r"1e-\d+", ENTRIES[HARMONIC].workaround)[0])
     assert agree(found(workaround, workaround), coefficients(what, workaround, workaround).predicted(), field)
+    return {}
 
 
 def test_the_probes_of_harmonic_means_see_it(lammps: Engine) -> None:

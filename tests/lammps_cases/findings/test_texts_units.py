@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from eos_ref.model.units import UNITS, UnitStyle
-from tests.support.told import Engine, Told, agree, is_multiple, said, told
+from tests.support.printed import printed, recomputes
+from tests.support.small_scene import Engine, SmallScene, agree, is_multiple, small_scene
 
 pytestmark = pytest.mark.lammps
 
@@ -20,7 +21,7 @@ CHARGE, MOLE = 1.602176634e-19, 6.02214076e23  # C, 1/mol (SI since 2019)
 SINCE_2006 = abs(6.02214179e23 / MOLE - 1) + abs(1.602176487e-19 / CHARGE - 1)
 
 
-def water(units: UnitStyle, rho: float = 1.05, **options: Any) -> Told:
+def water(units: UnitStyle, rho: float = 1.05, **options: Any) -> SmallScene:
     """Eight particles of water, 6.7 Angstrom apart, at rest, with the speed of sound of the text."""
     per_time = UNITS["real"].time / UNITS[units].time
     given: dict[str, Any] = {
@@ -29,7 +30,7 @@ def water(units: UnitStyle, rho: float = 1.05, **options: Any) -> Told:
         "rheo": {"cut": 14.0},
         "compare": ["grad/v", "pressure", "f", "v", "rho"],
     } | options
-    return told(6.7 * CUBE, (40.2,) * 3, rho=rho, **given)
+    return small_scene(6.7 * CUBE, (40.2,) * 3, rho=rho, **given)
 
 
 def test_the_factors_are_those_of_lammps_and_of_nature(lammps: Engine) -> None:
@@ -54,13 +55,14 @@ def test_the_factors_are_those_of_lammps_and_of_nature(lammps: Engine) -> None:
         assert agree(at_last["v"], moved.predicted(), "v", 1), "this factor is right"
 
 
-def test_virials_are_converted(lammps: Engine) -> None:
+@recomputes(RAW, "virial_real virial_metal")
+def test_virials_are_converted(lammps: Engine) -> dict[str, Any]:
     """By hand, from LAMMPS' own forces on two particles, beside the factors that the manual's units have."""
-    factors = said(RAW, "observed", r"show # times .* in real, # times in metal")
+    n = printed(RAW)
+    factors = n.virial_real, n.virial_metal
     for name, factor in zip(NAMES, factors, strict=True):
-        assert factor.is_rounded(UNITS[name].energy / UNITS[name].pressure)
         types = [{"mass": 181.1, "rho0": 1.0, "cs": 0.015 * UNITS["real"].time / UNITS[name].time, "viscosity": 0.0}]
-        scene = told(
+        scene = small_scene(
             [[20.0, 20.0, 20.0], [26.0, 20.0, 20.0]],
             (40.2,) * 3,
             v=[[0.0, 0.01, 0.0], [0.0, -0.01, 0.0]],
@@ -81,12 +83,11 @@ def test_virials_are_converted(lammps: Engine) -> None:
         variant = scene.predicted(RAW, VOLUME, "virials-cancel", "virial-of-places", snapshot=found)
         assert all(agree(found[field], variant, field) for field in scene.scene.compare)
         assert not agree(found["virial"], scene.predicted(VOLUME), "virial")
+    return {f"virial_{name}": UNITS[name].energy / UNITS[name].pressure for name in NAMES}
 
 
-def test_what_is_not_converted(lammps: Engine) -> None:
-    volumes, real, metal = said(RAW, "observed", r"are # times the right ones.* applied, # in real and # in metal")
-    assert real.is_rounded(UNITS["real"].energy) and metal.is_rounded(UNITS["metal"].energy)
-    assert volumes.is_rounded(UNITS["real"].density)
+@recomputes(RAW, "volumes real metal")
+def test_what_is_not_converted(lammps: Engine) -> dict[str, Any]:
     v = np.zeros((8, 3)) + [1e-6, 0, 0] * (CUBE[:, :1] > 2.5)
     for name in NAMES:
         scene = water(name, v=v)
@@ -95,48 +96,47 @@ def test_what_is_not_converted(lammps: Engine) -> None:
         assert is_multiple(found["grad/v"], UNITS[name].density, scene.predicted(), variant, "grad/v")
         assert all(agree(found[field], variant, field) for field in scene.scene.compare)
         assert not agree(found["f"], scene.predicted(VOLUME), "f")
+    return {"volumes": [UNITS[name].density for name in NAMES], **{name: UNITS[name].energy for name in NAMES}}
 
 
-def test_pressures_of_water(lammps: Engine) -> None:
-    over, rho, c, due, reported = said(
-        RAW,
-        "argument",
-        r"# % above its density \(# g/cm\^3, # Angstrom/fs\) has a pressure of # atm; LAMMPS reports #\.",
-    )
-    of_metal, bars = said(RAW, "argument", r"it reports # instead of # bar")
-    assert (over, rho, c) == (5, 1, 0.015)
-    for name, right, wrong in (("real", due, reported), ("metal", bars, of_metal)):
+@recomputes(RAW, "right_real right_metal", given="percent rho c wrong_real wrong_metal")
+def test_pressures_of_water(lammps: Engine) -> dict[str, Any]:
+    n = printed(RAW)
+    assert (n.percent, n.rho, n.c) == (5, 1, 0.015)
+    right = {}
+    for name, wrong in (("real", n.wrong_real), ("metal", n.wrong_metal)):
         scene = water(name)
         (found,) = lammps.fields(scene)
-        assert right.is_rounded(scene.predicted().fields[0]["pressure"][0])
+        right[f"right_{name}"] = scene.predicted().fields[0]["pressure"][0]
         # c^2 (rho - rho0): four roundings of the terms c^2 (rho + rho0), which are so much larger.
-        larger = (2 + over / 100) / (over / 100)
+        larger = (2 + n.percent / 100) / (n.percent / 100)
         assert found["pressure"][0] == pytest.approx(float(wrong), rel=4 * 2.0**-53 * larger, abs=0)
         assert agree(found["pressure"], scene.predicted(RAW), "pressure")
+    return right
 
 
-def test_accelerations_and_the_speed_of_sound() -> None:
-    slow, fast = said(RAW, "argument", r"accelerate by # of what .* and by # times")
-    sound = said(RAW, "argument", r"travels at # and # times")
-    for name, ratio, speed in zip(NAMES, (slow, fast), sound, strict=True):
+@recomputes(RAW, "slow fast sound_real sound_metal")
+def test_accelerations_and_the_speed_of_sound() -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, ratio in zip(NAMES, ("slow", "fast"), strict=True):
         scene = water(name, evolve={"steps": 1, "timestep": 1e-5, "compare_at": [1]})
         factor_nc = scene.predicted(RAW).fields[0]["v"] / scene.predicted().fields[0]["v"]
-        assert all(ratio.is_rounded(factor) for factor in factor_nc.ravel())
-        assert speed.is_rounded(np.sqrt(factor_nc.mean()))
+        found |= {ratio: factor_nc, f"sound_{name}": np.sqrt(factor_nc.mean())}
+    return found
 
 
 def divergence(units: UnitStyle, apart: float = 2.0) -> float:
     """Of the velocity of two particles of density 1, at the first one, which moves towards the other with speed 1."""
     x, v = [[10.0, 10.0, 10.0], [10.0 + apart, 10.0, 10.0]], [[1.0, 0, 0], [0.0, 0, 0]]
-    still = told(x, (20.0,) * 3, v=v, units=units, rheo={"cut": 6.0}, compare=["grad/v"])
+    still = small_scene(x, (20.0,) * 3, v=v, units=units, rheo={"cut": 6.0}, compare=["grad/v"])
     return float(np.trace(still.predicted(RAW).fields[0]["grad/v"][0]))
 
 
-def approaching(units: UnitStyle, **options: Any) -> Told:
+def approaching(units: UnitStyle, **options: Any) -> SmallScene:
     """The same with the div v of the text, in a step of its time."""
     per_ns = 1e-9 / UNITS[units].time
     rate = divergence(units)
-    return told(
+    return small_scene(
         [[10.0, 10.0, 10.0], [12.0, 10.0, 10.0]],
         (20.0,) * 3,
         v=[[-0.1 / (rate * per_ns), 0, 0], [0.0, 0, 0]],
@@ -149,16 +149,12 @@ def approaching(units: UnitStyle, **options: Any) -> Told:
     )
 
 
-def test_densities_by_the_factor_of_forces(lammps: Engine) -> None:
-    factors = said(DENSITY, "observed", r"an acceleration: # in real, # in metal")
-    assert factors == said(RAW, "observed", r"applied, # in real and # in metal")
-    rho, rate, right, time, real, metal = said(
-        DENSITY,
-        "argument",
-        r"density # that .* div v = #/ns should be denser by # after # ns; in real it is #, and in metal #\.",
-    )
-    assert (rho, rate, time) == (1, -0.1, 0.001)
-    for name, wrong in (("real", real), ("metal", metal)):
+@recomputes(DENSITY, "real metal slowly", given="rho rate right time changed_real changed_metal")
+def test_densities_by_the_factor_of_forces(lammps: Engine) -> dict[str, Any]:
+    n = printed(DENSITY)
+    rate, right, time = n.rate, n.right, n.time
+    assert (n.rho, rate, time) == (1, -0.1, 0.001)
+    for name, wrong in (("real", n.changed_real), ("metal", n.changed_metal)):
         scene = approaching(name)
         (found,) = lammps.fields(scene)
         assert agree(found["rho"], scene.predicted(RAW, DENSITY), "rho")
@@ -168,13 +164,14 @@ def test_densities_by_the_factor_of_forces(lammps: Engine) -> None:
         mean, more = (1 + later) / 2, (later - 1) ** 2
         assert scene.predicted(RAW).fields[0]["rho"][0] - 1 == pytest.approx(right * mean, rel=more, abs=0)
         assert found["rho"][0] - 1 == pytest.approx(wrong * mean, rel=0, abs=wrong * more + wrong.half_unit)
+    return {name: UNITS[name].energy for name in NAMES} | {"slowly": 1 / UNITS["real"].energy}
 
 
-def test_sums_have_no_rates_and_the_volumes_of_numbers_as_they_stand(lammps: Engine) -> None:
+@recomputes(DENSITY, "volumes")
+def test_sums_have_no_rates_and_the_volumes_of_numbers_as_they_stand(lammps: Engine) -> dict[str, Any]:
     """What the workaround of density-by-force-factor says of rho/sum."""
-    (factor,) = said(DENSITY, "workaround", r"\(rho/sum\) have no rates, but are # times the right ones")
     for name in NAMES:
         scene = water(name, rho=None, rheo={"cut": 14.0, "rho_sum": True}, compare=["rho"])
         (found,), right, raw = lammps.fields(scene), scene.predicted(), scene.predicted(RAW)
-        assert factor.is_rounded(UNITS[name].density)
         assert is_multiple(found["rho"], UNITS[name].density, right, raw, "rho") and agree(found["rho"], raw, "rho")
+    return {"volumes": [UNITS[name].density for name in NAMES]}

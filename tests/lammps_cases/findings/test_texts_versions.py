@@ -1,20 +1,52 @@
-"""That every finding's text is tested, and what it says of versions, against the engines on which it was seen."""
+"""That every finding's text is tested: its numbers, and its versions against the engines on which it was seen."""
 
 from __future__ import annotations
 
+import importlib
 import re
 from pathlib import Path
 
 from packaging.version import Version
 
 from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON
+from lammps_cases.findings.document import FOLDER
+from tests.support.printed import RECOMPUTED
 
 VERSION = r"(\d{4}(?:\.\d+){2,})"
+LITERAL = {  # quantities in texts that are no results: what they are, and how they are recognised
+    "commands and messages in quotation marks, which tests give to LAMMPS": r"(?<!\w)'[^']+'(?!\w)",
+    "versions, compared with the engines below": VERSION,
+    "years of publications and dates of pages": r"(?:al\.|Monaghan|Jul) \d{4}|\d (?=Jul)",
+    "dimensions": r"\b[23]D\b",
+    "names: kernels, arguments, positions": r"\b(?:RK|rho|gd|cs|A|C|c|r|F)[0-9]\b|\([345], [45]\)",
+    "exponents and moduli": r"\^\d+",
+    "small whole numbers: types, counts, steps, limits, coefficients of formulas": r"(?<![\d.])[0-3](?![\d.]*\d)",
+    "names of other codes that were tried, of which no record is kept": r"some 2000",
+}
+TESTS = sorted(Path(__file__).parent.glob("test_texts_*.py"))
 
 
 def test_every_text_is_tested() -> None:
-    tests = "".join(path.read_text() for path in Path(__file__).parent.glob("test_texts_*.py"))
-    assert [entry.id for entry in LEDGER if f'"{entry.id}"' not in tests] == []
+    tests = "".join(path.read_text() for path in TESTS)
+    assert [entry.id for entry in LEDGER if not re.search(rf"\b{entry.id}\b", tests)] == []
+
+
+def test_every_number_is_recomputed() -> None:
+    for path in TESTS:
+        importlib.import_module(f"tests.lammps_cases.findings.{path.stem}")
+    assert RECOMPUTED.keys() == {(entry.id, name) for entry in LEDGER for name in entry.numbers}
+
+
+def test_every_digit_is_of_a_number_or_literal() -> None:
+    """And every number stands in the text."""
+    for entry in LEDGER:
+        front, _, body = (FOLDER / f"{entry.id}.md").read_text(encoding="utf-8").partition("\n---\n")
+        text = re.sub(r"^(?:number:|numbers:|  \w+:|id:).*\n", "", front + "\n", flags=re.MULTILINE) + body
+        assert entry.numbers.keys() == set(re.findall(r"\{(\w+)\}", text)), entry.id
+        rest = re.sub(r"\{\w+\}", "", text.replace("\\", ""))
+        for literal in LITERAL.values():
+            rest = re.sub(literal, "", rest)
+        assert re.findall(r".*\d.*", rest) == [], entry.id
 
 
 def test_versions_are_those_on_which_a_finding_was_seen() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +16,8 @@ from lammps_cases.engine.session import RunCommand
 from lammps_cases.findings.walls import WallsSummedAfterSetup
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
+from tests.support.printed import ENTRIES, printed, quoted, recomputes
+from tests.support.small_scene import Engine, SmallScene, agree, small_scene
 
 pytestmark = pytest.mark.lammps
 
@@ -25,13 +27,14 @@ COLUMNS = 4
 HELD = [{"style": "setforce", "types": 2, "vector": [0.0, 0.0]}]
 
 
-def over_rows(rows: int, v_fluid: float, v_solid: float, fluids: int = 1) -> Told:
+def over_rows(rows: int, v_fluid: float, v_solid: float, fluids: int = 1) -> SmallScene:
     """Rows of fluid over rows of solids, all volumes 1: a fluid particle sees one solid at most, right below it."""
-    spacing, cut = said(LOST, "argument", r"\(spacing #, cutoff #\)")
+    n = printed(LOST)
+    spacing, cut = n.spacing, n.cut
     assert spacing == 1 and cut < np.sqrt(2)
     x = [[i + 0.5, 5.0 - rows + j] for j in range(rows + fluids) for i in range(COLUMNS)]
     solids, fluid = rows * COLUMNS, fluids * COLUMNS
-    return told(
+    return small_scene(
         x,
         (COLUMNS, 11),
         v=[[v_solid, 0.0]] * solids + [[v_fluid, 0.0]] * fluid,
@@ -41,7 +44,7 @@ def over_rows(rows: int, v_fluid: float, v_solid: float, fluids: int = 1) -> Tol
     )
 
 
-def ratio_of_distances(scene: Told) -> float:
+def ratio_of_distances(scene: SmallScene) -> float:
     """d_s/d_f of the pairs of solid and fluid, as the reference computes it."""
     seen: list[Any] = []
 
@@ -56,24 +59,21 @@ def ratio_of_distances(scene: Told) -> float:
     return float(seen[0][0])
 
 
-def test_wall_velocity_lost(lammps: Engine) -> None:
-    parts = said(
-        LOST,
-        "argument",
-        "one row of fluid over one row of solids towards # U, over two rows # U, and several rows of fluid towards # U "
-        "and # U",
-    )
+@recomputes(LOST, "one_row two_rows rows_1 rows_2", given="spacing cut")
+def test_wall_velocity_lost(lammps: Engine) -> dict[str, Any]:
+    n, parts = printed(LOST), defaultdict(list)
     rows_of = [
-        (1, 1, parts[0]),
-        (2, 1, parts[1]),
-        *((1, n, parts[2]) for n in (2, 3)),
-        *((2, n, parts[3]) for n in (2, 3)),
+        (1, 1, "one_row"),
+        (2, 1, "two_rows"),
+        *((1, fluids, "rows_1") for fluids in (2, 3)),
+        *((2, fluids, "rows_2") for fluids in (2, 3)),
     ]
-    for rows, fluids, part in rows_of:
+    for rows, fluids, name in rows_of:
+        part = getattr(n, name)
         u, fluid = 0.7, slice(rows * COLUMNS, None)
         scenes = {v: over_rows(rows, v, u, fluids) for v in (0.0, part * u, u)}
         ratio = ratio_of_distances(scenes[0.0])
-        assert part.is_rounded(ratio / (1 + ratio))
+        parts[name].append(ratio / (1 + ratio))
         force = {v: lammps.fields(scene)[0]["f"][fluid, 0] for v, scene in scenes.items()}
         right = {v: scene.predicted() for v, scene in scenes.items()}
         rounding = right[0.0].bounds[0]["f"].max()
@@ -90,13 +90,14 @@ def test_wall_velocity_lost(lammps: Engine) -> None:
         assert np.all(np.abs(at_rest - moving.predicted().fields[0]["f"][fluid]) < 4 * rounding)
         in_motion = lammps.fields(moving)[0]["f"][fluid]
         assert np.all(np.abs(at_rest - in_motion)[beside, 0] > 0.1 * np.abs(at_rest[beside, 0]))
+    return parts
 
 
 def test_walls_are_not_summed_where_no_density_is_asked_for() -> None:
     """As at the first step alone, of a scene that compares positions: nothing has looked for pairs yet."""
     rheo = {"cut": 1.4, "interface_reconstruct": True, "rho_sum": True}
     types = [{"mass": 1.0}, {"mass": 1.0, "phase": "solid"}]
-    problem = told([[2.5, 4.0], [2.5, 5.0]], (COLUMNS, 9), kind=[2, 1], types=types, rheo=rheo).problem
+    problem = small_scene([[2.5, 4.0], [2.5, 5.0]], (COLUMNS, 9), kind=[2, 1], types=types, rheo=rheo).problem
     sim = WallsSummedAfterSetup(problem.model, problem.box, problem.state, ("x",))
     sim.setup()
     assert np.array_equal(sim.state.rho_n, problem.state.rho_n)
@@ -116,7 +117,7 @@ PUSH = {"style": "gravity", "types": 2, "vector": [1.0, 0.0]}
     ],
 )
 def test_walls_move_that_are_pushed_after_they_were_held(forces: list[Any], moving: bool, lammps: Engine) -> None:
-    scene = told(
+    scene = small_scene(
         [[2.5, 4.0], [2.5, 5.0]],
         (COLUMNS, 9),
         kind=[2, 1],
@@ -135,15 +136,15 @@ def test_wall_at_rest_and_fluid_driven(lammps: Engine) -> None:
     scene = over_rows(1, 0.1, 0.0)
     force = [{"style": "addforce", "types": 1, "vector": [0.3, 0.0]}]
     model = scene.scene.model_validate(scene.scene.model_dump(exclude_unset=True) | {"forces": force})
-    driven = Told(model, scene.atoms)
+    driven = SmallScene(model, scene.atoms)
     fluid = slice(-COLUMNS, None)
     found, right = lammps.fields(driven)[0]["f"], driven.predicted()
     assert np.all(np.abs(found - right.fields[0]["f"])[fluid] <= right.bounds[0]["f"][fluid])
 
 
-def summed(**rheo: Any) -> Told:
+def summed(**rheo: Any) -> SmallScene:
     """Three fluid particles beside two solids."""
-    return told(
+    return small_scene(
         [[4.0, 1.0], [5.0, 1.0], [4.0, 2.2], [5.1, 2.1], [4.4, 3.0]],
         (12, 12),
         rho=None if rheo.get("rho_sum", True) else 1.0,
@@ -174,43 +175,39 @@ def test_walls_summed_after_setup(lammps: Engine) -> None:
     assert all(np.all(np.abs(at["rho"] - sums)[solid] > 0.05) for at in (stepped, later))
     for at in (setup, continued, begun):
         moved = replace(scene.atoms, x_nc=np.array(at["x"]))
-        there = Told(summed(interface_reconstruct=False).scene, moved, (0,)).predicted()
+        there = SmallScene(summed(interface_reconstruct=False).scene, moved, (0,)).predicted()
         assert np.all(np.abs(at["rho"] - there.fields[0]["rho"])[solid] <= there.bounds[0]["rho"][solid])
 
 
-def rebuilt(name: str, **engine: Any) -> Told:
+def rebuilt(name: str, **engine: Any) -> SmallScene:
     """A shipped case with other settings of the lists."""
     (case,) = casefile.select(casefile.load(), [name])
     settings = case.scene.engine.model_copy(update=engine)
-    return Told(case.scene.model_copy(update={"engine": settings}), prepared_case.prepare(case).atoms)
+    return SmallScene(case.scene.model_copy(update={"engine": settings}), prepared_case.prepare(case).atoms)
 
 
 @pytest.mark.slow
-def test_walls_after_rebuild(lammps: Engine) -> None:
-    percent, name = said(REBUILT, "observed", "by # % in the scene")[0], "open.walls-after-rebuild"
-    assert f"in the scene {name}" in ENTRIES[REBUILT].observed
-    steps, first = map(
-        int, said(REBUILT, "argument", "over # steps with a rebuild in each and different periodic images from step #")
-    )
+@recomputes(REBUILT, "percent steps first")
+def test_walls_after_rebuild(lammps: Engine) -> dict[str, Any]:
+    name = "open.walls-after-rebuild"
+    n = printed(REBUILT)
+    steps, first = int(n.steps), int(n.first)
     scene = rebuilt(name)
     found = lammps.fields(scene, every_step=True)
-    assert len(found) == 1 + steps
     images = [listed.row_s[len(scene.atoms) :] for listed in found[0]["lists"]]
     changes = [k for k in range(1, len(images)) if not np.array_equal(images[k], images[k - 1])]
-    assert changes[0] == first
     assert any("every 1" in line and "check no" in line for line in scene.job.setup)
     # Right before it; wrong in it, in solids alone; and the trajectory keeps a trace.
-    every = Told(scene.scene, scene.atoms, tuple(range(first + 2)))
+    every = SmallScene(scene.scene, scene.atoms, tuple(range(first + 2)))
     plain = every.predicted(FORCES)
     assert all(agree(found[k]["rho"], plain, "rho", k) for k in range(first))
     off_n, later_n = (np.abs(found[k]["rho"] / plain.fields[k]["rho"] - 1) for k in (first, first + 1))
-    assert percent.is_rounded(100 * off_n.max())
     solid_n = scene.problem.state.solid_n
     assert off_n[solid_n].max() == off_n.max() > 1e4 * off_n[~solid_n].max() and later_n.max() < 1e-5
     assert not agree(found[first + 1]["rho"], plain, "rho", first + 1)
     assert agree(found[first]["chi"], plain, "chi", first) and not agree(found[first]["f"], plain, "f", first)
     # With LAMMPS' own slots every density of all steps.
-    all_steps = Told(scene.scene, scene.atoms, tuple(range(steps + 1)))
+    all_steps = SmallScene(scene.scene, scene.atoms, tuple(range(steps + 1)))
     following = all_steps.predicted(FORCES, REBUILT, snapshot=found[0])
     assert all(agree(found[k]["rho"], following, "rho", k) for k in range(steps + 1))
     # The workaround: a skin large enough for all steps.
@@ -219,21 +216,22 @@ def test_walls_after_rebuild(lammps: Engine) -> None:
     large = rebuilt(name, check=True, skin=1.0)
     calm = lammps.fields(large, every_step=True)
     assert all(np.array_equal(listed.row_s, calm[0]["lists"][0].row_s) for listed in calm[0]["lists"])
-    right = Told(large.scene, large.atoms, (0, steps // 2, steps)).predicted(FORCES)
+    right = SmallScene(large.scene, large.atoms, (0, steps // 2, steps)).predicted(FORCES)
     assert all(agree(calm[k]["rho"], right, "rho", at) for at, k in enumerate((0, steps // 2, steps)))
+    return {"percent": 100 * off_n.max(), "steps": len(found) - 1, "first": changes[0]}
 
 
 FOUR = np.array([[4.0, 4.0], [4.7, 4.9], [3.2, 5.1], [4.3, 5.6]])
 TWELVE = np.indices((3, 4)).reshape(2, -1).T + 4.0 + np.random.default_rng(5).uniform(-0.2, 0.2, (12, 2))
 
 
-def numbered(x: Any, order: Any, kernel: str) -> Told:
+def numbered(x: Any, order: Any, kernel: str) -> SmallScene:
     """A solid, the first particle, and fluid, numbered in some order."""
     n = len(x)
     v = 0.1 * np.column_stack([np.arange(n) % 3, np.arange(n) % 2])
     v[0] = 0.0
     rho, kind = 1.0 + 0.01 * (np.arange(n) % 4), np.where(np.arange(n) == 0, 2, 1)
-    return told(
+    return small_scene(
         x[order],
         (12, 12),
         v[order],
@@ -250,7 +248,6 @@ def numbered(x: Any, order: Any, kernel: str) -> Told:
 @pytest.mark.slow
 @pytest.mark.parametrize(("kernel", "x"), [("quintic", FOUR), ("RK1", FOUR), ("RK2", TWELVE)])
 def test_walls_depend_on_pair_order(lammps: Engine, older: Engine, kernel: str, x: Any) -> None:
-    assert len(FOUR) == 4 and "the same four particles" in ENTRIES[ORDER].argument
     solids = []
     for order in (np.arange(len(x)), np.arange(len(x))[::-1]):
         scene = numbered(x, order, kernel)
@@ -271,7 +268,7 @@ def test_pairs_that_count_twice_have_a_gradient_of_either_particle(older: Engine
     x[:, 0] += (x[:, 1] > 2 * spacing) * spacing  # within the box
     random, kind = np.random.default_rng(3), np.where(x[:, 1] < spacing, 2, 1)
     v = random.uniform(-0.1, 0.1, x.shape) * (kind == 1)[:, None]
-    scene = told(
+    scene = small_scene(
         x,
         (3 * spacing, 4 * spacing),
         v,
@@ -292,7 +289,7 @@ def test_pairs_that_count_twice_have_a_gradient_of_either_particle(older: Engine
 
 def test_a_wall_that_freezes_is_a_wall(lammps: Engine) -> None:
     """A fluid particle below its freezing temperature is solid from the first step on, and its velocity is lost."""
-    scene = told(
+    scene = small_scene(
         [[4.0, 4.0], [5.0, 4.0]],
         (9, 9),
         v=[[0.5, 0.0], [0.5, 0.0]],

@@ -10,7 +10,8 @@ import pytest
 
 from lammps_cases.engine.interlude import Interlude
 from lammps_cases.findings.neighbour_lists import after_deletion, first_of_last_cycle, recreated
-from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
+from tests.support.printed import printed, quoted, recomputes
+from tests.support.small_scene import Engine, SmallScene, agree, small_scene
 
 pytestmark = pytest.mark.lammps
 
@@ -22,13 +23,13 @@ HELD = [{"style": "setforce", "types": 2, "vector": [0.0, 0.0]}]
 
 def beside_a_wall(
     *stops: dict[str, Any], background: float = -0.3, mass: float = 1.0, density: float = 1.0, **scene: Any
-) -> Told:
+) -> SmallScene:
     """A fluid particle at distance 1 of a solid that is held."""
     x = [[4.0, 4.0], [5.0, 4.0]]
     open_box = {"x": x, "low": [0, 0], "high": [9, 9], "periodic": [False, False]}
     positions, deform = scene.pop("positions", open_box), scene.pop("deform", None)
     linear = [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": background}]
-    return told(
+    return small_scene(
         positions["x"],
         (9, 9),
         rho=density,
@@ -47,22 +48,27 @@ def beside_a_wall(
     )
 
 
-def test_walls_begin_with_pressure(lammps: Engine) -> None:
-    text = "linear, both of mass, rho0, c and density #, background #, the solid held"
-    one, background = said(BEGIN, "argument", text)
-    assert one == 1
+@recomputes(BEGIN, "one distance cut density pressure", given="background slope")
+def test_walls_begin_with_pressure(lammps: Engine) -> dict[str, Any]:
+    n = printed(BEGIN)
     first, again = beside_a_wall(), beside_a_wall({"at": 0})
     found, right = lammps.fields(again)[0], again.predicted()
     assert agree(lammps.fields(first)[0]["rho"], first.predicted(), "rho")
     assert abs(right.fields[0]["rho"][0] - 1.0) <= right.bounds[0]["rho"][0]
-    density, p, slope = said(BEGIN, "argument", r"the density 1, after a second 'run 0' # = 1 \+ 2 \* # \* 2 \* #")
-    assert p == -background and density.is_rounded(found["rho"][0])
+    p, slope = n.pressure, n.slope
     assert found["rho"][0] == pytest.approx(1 + 2 * p * 2 * slope, rel=0, abs=2 * p * 2 * slope.half_unit)
     assert agree(found["rho"], again.predicted(BEGIN), "rho")
     assert not agree(found["f"], right, "f")
     # Neither divided by the mass: the fit in the same scene of other masses is that of forces, not accelerations.
     heavy = beside_a_wall({"at": 0}, mass=1.7, density=1.7)
     assert agree(lammps.fields(heavy)[0]["rho"], heavy.predicted(BEGIN), "rho")
+    return {
+        "one": 1.0,
+        "distance": 1.0,
+        "cut": again.problem.model.cut,
+        "density": found["rho"][0],
+        "pressure": -n.background,
+    }
 
 
 def test_what_begins_right_after_a_stop_beside_a_wall(lammps: Engine) -> None:
@@ -76,7 +82,6 @@ def test_what_begins_right_after_a_stop_beside_a_wall(lammps: Engine) -> None:
     for moves, refusal in refusals.items():
         with pytest.raises(AssertionError, match=f"{refusal} reading restart file with per-atom info"):
             lammps.answer(beside_a_wall({"at": 0, "by": "restart", moves: {"x": 1.1}}))
-    assert "displace_atoms and change_box are refused" in ENTRIES[BEGIN].observed
 
 
 def test_walls_begin_with_what_a_minimisation_evaluates(lammps: Engine) -> None:
@@ -106,7 +111,6 @@ def test_a_minimisation_evaluates_what_the_last_step_has_left(
     known = (FORCES, BEGIN, *(["heat-is-temperature-rate"] if "e" in change else []))
     assert agree(found, scene.predicted(*known), "rho", 1)
     assert abs(found[0] - scene.predicted(FORCES).fields[1]["rho"][0]) > 1e-3
-    assert "positions, densities and energies that it finds" in ENTRIES[BEGIN].observed
 
 
 def test_a_minimisation_meets_images_where_they_are(lammps: Engine) -> None:
@@ -120,13 +124,11 @@ def test_a_minimisation_meets_images_where_they_are(lammps: Engine) -> None:
     assert not agree(last["rho"], scene.predicted(FORCES), "rho", 1)
 
 
-def test_created_with_forces_of_others(lammps: Engine) -> None:
+@recomputes(CREATED, "none", given="right created kept")
+def test_created_with_forces_of_others(lammps: Engine) -> dict[str, Any]:
     """The slot of the last particle, the first one, is filled by the one before it, whose slot it gets."""
-    right, created, kept, none = said(
-        CREATED,
-        "argument",
-        "the density #, and has #, because the new .*; it has # if nothing is created, and would have # if",
-    )
+    n = printed(CREATED)
+    right, created, kept = n.right, n.created, n.kept
     x, box = [[4.0, 4.0], [4.0, 5.0], [3.0, 4.0]], {"low": [0, 0], "high": [9, 9], "periodic": [False, False]}
     for by, density, finding in (("recreated", created, CREATED), ("run", kept, BEGIN)):
         scene = beside_a_wall({"at": 0, "by": by}, positions={"x": x, **box})
@@ -136,13 +138,13 @@ def test_created_with_forces_of_others(lammps: Engine) -> None:
         plain = scene.predicted()
         assert abs(plain.fields[0]["rho"][0] - right) <= plain.bounds[0]["rho"][0]
     scene = beside_a_wall({"at": 0, "by": "recreated"}, positions={"x": x, **box})
-    assert none.is_rounded(scene.predicted(BEGIN).fields[0]["rho"][0])
     anew = beside_a_wall({"at": 0, "by": "redefined"}, positions={"x": x, **box})
     first, between, *others = scene.job.runs
     assert isinstance(between, Interlude) and isinstance(anew.job.runs[1], Interlude)
     both = replace(between, actions=(*between.actions, *anew.job.runs[1].actions))
     snapshot = lammps.answer(replace(scene.job, runs=(first, both, *others))).snapshots[0]
     assert agree(snapshot["rho"], anew.predicted(), "rho")
+    return {"none": scene.predicted(BEGIN).fields[0]["rho"][0]}
 
 
 @pytest.mark.parametrize(
@@ -182,9 +184,8 @@ def test_order_of_particles_created_anew() -> None:
 
 def test_sorting_puts_a_force_into_the_slot_of_the_first_image(lammps: Engine) -> None:
     """Atoms created anew are sorted at the next set-up."""
-    assert ENTRIES[PARTS].observed.endswith("the first image has the force of one that was moved.")
     x = [[0.6, 0.3], [2.0, 0.2], [1.97, 12.5], [3.5, 0.4]]
-    scene = told(
+    scene = small_scene(
         x,
         (4.62, 13.86),
         rho=[0.703, 1.861, 0.595, 1.869],
@@ -206,12 +207,13 @@ def test_sorting_puts_a_force_into_the_slot_of_the_first_image(lammps: Engine) -
     assert agree(first["rho"], scene.predicted(FORCES, PARTS, CREATED, snapshot=first), "rho")
 
 
-def test_walls_begin_with_parts(lammps: Engine) -> None:
+@recomputes(PARTS, given="newton_on newton_off")
+def test_walls_begin_with_parts(lammps: Engine) -> dict[str, Any]:
     x = [[8.5, 4.0], [0.5, 4.0]]
     across = {"x": x, "low": [0, 0], "high": [9, 9]}
-    on, off = said(PARTS, "argument", "the density # with newton on, as inside the box, but # with newton off")
-    inside = said(BEGIN, "argument", r"a second 'run 0' # =")[0]
-    assert on == inside
+    n = printed(PARTS)
+    on, off = n.newton_on, n.newton_off
+    assert on == printed(BEGIN).density, "as inside the box"
     for newton, by, density in ((True, "run", on), (False, "run", off), (True, "restart", off)):
         scene = beside_a_wall({"at": 0, "by": by}, positions=across, engine={"newton": newton})
         first, *_ = lammps.fields(scene, every_step=True)
@@ -219,11 +221,11 @@ def test_walls_begin_with_parts(lammps: Engine) -> None:
         assert agree(first["rho"], scene.predicted(PARTS, snapshot=first), "rho")
         assert agree(first["rho"], scene.predicted(BEGIN), "rho") == (density == on)
         assert not agree(first["rho"], scene.predicted(), "rho")
+    return {}
 
 
 def test_a_pair_that_counts_twice_begins_with_the_image_of_either_particle(lammps: Engine) -> None:
     """So that the sum of both forces counts once; a pair within the box has it twice in half the weight."""
-    assert "where the pair counts twice, it does so with the image of either particle. " in ENTRIES[PARTS].observed
     assert quoted(PARTS, "observed") == ["newton off on"]
     x = [[8.5, 4.0], [0.5, 4.0], [7.6, 4.6]]
     across = {"x": x, "low": [0, 0], "high": [9, 9]}

@@ -98,9 +98,9 @@ def test_a_finding_that_follows_lists_is_gone_where_the_accepted_runs_showed_it(
 ) -> None:
     monkeypatch.setattr(findings, "accepted_cases", lambda engine: {"listing": ["a", "b", "not-run"], "other": ["a"]})
     ledger = [
-        finding("listing", 1, engines=(NEW,), model_variant=FOLLOWS),
-        finding("other", 2, engines=(NEW,), model_variant=Variant(lambda problem: True)),  # its cases say it themselves
-        finding("elsewhere", 3, engines=(OLD,), model_variant=FOLLOWS),
+        finding("listing", 1, engines=(NEW,), model=FOLLOWS),
+        finding("other", 2, engines=(NEW,), model=Variant(lambda problem: True)),  # its cases say it themselves
+        finding("elsewhere", 3, engines=(OLD,), model=FOLLOWS),
     ]
     carried = findings.carried_over(run_of(case("a"), case("b", verdict), case("c"), version=NEW), ledger)
     assert carried is not None and (carried.gone, carried.partly) == ({"listing": count}, {})

@@ -15,7 +15,7 @@ from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.cases import compare_case
 from tests.support.outcome import Solver
-from tests.support.told import Told, engine
+from tests.support.small_scene import SmallScene, engine
 from tests.workshop.faults import input_faults
 
 pytestmark = pytest.mark.lammps
@@ -31,7 +31,7 @@ def test_a_rate_of_0_changes_no_bit(name: str) -> None:
         content = case.scene.model_dump(exclude_unset=True)
         content["evolve"] |= {"deform": deform}
         with engine() as lammps:
-            return lammps.fields(Told(case.scene.model_validate(content), atoms))
+            return lammps.fields(SmallScene(case.scene.model_validate(content), atoms))
 
     still, without, moving = found({"remap": "none"}), found(None), found({"x": 0.1, "remap": "none"})
     for at, (one, other) in enumerate(zip(still, without, strict=True)):

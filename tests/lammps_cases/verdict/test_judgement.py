@@ -170,7 +170,7 @@ def test_a_wrong_pressure_is_explained_by_a_finding_that_has_it(
     law: PreparedCase, monkeypatch: pytest.MonkeyPatch, pattern: str, variant: str, verdict: str
 ) -> None:
     """A finding about the case, whose variant of the law is LAMMPS' on every atom; no case has one today."""
-    made = finding("a-law", law_variant=MUTANTS[variant], applies_to=(pattern,))
+    made = finding("a-law", law=MUTANTS[variant], applies_to=(pattern,))
     monkeypatch.setattr(findings, "LEDGER", (replace(LEDGER[0], applies_to=("mine",)), made))
     assert law.eos is not None
     wrong_n = MUTANTS["cs ignored"](law.eos, state_of(law))
@@ -188,7 +188,7 @@ def test_a_wrong_pressure_is_explained_by_a_finding_that_has_it(
 def test_a_pressure_within_the_bound_of_a_finding_is_explained_by_it(
     law: PreparedCase, monkeypatch: pytest.MonkeyPatch, off: float, explained: bool
 ) -> None:
-    nowhere = finding("nowhere", law_variant=lambda table, state: np.zeros(2), applies_to=("mine",))
+    nowhere = finding("nowhere", law=lambda table, state: np.zeros(2), applies_to=("mine",))
     monkeypatch.setattr(findings, "LEDGER", (nowhere,))
     comparison = compare_field("p", "eos", np.arange(2), np.array([0.0, off]), np.full(2, 7.0), np.ones(2))
     entry = findings.explain_pressure("mine", law.eos, state_of(law), comparison)
@@ -408,7 +408,7 @@ def test_lists_are_asked_for_where_a_finding_follows_them(
     def of_the_scene(problem: Problem) -> bool:
         return applies and problem.fields == model.case.scene.compare and problem.steps == (0, 1, 2)
 
-    follows = finding("a", model_variant=Variant(of_the_scene, lists=lists))
+    follows = finding("a", model=Variant(of_the_scene, lists=lists))
     monkeypatch.setattr(findings, "LEDGER", (LEDGER[0], follows))
     assert asks_for_lists(model.case, model.case.scene, model.atoms) == (lists and applies)
 

@@ -98,7 +98,7 @@ def finding(name: str, number: int, on: Finding | None = None, **variant: Any) -
     stages = type(name, (on.model_variant.stages if on else ArrayEvaluator,), {"__module__": __name__})
     engines = (KNOWN[0] if name.isupper() else NEWEST,)
     made = Variant(lambda problem: True, stages, **variant)
-    return made_findings.finding(name, number, engines=engines, model_variant=made)
+    return made_findings.finding(name, number, engines=engines, model=made)
 
 
 def mistakes(problem: Problem, prediction: Prediction) -> list[str]:

@@ -24,6 +24,7 @@ from lammps_cases.comparison.store import VARIABLE, Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import LEDGER
+from lammps_cases.findings.entry import ModelFinding
 from lammps_cases.records import case_wording
 from lammps_cases.records.case_parts import digest
 from lammps_cases.records.files import read_arrays
@@ -257,7 +258,7 @@ def _alarm(kind: Kind, case: Case, record: CaseRecord, workers: JudgingWorkers |
 def _explanation(kind: Kind, scene: Scene, record: CaseRecord) -> tuple[str, str]:
     """Return the finding that makes LAMMPS differ under this restatement alone, and why; empty: none."""
     for entry in LEDGER if record.verdict == "differs" else ():
-        for expected in entry.expected_in_alarms:
+        for expected in entry.expected_in_alarms if isinstance(entry, ModelFinding) else ():
             if kind in expected.kinds and expected.applies(scene):
                 return entry.id, expected.why
     return "", ""

@@ -11,7 +11,7 @@ import pytest
 
 from lammps_cases.engine.session import RunCommand
 from lammps_cases.scene.fields import FIELDS
-from tests.support.told import Engine, Told, agree, engine, told
+from tests.support.small_scene import Engine, SmallScene, agree, engine, small_scene
 
 pytestmark = pytest.mark.lammps
 
@@ -29,7 +29,7 @@ def lammps() -> Iterator[Engine]:
         yield opened
 
 
-def everything(dimension: int) -> Told:
+def everything(dimension: int) -> SmallScene:
     """A scene that has every column: fluid over solids at rest with a surface, shift and heat."""
     random = np.random.default_rng(dimension)
     axis = [np.arange(n) + 0.5 for n in ((6, 5) if dimension == 2 else (4, 4, 4))]
@@ -41,7 +41,7 @@ def everything(dimension: int) -> Told:
         {"mass": 1.31, "viscosity": 0.17, "conductivity": 0.7, "specific_heat": 1.5},
         {"mass": 0.62, "viscosity": 0.29, "conductivity": 0.3, "specific_heat": 0.8, "phase": "solid"},
     ]
-    return told(
+    return small_scene(
         x,
         (6, 8) if dimension == 2 else (4, 4, 8),
         v=v,
@@ -67,7 +67,7 @@ def components(name: str, dimension: int) -> list[str]:
     return [name + end for end in inner[FIELDS[name].quantity.rank]]
 
 
-def shown(lammps: Engine, scene: Told, words: Sequence[str]) -> list[Any]:
+def shown(lammps: Engine, scene: SmallScene, words: Sequence[str]) -> list[Any]:
     """The columns (n, words) that LAMMPS shows of some inputs, after the set-up and after each run."""
     kept = [line for line in scene.job.commands if not line.startswith("compute q ")]
     asked = (*kept, "timestep 0.004", f"compute q all rheo/property/atom {' '.join(words)}")
@@ -82,24 +82,24 @@ def every(dimension: int) -> list[str]:
 
 
 @pytest.fixture(scope="module", params=DIMENSIONS)
-def whole(request: pytest.FixtureRequest, lammps: Engine) -> tuple[Told, list[Any]]:
+def whole(request: pytest.FixtureRequest, lammps: Engine) -> tuple[SmallScene, list[Any]]:
     """A scene, and all its columns in the order of the table."""
     scene = everything(request.param)
     return scene, shown(lammps, scene, every(request.param))
 
 
-def place(scene: Told, words: Sequence[str]) -> list[int]:
+def place(scene: SmallScene, words: Sequence[str]) -> list[int]:
     """Where some columns stand among all."""
     order = every(scene.scene.dimension)
     return [order.index(word) for word in words]
 
 
-def same(scene: Told, whole: list[Any], words: Sequence[str], found: list[Any]) -> bool:
+def same(scene: SmallScene, whole: list[Any], words: Sequence[str], found: list[Any]) -> bool:
     """Whether columns hold what they hold among all, to the last bit."""
     return all(np.array_equal(at[:, place(scene, words)], ours) for at, ours in zip(whole, found, strict=True))
 
 
-def test_named_components_are_those_of_the_reference(whole: tuple[Told, list[Any]]) -> None:
+def test_named_components_are_those_of_the_reference(whole: tuple[SmallScene, list[Any]]) -> None:
     """Before the first step, where every column is predicted; no two columns that must differ are the same."""
     scene, at = whole
     prediction, d = scene.predicted(*KNOWN), scene.scene.dimension
@@ -110,7 +110,7 @@ def test_named_components_are_those_of_the_reference(whole: tuple[Told, list[Any
     assert len({column.tobytes() for column in at[0][:, place(scene, words)].T}) == len(words)
 
 
-def test_every_input_alone(lammps: Engine, whole: tuple[Told, list[Any]]) -> None:
+def test_every_input_alone(lammps: Engine, whole: tuple[SmallScene, list[Any]]) -> None:
     scene, at = whole
     for word in every(scene.scene.dimension):
         words = [word, "pressure"] if word.startswith(CRASHES) else [word]
@@ -118,7 +118,7 @@ def test_every_input_alone(lammps: Engine, whole: tuple[Told, list[Any]]) -> Non
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_any_order_and_twice(lammps: Engine, whole: tuple[Told, list[Any]], seed: int) -> None:
+def test_any_order_and_twice(lammps: Engine, whole: tuple[SmallScene, list[Any]], seed: int) -> None:
     """A permutation in which some columns come twice."""
     scene, at = whole
     random = np.random.default_rng(seed)
@@ -127,7 +127,7 @@ def test_any_order_and_twice(lammps: Engine, whole: tuple[Told, list[Any]], seed
     assert same(scene, at, words, shown(lammps, scene, words))
 
 
-def test_stars_expand_in_the_order_of_the_page(lammps: Engine, whole: tuple[Told, list[Any]]) -> None:
+def test_stars_expand_in_the_order_of_the_page(lammps: Engine, whole: tuple[SmallScene, list[Any]]) -> None:
     """xx, xy, (xz,) yx, ...; the deck of the harness reads them so."""
     scene, at = whole
     answer = lammps.answer(scene.job)
@@ -135,7 +135,7 @@ def test_stars_expand_in_the_order_of_the_page(lammps: Engine, whole: tuple[Told
     assert np.array_equal(found, at[0])
 
 
-def test_a_column_exchanged_is_seen(whole: tuple[Told, list[Any]]) -> None:
+def test_a_column_exchanged_is_seen(whole: tuple[SmallScene, list[Any]]) -> None:
     scene, at = whole
     words = ["grad/v/xy", "grad/v/yx"]
     exchanged = [array[:, place(scene, words[::-1])] for array in at]

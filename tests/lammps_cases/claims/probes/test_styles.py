@@ -8,7 +8,8 @@ import pytest
 
 from lammps_cases.claims.probes.probe import Edits, edited
 from lammps_cases.findings import LEDGER
-from tests.support.told import Engine, engine, quoted
+from tests.support.printed import quoted
+from tests.support.small_scene import Engine, engine
 
 pytestmark = [pytest.mark.lammps, pytest.mark.slow]
 

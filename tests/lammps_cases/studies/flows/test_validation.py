@@ -252,8 +252,7 @@ def test_the_findings_that_lose_particles_are_tried_alone_then_together(
     monkeypatch.setattr(run, "ReferenceFlow", Losing)
     monkeypatch.setattr(run, "gone", lambda begin, shot: shot)
     named = [
-        replace(FORCE_PER_VOLUME, id=name, model_variant=Variant(lambda problem: True, type(name, (), {})))
-        for name in "ab"
+        replace(FORCE_PER_VOLUME, id=name, variant=Variant(lambda problem: True, type(name, (), {}))) for name in "ab"
     ]
     assert run.explain(start, lost_at(85), named) == told
 

@@ -1,0 +1,111 @@
+"""The text of a finding: a Markdown file in ``lammps_cases/data/findings``, its source.
+
+The front matter holds the id, the place in the ledger, what a list of findings shows, and the numbers of the text by
+their names, as they are printed: the text has ``{name}`` in their place. Four headings follow, each with a paragraph.
+A backslash takes the meaning in Markdown from the character behind it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from eos_ref import InputError
+from lammps_cases.records.files import MIB, read_text
+from lammps_cases.records.levels import SEVERITIES, Severity
+from lammps_cases.records.yaml_files import parse_yaml
+
+FOLDER = Path(__file__).parents[1] / "data" / "findings"
+SECTIONS = {
+    "documented": "What is documented",
+    "observed": "What LAMMPS does",
+    "argument": "Why this is wrong",
+    "workaround": "Workaround",
+}
+_ESCAPED = re.compile(r"\\([!-/:-@\[-`{-~])")  # as CommonMark has it
+_NAME = re.compile(r"\{(\w+)\}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FindingText:
+    """What the document of a finding holds.
+
+    Attributes
+    ----------
+    number : place in the ledger, where variants are tried and named in the order in which they were added
+    effect : what it does to a user, in one line
+    cause : what several findings have in common, as a list groups them
+    documented, observed : what the manual says (with its place), what LAMMPS does
+    argument : why the documented behaviour is the right one
+    workaround : what a user can do meanwhile
+    upstream : what LAMMPS knows of it: unreported, the address of an issue, or "fixed in VERSION"
+    scene : the smallest scene that shows it
+    numbers : the numbers of the text by their names, as they are printed
+    """
+
+    id: str
+    number: int
+    title: str
+    severity: Severity
+    effect: str
+    documented: str
+    observed: str
+    argument: str
+    workaround: str
+    cause: str = ""
+    upstream: str = "unreported"
+    scene: str = ""
+    numbers: Mapping[str, str] = field(default_factory=dict)
+
+
+_KEYS = {each.name: each.default is MISSING and each.name != "numbers" for each in fields(FindingText)}
+
+
+def document(name: str, folder: Path = FOLDER) -> dict[str, Any]:
+    """Return the fields of the text of a finding, with its numbers in their places.
+
+    Raises
+    ------
+    InputError
+        No such file, or a damaged one; says at which key.
+    """
+    path = folder / f"{name}.md"
+    front, end, body = read_text(path, "finding", MIB).partition("\n---\n")
+    data = parse_yaml(front, path, "finding") if end else None
+    if not isinstance(data, dict):
+        raise InputError("finding", "must begin with front matter between two lines of ---", where=str(path))
+    heads, texts = re.findall(r"^## (.*)$", body, re.MULTILINE), re.split(r"^## .*$", body, flags=re.MULTILINE)
+    if heads != list(SECTIONS.values()):
+        raise InputError("headings", f"must be {', '.join(SECTIONS.values())}", heads, str(path))
+    data |= {key: _ESCAPED.sub(r"\1", " ".join(text.split())) for key, text in zip(SECTIONS, texts[1:], strict=True)}
+    _check(data, name, path)
+    numbers = data.get("numbers", {})
+    for key, value in data.items():
+        if isinstance(value, str):
+            unnamed = [number for number in _NAME.findall(value) if number not in numbers]
+            if unnamed:
+                raise InputError(key, "must name numbers of the front matter", unnamed[0], str(path))
+            data[key] = _NAME.sub(lambda match: str(numbers[match[1]]), value)
+    return data
+
+
+def _check(data: Mapping[str, Any], name: str, path: Path) -> None:
+    for key, value in data.items():
+        if key not in _KEYS:
+            raise InputError(key, f"is no key of a finding; these are {', '.join(_KEYS)}", where=str(path))
+        kind = {"number": int, "numbers": dict}.get(key, str)
+        if type(value) is not kind or not value:
+            raise InputError(key, "must be a whole number" if kind is int else "must be text", value, str(path))
+    missing = [key for key, needed in _KEYS.items() if needed and key not in data]
+    if missing:
+        raise InputError(missing[0], "is missing", where=str(path))
+    for key, value in data.get("numbers", {}).items():
+        if not (isinstance(key, str) and isinstance(value, str)):
+            raise InputError(f"numbers.{key}", "must be a name and text in quotes, as it is printed", value, str(path))
+    if data["severity"] not in SEVERITIES:
+        raise InputError("severity", f"must be {', '.join(SEVERITIES)}", data["severity"], str(path))
+    if data["id"] != name:
+        raise InputError("id", f"must be {name}, as the file", data["id"], str(path))

@@ -15,7 +15,7 @@ from lammps_cases.records import folders
 from lammps_cases.records.files import write_arrays, write_atomically
 from lammps_cases.records.outcome import CaseOutcome
 from lammps_cases.records.run_record import RunRecord, read_run
-from lammps_cases.versions import baseline, decks, outcomes
+from lammps_cases.versions import baseline, outcomes
 from lammps_cases.versions.baseline import ARRAYS, IDENTITY, REASONS, VERDICT_LINES, Identity
 from lammps_cases.versions.change import Policy
 from lammps_cases.versions.changes import Changes, compare
@@ -139,7 +139,7 @@ def _write(folder: Path, run: RunRecord, cases: dict[str, CaseOutcome]) -> None:
     )
     # What the engine was called, and where it lay, is not the baseline's.
     baseline.DOCUMENT.write(folder / IDENTITY, identity, {"engine": {"name", "library"}})
-    audited = {path.name for path in folder.glob(f"{decks.FOLDER}/*")}
+    audited = {path.name for path in folder.glob(f"{outcomes.DECKS}/*")}
     write_atomically(folder / VERDICT_LINES, baseline.lines(cases, audited))
 
 
@@ -147,7 +147,7 @@ def _arrays(folder: Path, run: RunRecord, side: Side, old: Side | None, kept: se
     """Write the arrays of the quick cases of the run; those of kept cases stay as they were."""
     for record in run.cases:
         if record.checks:
-            decks.write(folder / decks.FOLDER / record.case, side.cases[record.case], side.folder)
+            outcomes.write_deck(folder / outcomes.DECKS / record.case, side.cases[record.case], side.folder)
         samples, arrays = side.samples(record.case), {}
         for field in record.fields if QUICK in record.tags else ():
             sample = samples.of(field.field)
@@ -162,9 +162,9 @@ def _arrays(folder: Path, run: RunRecord, side: Side, old: Side | None, kept: se
     for path in sorted((old.folder / ARRAYS).glob("*.npz")) if old else ():
         if path.stem in kept:
             write_atomically(folder / ARRAYS / path.name, path.read_bytes())
-    for path in sorted((old.folder / decks.FOLDER).glob("*/*.tsv")) if old else ():
+    for path in sorted((old.folder / outcomes.DECKS).glob("*/*.tsv")) if old else ():
         if path.parent.name in kept:
-            write_atomically(folder / decks.FOLDER / path.parent.name / path.name, path.read_bytes())
+            write_atomically(folder / outcomes.DECKS / path.parent.name / path.name, path.read_bytes())
 
 
 def _reason(

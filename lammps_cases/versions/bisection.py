@@ -10,9 +10,8 @@ from eos_ref import InputError
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.versions import pairs
-from lammps_cases.versions.change import Policy
+from lammps_cases.versions.change import Policy, groups
 from lammps_cases.versions.changes import Changes, compare
-from lammps_cases.versions.groups import groups
 from lammps_cases.versions.outcomes import Side
 
 SideOf = Callable[[int], Side]

@@ -14,9 +14,8 @@ from lammps_cases.records.headline import Headline, headline
 from lammps_cases.records.levels import FailOn, Severity
 from lammps_cases.records.wording import counted, plain
 from lammps_cases.report import markdown
-from lammps_cases.versions.change import Policy, SideChange
+from lammps_cases.versions.change import ChangeGroup, Policy, SideChange, groups
 from lammps_cases.versions.changes import Changes, compare
-from lammps_cases.versions.groups import ChangeGroup, groups
 from lammps_cases.versions.outcomes import Side
 from lammps_cases.versions.sources import LABELS
 from lammps_cases.versions.timing import Speed, Turns, of_saved

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from eos_ref import InputError
-from lammps_cases.bugs.shrink.content import (
+from lammps_cases.bugs.shrink.candidate import (
     VALUES,
     Content,
+    FailureMode,
     Path,
     at,
     digits,
@@ -26,7 +27,6 @@ from lammps_cases.bugs.shrink.content import (
     types_of,
     without,
 )
-from lammps_cases.bugs.shrink.failure import FailureMode
 
 Fails = Callable[[Content], FailureMode | None]  # how a content fails, if it does so the same way
 KEPT: tuple[Path, ...] = (("positions",), ("types",))  # parts of which no key is dropped whole

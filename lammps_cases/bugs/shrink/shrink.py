@@ -11,8 +11,18 @@ from pathlib import Path
 from typing import Any
 
 from eos_ref import InputError
-from lammps_cases.bugs.shrink.content import Content, Size, apart_from_particles, as_case, document, size, written_out
-from lammps_cases.bugs.shrink.failure import FailureMode, failure_mode, rule_broken
+from lammps_cases.bugs.shrink.candidate import (
+    Content,
+    FailureMode,
+    Size,
+    apart_from_particles,
+    as_case,
+    document,
+    failure_mode,
+    rule_broken,
+    size,
+    written_out,
+)
 from lammps_cases.bugs.shrink.reductions import REDUCTIONS
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing, Job

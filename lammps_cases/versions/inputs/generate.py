@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 from eos_ref.syntax.words import number
 from lammps_cases.claims.probes.probe import Commands
-from lammps_cases.versions.inputs import malformed
-from lammps_cases.versions.inputs.reading import refusal
+from lammps_cases.versions.inputs import syntax
+from lammps_cases.versions.inputs.refusals import refusal
 from lammps_cases.versions.inputs.syntax import Form, FormWord, forms, text
 
 EXTRA = "9.75"  # a word too many, which stands in no form
@@ -70,7 +70,7 @@ class Generated:
         if self.mutation == "left-out" and self.kind == "command":
             return self.form.command.needed
         of = self.form.command.arguments.get(self.about)
-        if of is not None and of.only and self.word in malformed.LEGAL_TYPES.values():
+        if of is not None and of.only and self.word in syntax.LEGAL_TYPES.values():
             return ""
         value = number(self.word) if self.kind in ("number", "integer") else None
         if of is None or value is None or not math.isfinite(value):
@@ -163,10 +163,10 @@ def _values(form: Form) -> Iterator[Generated]:
     for g, k, word in _places(form):
         group = form.groups[g]
         if word.keyword:
-            kind, words = "keyword", malformed.keyword(word.text)
+            kind, words = "keyword", syntax.words_for_keyword(word.text)
         else:
             of = form.command.arguments[word.argument]
-            kind, words = of.kind, malformed.words(of, word.text)
+            kind, words = of.kind, syntax.words_for(of, word.text)
         for mutation, other in words.items():
             groups = _with(form.groups, g, *group[:k], replace(word, text=other), *group[k + 1 :])
             yield _changed(form, groups, word, kind, mutation, other)

@@ -15,7 +15,7 @@ from eos_ref import InputError
 from lammps_cases.audit import settings
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.records.run_record import read_run
-from lammps_cases.versions import baseline, decks
+from lammps_cases.versions import baseline, outcomes
 from lammps_cases.versions.outcomes import Sample, read
 from tests.support.audited_decks import FIXES, write_deck
 from tests.support.outcome import Outcome
@@ -156,7 +156,7 @@ Found = tuple[int, float, float] | None
     ],
 )
 def test_values_part_beyond_the_bounds_of_both(now: list[float], step: int, found: Found) -> None:
-    far = decks.beyond(sample([1.0, 2.0], 0.1), sample(now, 0.1 + 1e-9, step))
+    far = outcomes.beyond(sample([1.0, 2.0], 0.1), sample(now, 0.1 + 1e-9, step))
     assert repr(far and (far.atom, far.was, far.now)) == repr(found)
 
 

@@ -19,7 +19,7 @@ from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import BoolArray, Box
-from eos_ref.model.parameters import Model
+from eos_ref.model.parameters import Force, Model
 from eos_ref.model.state import State
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import Rounded, error
@@ -205,3 +205,14 @@ class SampleEvaluation:
         if z_n is None or "pairs" not in self.simulation.plan:
             return np.zeros(len(self.sample.state.solid_n), bool)
         return self.stages.any_neighbour(lambda own, other: (own - other) ** 2 > 0, z_n)  # which may underflow
+
+
+def model_with_forces(sample: ParticleSample) -> Model | None:
+    """Return the model with the forces of the deck, or None if these act on other groups than types."""
+    forces, type_n = [], sample.state.type_n
+    for action, acts_n in sample.actions:
+        types = tuple(int(t) for t in np.unique(type_n[acts_n]))
+        if not np.array_equal(acts_n, np.isin(type_n, types)):
+            return None
+        forces.append(Force(action.style, action.vector[: sample.model.dimension], types))  # type: ignore[arg-type]
+    return replace(sample.model, forces=tuple(forces))

@@ -19,21 +19,12 @@ from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model
 from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.manual import manual_of
-from lammps_cases.audit import fields, frames, printed
+from lammps_cases.audit import dumps, fields
 from lammps_cases.audit.deck import Deck
-from lammps_cases.audit.effects import effects
-from lammps_cases.audit.explanation import Explained
-from lammps_cases.audit.frames import FrameEvaluation, FrameSample
-from lammps_cases.audit.options import (
-    AuditOptions,
-    AuditResult,
-    DeckDump,
-    DeckEnd,
-    RunFacts,
-    RunSetup,
-    SampleRow,
-    SampleRows,
-)
+from lammps_cases.audit.dumps import FrameEvaluation, FrameSample
+from lammps_cases.audit.effects import Explained, effects
+from lammps_cases.audit.messages import DeckDump, DeckEnd, RunFacts, RunSetup, SampleRow, SampleRows
+from lammps_cases.audit.options import AuditOptions, AuditResult
 from lammps_cases.audit.sample import Printed, judged, known
 from lammps_cases.audit.supervise import case_name, described
 from lammps_cases.audit.verdict import Findings, by_field
@@ -96,7 +87,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
     shots, rest = _read(dump)
     findings, setups = described(deck, options)
     runs = [_run(k, setup) for k, setup in enumerate(setups.runs, 1)]
-    columns = printed.columns_of(dump, list(shots[0].columns), setups.dumps, runs[0].setup)
+    columns = dumps.columns_of(dump, list(shots[0].columns), setups.dumps, runs[0].setup)
     writing = _writing(columns.dump, runs)
     audit = _Audit(columns, options, findings)
     for snapshot in shots:
@@ -202,9 +193,9 @@ def _writing(dump: DeckDump, runs: Sequence[Run]) -> list[Run]:
 class _Audit:
     """Takes the snapshots, one by one."""
 
-    def __init__(self, columns: printed.DumpColumns, options: AuditOptions, findings: Findings) -> None:
+    def __init__(self, columns: dumps.DumpColumns, options: AuditOptions, findings: Findings) -> None:
         self.columns, self.options, self.findings = columns, options, findings
-        self.whole = printed.whole(columns.dump)
+        self.whole = dumps.whole(columns.dump)
         self.listed = known(findings.who["distribution"])
         self.explained: Explained = {}
         self.reasons: dict[tuple[str, str], list[int]] = {}
@@ -233,8 +224,8 @@ class _Audit:
             return
         sample = _sample(frame, held, id_n)
         shown = {name: held[name].value for name in names}
-        printed = Printed(FrameEvaluation, {name: held[name].error for name in names})
-        found = judged(sample, names, id_n, shown, self.listed, self.explained, printed=printed)
+        dumps = Printed(FrameEvaluation, {name: held[name].error for name in names})
+        found = judged(sample, names, id_n, shown, self.listed, self.explained, printed=dumps)
         compared, self.explained = found.comparisons, found.explained
         open_ = {name: tuple(entry.id for entry in entries) for name, entries in found.unpredictable.items()}
         rows = {(name, 0): SampleRow.of(len(c.bound_n), c.record) for name, c in compared.items()}
@@ -272,12 +263,12 @@ class _Audit:
         if name not in held:
             return {"f": NO_FORCES, "drho": NO_RATE}.get(name, NO_COLUMN)
         given = held.keys() | ({"mass"} if run.setup.mass_t is not None else set())
-        if reason := frames.lacking(name, model, given, frame.set_up, self.whole):
+        if reason := dumps.lacking(name, model, given, frame.set_up, self.whole):
             return reason
-        by_sums = fields.needs(name, "pairs", model) and not frames.by_columns(name, held)
+        by_sums = fields.needs(name, "pairs", model) and not dumps.by_columns(name, held)
         if by_sums and (reason := _coarse(held["x"], model)):
             return reason
-        if frames.by_columns(name, held) or (name != "rho" and not fields.needs(name, "pairs", model)):
+        if dumps.by_columns(name, held) or (name != "rho" and not fields.needs(name, "pairs", model)):
             return ""
         open_tilt = fields.leans_open(frame.snapshot.tilt, frame.snapshot.periodic)
         setting = fields.Setting(run.deck, run.setup.units, open_tilt, run.setup.between)
@@ -343,13 +334,13 @@ def _sample(frame: Frame, held: dict[str, Any], id_n: npt.NDArray[Any]) -> Frame
     mass_n = held["mass"] if setup.mass_t is None else np.array(setup.mass_t)[type_n]
     solid_n = _solid(held, setup, at_n)
     held = held | {"mass": Rounded(value(mass_n), error(mass_n))}
-    state = frames.state_of_forces(held, model, type_n, solid_n, setup.dt, frame.set_up)
+    state = dumps.state_of_forces(held, model, type_n, solid_n, setup.dt, frame.set_up)
     d = model.dimension
     tilt = snapshot.tilt[: d * (d - 1) // 2] if any(snapshot.tilt) else ()
     box = Box(tuple(snapshot.low_c[:d]), tuple(snapshot.high_c[:d]), snapshot.periodic[:d], tilt)
     both = model.fix.rho_sum and model.fix.interface_reconstruct
     return FrameSample(
-        model, box, frames.plain(state), value(mass_n),
+        model, box, dumps.plain(state), value(mass_n),
         [(action, setup.members[action.group][at_n] & (at_n >= 0)) for action in run.deck.plain_actions()],
         frame.set_up and both,
         snapshot.numbers("z") if d == 2 and "z" in snapshot.columns else None,

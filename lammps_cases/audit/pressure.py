@@ -1,4 +1,11 @@
-"""Samples of the pressure, compared type by type with the law of each."""
+"""Arrays of all atoms: LAMMPS' own memory on one rank; on several, LAMMPS gathers them, and every rank gets all.
+
+All ranks call these functions, in the same order: they follow the same commands and take the same samples.
+
+Samples of the pressure, compared type by type with the law of each.
+
+What an audit keeps of a deck to compare later runs with: columns of two samples, and rows of thermo output.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +17,57 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref import EOSTable
-from lammps_cases.audit import gather
-from lammps_cases.comparison.compare import Comparison, EosState, compare_pressure
+from lammps_cases.comparison.compare import Comparison, EosState, compare_pressure, components
 from lammps_cases.records.run_record import FieldRecord
 
 Array = npt.NDArray[Any]
+_ROW = 3  # numbers of a row of a two-dimensional property
+_GATHERED = {0: (0, 1), 2: (1, 1), 3: (1, _ROW)}  # by extract_atom_datatype: what gather_concat takes, and columns
+STATE = ("id", "type", "x", "v", "rho", "e")
+MOST = 500  # particles of a sample
+CLOCKS = ("CPU", "TimeoutLeft")  # in the names of columns of thermo output that no second run has the same
+
+
+def ranks(lmp: Any) -> int:
+    """Return the number of ranks."""
+    return int(lmp.extract_setting("world_size"))
+
+
+def ids(lmp: Any) -> Array:
+    """Return the ids of all atoms, (n,), rank by rank."""
+    if ranks(lmp) == 1:
+        id_n: Array = lmp.numpy.extract_atom("id")[: lmp.extract_setting("nlocal")]
+        return id_n
+    id_n = _gathered(lmp, "id")
+    return id_n[: np.count_nonzero(id_n)]  # behind them 0, for atoms that are lost and still counted
+
+
+def atoms(lmp: Any, name: str, n: int) -> Array:
+    """Return a property of all n atoms by extract_atom's name, (n,) or (n, 3), in the order of `ids`."""
+    found: Array = lmp.numpy.extract_atom(name) if ranks(lmp) == 1 else _gathered(lmp, name)
+    return found[:n]
+
+
+def compute(lmp: Any, name: str, columns: int, n: int) -> Array:
+    """Return what a compute of at least two columns has for all n atoms, (n, columns)."""
+    if ranks(lmp) == 1:
+        table: Array = lmp.numpy.extract_compute(name, 1, 2)
+    else:
+        table = np.ctypeslib.as_array(lmp.gather_concat(f"c_{name}", 1, columns)).reshape(-1, columns)
+    return table[:n]
+
+
+def members(lmp: Any, group: str, n: int) -> npt.NDArray[np.bool_]:
+    """Return which of all n atoms are in a group now, (n,)."""
+    bit = lmp.available_ids("group").index(group)
+    in_n: npt.NDArray[np.bool_] = atoms(lmp, "mask", n) >> bit & 1 != 0
+    return in_n
+
+
+def _gathered(lmp: Any, name: str) -> Array:
+    kind, columns = _GATHERED[lmp.extract_atom_datatype(name)]
+    found = np.ctypeslib.as_array(lmp.gather_concat(name, kind, columns))
+    return found.reshape(-1, columns) if columns == _ROW else found
 
 
 @dataclass(frozen=True)
@@ -89,7 +142,7 @@ def read(lmp: Any, table: EOSTable, mass_t: Array | None, step: int, tag_n: Arra
     """Copy what LAMMPS shows now; ``mass_t`` is None where every particle has its own mass."""
 
     def column(name: str) -> Array:
-        return gather.atoms(lmp, name, len(tag_n)).copy()
+        return atoms(lmp, name, len(tag_n)).copy()
 
     type_n = column("type")
     arrays: dict[str, Array] = {
@@ -115,3 +168,40 @@ def load_compiled(table: EOSTable) -> None:
     arrays: dict[str, Array] = {"id": types_n, "type": types_n}
     arrays |= dict.fromkeys(("rho", "p", "mass", "energy"), ones_n)
     PressureSample(table, np.zeros((2, 3)), (True,) * 3, 0, arrays).compare()
+
+
+def columns(now: PressureSample, others: Mapping[str, Comparison], pressure: bool) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays of a sample by id as `PressureSample.result`: of all particles, or of evenly spaced ones."""
+    order_n = np.argsort(now.arrays["id"], kind="stable")
+    n = len(order_n)
+    few = order_n[np.linspace(0, n - 1, min(n, MOST)).astype(int)]
+    of_few = {
+        field: replace(c, lammps_n=c.lammps_n[few], reference_n=c.reference_n[few], bound_n=c.bound_n[few])
+        for field, c in others.items()
+        if len(c.bound_n) == n
+    }
+    return now.of(few).result(of_few, pressure)[0]
+
+
+def take_thermo(lmp: Any, rows: list[dict[str, float]]) -> None:
+    """Add the latest row of thermo output to those before it, unless it is there already."""
+    latest = lmp.last_thermo()
+    if latest:
+        row = {name: float(value) for name, value in latest.items() if not any(clock in name for clock in CLOCKS)}
+        if not rows or repr(row) != repr(rows[-1]):  # NaN is not equal to itself
+            rows.append(row)
+
+
+def arrays_of(kept: Mapping[int, Mapping[str, npt.NDArray[Any]]]) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays of ``fields/CASE@kept.npz``: per step the state, LAMMPS' fields, and one bound for all parts.
+
+    They are called ``STEP/NAME``, and ``STEP/FIELD.bound``; all are tables with a column per part.
+    """
+    arrays = {}
+    for step, sample in kept.items():
+        for name, values_n in sample.items():
+            if name in STATE or name.endswith(".lammps"):
+                arrays[f"{step}/{name.removesuffix('.lammps')}"] = components(values_n)
+            elif name.endswith(".bound"):
+                arrays[f"{step}/{name}"] = components(values_n).max(axis=1, initial=0.0)[:, None]
+    return arrays

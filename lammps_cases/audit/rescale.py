@@ -25,7 +25,8 @@ from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit.deck import Deck
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
-from lammps_cases.audit.options import AuditOptions, DeckSetups, RunSetup, StartState
+from lammps_cases.audit.messages import DeckSetups, RunSetup, StartState
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.sample import SOLID
 from lammps_cases.audit.scaling import BEFORE_BOX, Scaling, kept_commands, needed_variables
 from lammps_cases.audit.share import data

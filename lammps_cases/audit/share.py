@@ -13,7 +13,7 @@ import numpy as np
 from lammps_cases.audit.deck import Deck, rheo_words
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.fields import Array
-from lammps_cases.audit.options import PairShare
+from lammps_cases.audit.messages import PairShare
 
 STYLES = ("rheo", "rheo/viscosity", "rheo/pressure", "rheo/thermal")  # of the fixes that the forces of pairs depend on
 SCRIPT, DATA = "in.share", "share.data"

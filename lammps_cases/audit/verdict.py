@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from lammps_cases.audit.acting import record_of
+from lammps_cases.audit.effects import record_of
 from lammps_cases.audit.effects import worst as largest
 from lammps_cases.audit.fields import offered, out_of_scope
-from lammps_cases.audit.options import (
+from lammps_cases.audit.messages import (
     CommandPlace,
     DeckEnd,
     DeckSetups,

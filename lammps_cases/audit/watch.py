@@ -24,20 +24,17 @@ from eos_ref.evaluation.pairs import Candidates, sharing
 from eos_ref.model.parameters import Model
 from eos_ref.numbers.rounded import value
 from eos_ref.syntax.manual import manual_of
-from lammps_cases.audit import fields, gather, keep, pressure, sample, share
-from lammps_cases.audit.acting import Acting
-from lammps_cases.audit.budget import budget
-from lammps_cases.audit.closed import closed
+from lammps_cases.audit import fields, pressure, sample, share
+from lammps_cases.audit.budgets import budget
 from lammps_cases.audit.deck import Action, Deck, between, hyphens
-from lammps_cases.audit.effects import effects, of_pressure, touching
-from lammps_cases.audit.evaluation import ParticleSample
-from lammps_cases.audit.explanation import Explained
+from lammps_cases.audit.effects import Acting, Explained, effects, of_pressure, touching
+from lammps_cases.audit.evaluation import ParticleSample, model_with_forces
 from lammps_cases.audit.fields import leans_open
-from lammps_cases.audit.health import Health, mach
-from lammps_cases.audit.options import AuditOptions, PairShare, RunFacts, SampleRow, SampleRows
-from lammps_cases.audit.outlook import Good, model_with_forces, outlook
+from lammps_cases.audit.health import Good, Health, mach, outlook
+from lammps_cases.audit.messages import PairShare, RunFacts, SampleRow, SampleRows
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.pressure import PressureSample
-from lammps_cases.audit.rerun import looks, reruns, shortened
+from lammps_cases.audit.rerun import closed, looks, reruns, shortened
 from lammps_cases.audit.warn import SOLID, Kept, Questions
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, EffectRecord, OutlookRecord, SeriesRecord
@@ -158,9 +155,9 @@ class DeckWatch:
         finally:
             self.lammps_seconds += time.perf_counter() - begin - (self.sample_seconds - sampled)
             self.done += self._step() - first
-            keep.take_thermo(self.lmp, self.thermo)
+            pressure.take_thermo(self.lmp, self.thermo)
             if self.runs == 1 and self._last is not None:
-                self.kept[self._last[0].step] = keep.columns(*self._last)
+                self.kept[self._last[0].step] = pressure.columns(*self._last)
             if self._run is not None:  # a minimization calls back too, but evaluates no pressure
                 self._run = replace(self._run, table=None)
         if self._failure is not None:
@@ -273,11 +270,11 @@ class DeckWatch:
         run = self._run
         assert run is not None
         try:
-            keep.take_thermo(self.lmp, self.thermo)
+            pressure.take_thermo(self.lmp, self.thermo)
             if run.table is not None and (step % self.options.every == 0 or step in (run.first, run.stop)):
-                id_n = gather.ids(self.lmp)
+                id_n = pressure.ids(self.lmp)
                 with sharing(self._near):
-                    self._sample(run, run.table, int(step), id_n, gather.atoms(self.lmp, "x", len(id_n)))
+                    self._sample(run, run.table, int(step), id_n, pressure.atoms(self.lmp, "x", len(id_n)))
             self._previous = int(step)
         except BaseException as error:  # ctypes would print and forget it
             self._failure = error
@@ -288,7 +285,7 @@ class DeckWatch:
     def _sample(self, run: WatchedRun, table: EOSTable, step: int, tag_n: Array, x_nc: Array) -> None:
         n, sampler = len(tag_n), run.sampler
         now = pressure.read(self.lmp, table, run.mass_t, step, tag_n, x_nc)
-        status_n = gather.atoms(self.lmp, "rheo_status", n)
+        status_n = pressure.atoms(self.lmp, "rheo_status", n)
         # A run calls back twice on one step where it is set up anew, in between (run ... every).
         setup = not run.continued and step in (run.first, self._previous)
         state = {name: now.arrays[name] for name in ("x", "v", "rho", "energy") if name in now.arrays}
@@ -312,7 +309,7 @@ class DeckWatch:
             now, status_n = now.of(finite_n), status_n[finite_n]
         self._last = now, others, checked
         if self.runs == 1 and step == run.first:
-            self.kept[step] = keep.columns(*self._last)
+            self.kept[step] = pressure.columns(*self._last)
         rows = {}
         for t, (of_type, comparison) in now.compare().items():
             rho_n, p_n = now.arrays["rho"][of_type], now.arrays["p"][of_type]
@@ -393,7 +390,7 @@ class DeckWatch:
             return ()
         if mach(now.model, now.state) > RUNAWAY:
             return ()
-        force_nc = gather.atoms(self.lmp, "f", len(now.mass_n))[:, : now.model.dimension]
+        force_nc = pressure.atoms(self.lmp, "f", len(now.mass_n))[:, : now.model.dimension]
         half_step = 0.0 if setup else 0.5 * float(self.lmp.extract_global("dt"))
         entries = touching(now, self.engine) if with_findings else ()
         of_press = of_pressure(now, self.engine) if setup else []

@@ -230,7 +230,7 @@ def field_table(case: CaseRecord) -> list[str]:
 
 def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     """Return the looks outside the bound, all that the report says of the deck, and how the run ended."""
-    from lammps_cases.audit import balance
+    from lammps_cases.audit import budgets
     from lammps_cases.report.statements import NEVER, SUBJECTS, statements
 
     bad = [check for check in case.checks if check.verdict == "differs"]
@@ -241,7 +241,7 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     ]
     if len(bad) > most:
         outside.append(f"... {len(bad) - most} more samples outside, all in run.json ...")
-    budget = [f"budget: {line}" for line in balance.lines(case)] if case.budgets else []
+    budget = [f"budget: {line}" for line in budgets.lines(case)] if case.budgets else []
     end = f"{case.case}: {case.verdict}, {case.steps} steps, {case.natoms} atoms"
     if case.message and case.as_expected:  # else it follows, with why the run stopped
         end += f": {case.message}"

@@ -215,26 +215,26 @@ def examples_command(
     Examples: eos-ref examples --engine path:~/lammps/build
               eos-ref examples taylor-green --from ~/lammps/examples/rheo
     """
-    from lammps_cases.audit.examples import collect, decks, page
+    from lammps_cases.audit import examples
     from lammps_cases.engine import installations
     from lammps_cases.run import provenance
 
     chosen = installations.resolve(engine)
-    shipped = decks.decks(chosen, folder, names)
+    shipped = examples.decks(chosen, folder, names)
     shared.page_folder(out)
-    with collect.judged(out).resumed(resume), Bar(quiet=as_json) as bar:
-        made = collect.collect(
+    with examples.judged(out).resumed(resume), Bar(quiet=as_json) as bar:
+        made = examples.collect(
             shipped, chosen, out, provenance.command_line(), full=full, trust=trust or folder is None, progress=bar
         )
-        page.write(made, out)
+        examples.write(made, out)
     if as_json:
-        click.echo(json.dumps(collect.DOCUMENT.plain(made), indent=1))
-        return page.of_outcome(made).exit_code
-    for line in page.lines(made):
+        click.echo(json.dumps(examples.DOCUMENT.plain(made), indent=1))
+        return examples.of_outcome(made).exit_code
+    for line in examples.lines(made):
         click.echo(line)
     click.echo(f"report: {out / 'report.html'}")
-    shared.say(page.of_outcome(made).headline)
-    return page.of_outcome(made).exit_code
+    shared.say(examples.of_outcome(made).headline)
+    return examples.of_outcome(made).exit_code
 
 
 @command(LAUNCHER)

@@ -13,12 +13,12 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.model.box import Box
 from eos_ref.numbers.columns import axes, summed
 from eos_ref.numbers.rounded import error, value
-from lammps_cases.audit import balance, rerun
-from lammps_cases.audit.budget import Rates, budget
-from lammps_cases.audit.closed import closed, deviation
+from lammps_cases.audit import budgets, rerun
+from lammps_cases.audit.budgets import Rates, budget
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.evaluation import ParticleSample
-from lammps_cases.audit.outlook import Good
+from lammps_cases.audit.health import Good
+from lammps_cases.audit.rerun import closed, deviation
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.records.audit_record import ClosedRecord, SeriesRecord
@@ -191,7 +191,7 @@ def test_what_a_finding_adds_is_what_the_run_with_it_has_more() -> None:
             ],
         }
     )
-    _, _, silent, wrong = balance.parts(case)
+    _, _, silent, wrong = budgets.parts(case)
     assert silent.contribution == -1.0, "without it the decay is faster"
     assert wrong.contribution == 1.0, "with it the decay is faster"
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.audit.options import AuditOptions, DeckSetups
-from lammps_cases.audit.setups import ENDLESS, SetupWatch
+from lammps_cases.audit.follow import ENDLESS, SetupWatch
+from lammps_cases.audit.messages import DeckSetups
+from lammps_cases.audit.options import AuditOptions
 
 
 def lammps() -> Any:

@@ -159,10 +159,11 @@ def audit(task: AuditTask, sender: Sender) -> DeckEnd:
         sender.send(watch.setups())
     arrays, last = watch.final()
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
-    questions, (cause, ahead) = watch.questions, watch.outlook()
-    warnings, margins = [*questions.lines(), *watch.unbudgeted(), *follower.made], questions.stability
+    questions, fluid = watch.questions, watch.fluid
+    cause, ahead = fluid.outlook(watch.health, questions.brief)
+    warnings, margins = [*questions.lines(), *fluid.unbudgeted(), *follower.made], questions.stability
     touching = (HYPHEN,) if questions.mistaken else ()
-    series, solution = watch.series()
+    series, solution = fluid.series()
     return DeckEnd(
         watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead,
         watch.share(), series, solution, touching, list(watch.acting.found.values()), watch.health.broke,

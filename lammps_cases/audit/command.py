@@ -28,12 +28,12 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref.errors import InputError, unknown
+from lammps_cases.audit.arrays import arrays_of
 from lammps_cases.audit.fields import chosen
 from lammps_cases.audit.finished import audit_dump
 from lammps_cases.audit.messages import DeckSetups, RunSetup
 from lammps_cases.audit.options import AuditOptions, AuditResult, DeckLevelOptions, FinishedOptions
 from lammps_cases.audit.place import DeckPlace, copy_folder, find, nested_folder
-from lammps_cases.audit.pressure import arrays_of
 from lammps_cases.audit.supervise import audit_deck, case_name, described
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine

@@ -19,7 +19,7 @@ from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import BoolArray, Box
-from eos_ref.model.parameters import Force, Model
+from eos_ref.model.parameters import Force, IntArray, Model
 from eos_ref.model.state import State
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import Rounded, error
@@ -79,6 +79,18 @@ class ParticleSample:
         s = self.state
         energy_n = None if s.energy_n is None else Rounded(s.energy_n)
         return State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n, s.mass_n)
+
+
+@dataclass(frozen=True)
+class TimedSample:
+    """A sample with its time step, run and step, and the ids of its particles; ``first`` of its run or not."""
+
+    sample: ParticleSample
+    timestep: float
+    run: int
+    step: int
+    id_n: IntArray
+    first: bool = True
 
 
 class _GivenDensities(ArrayEvaluator):

@@ -24,7 +24,7 @@ import numpy as np
 
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model
-from lammps_cases.audit import place, pressure, sample, text
+from lammps_cases.audit import arrays, place, sample, text
 from lammps_cases.audit.deck import Deck, between
 from lammps_cases.audit.messages import DeckDump, DeckSetups, RunSetup, ScriptCommand, StartState
 from lammps_cases.audit.place import DeckPlace, written
@@ -167,7 +167,7 @@ class Follower:
                     raise Finished
             case _:
                 self._hidden(words)
-                self.watch.heed(values)
+                self.watch.check_upcoming(values)
                 self._make_folders(values)
                 if values[0] == "processors":
                     self.grid = values[1:4]
@@ -261,7 +261,7 @@ class SetupWatch(DeckWatch):
         return DeckSetups(self.described, self.dumps, commands, self.script, self.start)
 
     def meet(self, where: str, written: str) -> None:
-        """Take down a command that comes next, before LAMMPS substitutes it."""
+        """Note a command that comes next, before LAMMPS substitutes it."""
         self.script.append(ScriptCommand(where, written, self.runs))
 
     def _keep(self, values: list[str]) -> None:
@@ -269,7 +269,7 @@ class SetupWatch(DeckWatch):
             self.script[-1].values = values
 
     def note(self, values: list[str]) -> None:
-        """Take down a command that LAMMPS has executed."""
+        """Note a command that LAMMPS has executed."""
         super().note(values)
         self._keep(values)
         if values[0] in DEFINITIONS:
@@ -317,18 +317,18 @@ class SetupWatch(DeckWatch):
         return False
 
     def _start(self) -> StartState:
-        lmp, n = self.lmp, len(pressure.ids(self.lmp))
+        lmp, n = self.lmp, len(arrays.ids(self.lmp))
         low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
         groups = [group for group in lmp.available_ids("group") if group]  # deleted ones have no name
-        energy_n = pressure.atoms(lmp, "esph", n) if lmp.extract_atom("esph") else np.zeros(0)
+        energy_n = arrays.atoms(lmp, "esph", n) if lmp.extract_atom("esph") else np.zeros(0)
         return StartState(
             box_c=np.array([low, high]),
             tilt_c=np.array([xy, xz, yz]),
             periodic=[bool(flag) for flag in periodic],
             energy_n=energy_n.copy(),
-            members={group: pressure.members(lmp, group, n) for group in groups},
+            members={group: arrays.members(lmp, group, n) for group in groups},
             **{
-                axes: pressure.atoms(lmp, name, n).copy()
+                axes: arrays.atoms(lmp, name, n).copy()
                 for axes, name in {
                     **{"id_n": "id", "type_n": "type", "status_n": "rheo_status"},
                     **{"x_nc": "x", "v_nc": "v", "rho_n": "rho"},
@@ -342,14 +342,14 @@ class SetupWatch(DeckWatch):
         mass_t = None if self.lmp.extract_atom("rmass") else np.array(self.lmp.numpy.extract_atom("mass"))
         model = None if table is None else self._model(table, mass_t)
         if isinstance(model, Model):
-            n = len(pressure.ids(self.lmp))
-            x_nc = pressure.atoms(self.lmp, "x", n)
+            n = len(arrays.ids(self.lmp))
+            x_nc = arrays.atoms(self.lmp, "x", n)
             taken = sample.taken(self.lmp, model, self.deck.plain_actions(), mass_t, n, x_nc)
             self.acting.begin(self.lmp, self.deck, taken, steps, True)
 
     def _setup(self, values: list[str], first: int, last: int) -> RunSetup:
         lmp = self.lmp
-        id_n = pressure.ids(lmp)
+        id_n = arrays.ids(lmp)
         n = len(id_n)
         deck = copy.deepcopy(self.deck)
         groups = sorted({action.group for action in self.deck.plain_actions()})
@@ -367,9 +367,9 @@ class SetupWatch(DeckWatch):
             mass_t=None if lmp.extract_atom("rmass") else lmp.numpy.extract_atom("mass").tolist(),
             computes=dict(self.computes),
             id_n=id_n.copy(),
-            solid_n=(pressure.atoms(lmp, "rheo_status", n) & SOLID != 0) if status else np.zeros(n, bool),
-            members={group: pressure.members(lmp, group, n) for group in groups},
+            solid_n=(arrays.atoms(lmp, "rheo_status", n) & SOLID != 0) if status else np.zeros(n, bool),
+            members={group: arrays.members(lmp, group, n) for group in groups},
             newton=(bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))),
-            ranks=pressure.ranks(lmp),
+            ranks=arrays.rank_count(lmp),
             **{field.name: getattr(deck, field.name) for field in dataclasses.fields(Deck)},
         )

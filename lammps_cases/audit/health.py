@@ -1,33 +1,23 @@
-"""Whether the state of a deck is that of a fluid: numbers that are none, particles that run away, particles lost.
-
-Why a deck's run broke off: what the reference makes of the last good sample.
-"""
+"""Whether the state of a deck is that of a fluid: numbers that are not finite, particles that run away or are lost."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref.eos.table import FloatArray
-from eos_ref.errors import InputError
-from eos_ref.model.parameters import IntArray, Model
+from eos_ref.model.parameters import Model
 from eos_ref.model.state import State
-from lammps_cases.audit.effects import effects
-from lammps_cases.audit.evaluation import ParticleSample, acted_on, model_with_forces
 from lammps_cases.comparison.compare import components
-from lammps_cases.findings import Finding
-from lammps_cases.records.audit_record import BreakRecord, EffectRecord, LostRecord, OutlookRecord
-from lammps_cases.studies.stability.limits import numbers
-from lammps_cases.verdict.runaway import RUNAWAY, Attempts, fastest
+from lammps_cases.records.audit_record import BreakRecord, LostRecord
+from lammps_cases.verdict.runaway import RUNAWAY, fastest
 
 Array = npt.NDArray[Any]
 _LOST = re.compile(r"Lost atoms: original (\d+) current (\d+)")
-_AXES = "xyz"
 
 
 def mach(model: Model, state: State) -> float:
@@ -40,10 +30,11 @@ def mach(model: Model, state: State) -> float:
 
 @dataclass
 class Health:
-    """The first sample in which the state of a deck is none of a fluid, and the particles that it has lost."""
+    """The first sample in which the state of a deck is not that of a fluid, and the particles that it has lost."""
 
     broke: BreakRecord | None = None
     lost: LostRecord | None = None
+    broke_off: int | None = None  # step at which LAMMPS ended a run
     ignores: bool = False  # whether LAMMPS goes on when particles are lost
     changes: bool = False  # whether fixes add or remove particles
     _count: int = 0  # particles at the beginning of the run
@@ -97,6 +88,7 @@ class Health:
 
     def ended(self, error: str, run: int, step: int) -> None:
         """Take the error with which LAMMPS ended a run."""
+        self.broke_off = step
         if match := _LOST.search(error):
             of, left = int(match[1]), int(match[2])
             self.lost = LostRecord(lost=of - left, of=of, run=run, step=step, ignored=False)
@@ -132,71 +124,7 @@ class Health:
 
 def component_name(field: str, shape: tuple[int, ...], component: int) -> str:
     """Return LAMMPS' name of a component of a field: vx of v, fx of f, grad/v/xy of grad/v."""
-    axes = [_AXES[k] for k in np.unravel_index(component, shape)] if shape else []
+    axes = ["xyz"[k] for k in np.unravel_index(component, shape)] if shape else []
     if field == "x":
         return axes[0]
     return "".join([field, "/" if "/" in field and axes else "", *axes])
-
-
-@dataclass(frozen=True)
-class Good:
-    """The last sample before the end that looks like a fluid: with the time step, the run and the step it is of."""
-
-    sample: ParticleSample
-    timestep: float
-    run: int
-    step: int
-    id_n: IntArray
-
-
-def outlook(
-    good: Good, engine: str, taken: int, brief: str = "", unpredictable: Sequence[Finding] = ()
-) -> tuple[OutlookRecord | None, list[EffectRecord]]:
-    """Return why a run broke off, and what findings do to the particles that the reference makes of the sample.
-
-    A lattice at rest feels no force yet, right or wrong; some steps later it does. The latter is left out where the
-    particles are too many to follow them all.
-
-    Parameters
-    ----------
-    taken : steps that LAMMPS took from the sample
-    brief : what is wrong with the set-up, in a few words
-    unpredictable : findings that change forces of the sample in a way that cannot be evaluated
-    """
-    sample, model = boxed(good.sample), model_with_forces(good.sample)
-
-    def forces(force_nc: Array, mass_n: FloatArray, rows_n: IntArray) -> Any:
-        return acted_on(force_nc, [(action, acts_n[rows_n]) for action, acts_n in sample.actions], mass_n)
-
-    start = replace(sample.problem(("f",)), model=model or sample.model, timestep=good.timestep)
-    attempts = Attempts(start, taken, good.id_n, None if model else forces)
-    try:
-        record = attempts.cause(engine, good.run, good.step)
-        if record.cause == "findings" and record.of_particles is None:
-            state = attempts.state_after(record.after or 0)
-            step = good.step + (record.after or 0)
-            return record, effects(replace(good.sample, state=state), engine, good.run, step)
-    except InputError:  # the reference does not take the particles as they are
-        return None, []
-    if record.cause == "not understood" and unpredictable:
-        names = [entry.id for entry in unpredictable]
-        return record.model_copy(update={"cause": "findings", "findings": names}), []
-    because = {"set-up": brief, "time step": _limit(good)}.get(record.cause, "")
-    return record.model_copy(update={"because": because}), []
-
-
-def _limit(good: Good) -> str:
-    """Return how many times its limit by theory the time step is, and of what that is."""
-    step = numbers(good.sample.model, good.sample.state, good.timestep)
-    of = "sound" if step.viscous <= step.acoustic else "conduction" if step.conducts else "viscosity"
-    return f"time step is {step.fraction:.3g} times the limit of {of} at step {good.step}"
-
-
-def boxed(sample: ParticleSample) -> ParticleSample:
-    """Return a sample whose particles lie in its box: between two lists of neighbours LAMMPS lets them leave it."""
-    box, x_nc = sample.box, sample.state.x_nc
-    x_nc = x_nc - box.shift(box.images(x_nc))
-    ends = np.where(box.periodic, (box.low_c, box.high_c), (x_nc.min(axis=0), x_nc.max(axis=0)))
-    low_c, high_c = np.minimum(box.low_c, ends[0]), np.maximum(box.high_c, ends[1])
-    grown = replace(box, low_c=tuple(map(float, low_c)), high_c=tuple(map(float, high_c)))
-    return replace(sample, box=grown, state=replace(sample.state, x_nc=x_nc))

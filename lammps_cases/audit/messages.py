@@ -247,5 +247,5 @@ class DeckEnd:
     lost: LostRecord | None = None
     brief: str = ""  # what is most questionable about the set-up
     lacks: str = ""  # what this LAMMPS was built without, and the deck needs
-    kept: dict[int, dict[str, npt.NDArray[Any]]] = field(default_factory=dict)  # see `lammps_cases.audit.pressure`
+    kept: dict[int, dict[str, npt.NDArray[Any]]] = field(default_factory=dict)  # see `lammps_cases.audit.arrays`
     thermo: list[dict[str, float]] = field(default_factory=list)

@@ -209,7 +209,7 @@ class AuditResult:
     arrays: dict[str, npt.NDArray[Any]]
     kept: dict[int, dict[str, npt.NDArray[Any]]] = field(
         default_factory=dict
-    )  # by step, see `lammps_cases.audit.pressure`
+    )  # by step, see `lammps_cases.audit.arrays`
 
 
 @dataclass(frozen=True)

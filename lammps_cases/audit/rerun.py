@@ -1,6 +1,6 @@
-"""The reference run from the first sample of a deck, as the deck has it and with one thing changed at a time.
+"""What a deck's first sample ought to become: by runs of the reference, and by closed solutions.
 
-Closed solutions of flows that decks set up: what the deck's first sample ought to become.
+The reference runs as the deck has it, and with one thing changed at a time.
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ from eos_ref.model.box import Box
 from eos_ref.model.parameters import Force, Model
 from eos_ref.model.quantities import needed_to_step
 from eos_ref.model.state import State
-from lammps_cases.audit.evaluation import model_with_forces
-from lammps_cases.audit.health import Good, boxed
+from lammps_cases.audit.evaluation import ParticleSample, TimedSample, model_with_forces
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import combined
@@ -37,9 +36,8 @@ AS_IT_IS, HALF_STEP, FINER, SILENT = "as it is", "half the time step", "half the
 SLOW = 200_000  # steps times particles of a run with a finding, which no compiled code takes; above, it is shortened
 LARGE = 40_000_000  # steps times particles of any other
 POINTS = 2001  # across a channel, for the mean of the velocity
-VORTICES = (
-    64 * EPS
-)  # of the largest velocity, by which vortices may differ: a product of sines, their arguments rounded
+# Part of the largest velocity by which vortices may differ: a product of sines, their arguments rounded.
+VORTICES = 64 * EPS
 
 
 @dataclass(frozen=True)
@@ -53,12 +51,22 @@ class ChangedFluid:
     findings: tuple[Finding, ...] = ()
 
 
-def reruns(good: Good, steps: int, every: int, entries: Sequence[Finding]) -> list[SeriesRecord]:
+def boxed(sample: ParticleSample) -> ParticleSample:
+    """Return a sample whose particles lie in its box: between two lists of neighbours LAMMPS lets them leave it."""
+    box, x_nc = sample.box, sample.state.x_nc
+    x_nc = x_nc - box.shift(box.images(x_nc))
+    ends = np.where(box.periodic, (box.low_c, box.high_c), (x_nc.min(axis=0), x_nc.max(axis=0)))
+    low_c, high_c = np.minimum(box.low_c, ends[0]), np.maximum(box.high_c, ends[1])
+    grown = replace(box, low_c=tuple(map(float, low_c)), high_c=tuple(map(float, high_c)))
+    return replace(sample, box=grown, state=replace(sample.state, x_nc=x_nc))
+
+
+def reruns(good: TimedSample, steps: int, every: int, entries: Sequence[Finding]) -> list[SeriesRecord]:
     """Run the reference on from a sample, as it is and with each thing changed.
 
     Parameters
     ----------
-    good : Good
+    good : TimedSample
         The first sample of a run.
     steps, every : int
         Steps to take, and between two looks.
@@ -141,7 +149,7 @@ def _shared(force: Force, parts: int) -> Force:
     return replace(force, vector=tuple(None if v is None else v / parts for v in force.vector))
 
 
-def _series(of: ChangedFluid, box: Box, good: Good, steps: int, every: int) -> SeriesRecord:
+def _series(of: ChangedFluid, box: Box, good: TimedSample, steps: int, every: int) -> SeriesRecord:
     """Run one fluid, with looks at the steps of the deck."""
     begin, dt = time.perf_counter(), good.timestep / of.finer
     count = affordable(len(of.state.x_nc), steps * of.finer, bool(of.findings)) // of.finer
@@ -198,7 +206,7 @@ def _look(record: SeriesRecord, run: Simulation, step: int) -> None:
     record.momentum.append([float(of) for of in (mass_n[:, None] * v_nc).sum(axis=0)])
 
 
-def closed(good: Good, steps: Sequence[int]) -> ClosedRecord | None:
+def closed(good: TimedSample, steps: Sequence[int]) -> ClosedRecord | None:
     """Return what a closed solution says of the deck at some steps after the sample; None if there is none.
 
     Known are the vortices of Taylor and Green in a periodic square, and fluid at rest between two plates, along which
@@ -216,7 +224,9 @@ def closed(good: Good, steps: Sequence[int]) -> ClosedRecord | None:
     return _vortices(good, model, nu, steps, times) or _channel(good, model, nu, steps, times)
 
 
-def _vortices(good: Good, model: Model, nu: float, steps: Sequence[int], times: Sequence[float]) -> ClosedRecord | None:
+def _vortices(
+    good: TimedSample, model: Model, nu: float, steps: Sequence[int], times: Sequence[float]
+) -> ClosedRecord | None:
     box, state = good.sample.box, good.sample.state
     edge = box.edge_c[0]
     if not all(box.periodic) or box.edge_c[1] != edge or model.forces or state.solid_n.any():
@@ -248,7 +258,9 @@ def _are_vortices(v_nc: FloatArray, x_nc: FloatArray, k: float) -> bool:
     return False
 
 
-def _channel(good: Good, model: Model, nu: float, steps: Sequence[int], times: Sequence[float]) -> ClosedRecord | None:
+def _channel(
+    good: TimedSample, model: Model, nu: float, steps: Sequence[int], times: Sequence[float]
+) -> ClosedRecord | None:
     box, state = good.sample.box, good.sample.state
     fluid_n = ~state.solid_n
     if not all(box.periodic) or fluid_n.all() or not fluid_n.any() or state.v_nc.any():

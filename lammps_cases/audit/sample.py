@@ -19,7 +19,7 @@ from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.model.state import State
 from eos_ref.numbers.rounded import error, value
-from lammps_cases.audit import pressure
+from lammps_cases.audit import arrays
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.effects import Explained, Left, explain
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
@@ -138,7 +138,7 @@ class Sampler:
 
     def _lists(self, tag_n: Array) -> tuple[NeighbourList, ...]:
         """Return LAMMPS' neighbour list, whose particles are counted as in the sample; nothing on several ranks."""
-        if pressure.ranks(self.lmp) > 1 or self.lmp.find_pair_neighlist("rheo") < 0:
+        if arrays.rank_count(self.lmp) > 1 or self.lmp.find_pair_neighlist("rheo") < 0:
             return ()
         read, order_n = read_list(self.lmp), np.argsort(tag_n)
         id_s = read.pop("id_s")
@@ -150,10 +150,10 @@ class Sampler:
         shown: dict[str, Array] = {}
         for field in map(FIELDS.__getitem__, self.fields):
             if field.array:
-                shown[field.name] = field.planar(pressure.atoms(self.lmp, field.array, n).copy(), d)
+                shown[field.name] = field.planar(arrays.atoms(self.lmp, field.array, n).copy(), d)
         if self.columns:
             count = max(columns.stop for columns in self.columns.values())
-            table = pressure.compute(self.lmp, COMPUTE, count, n).copy()
+            table = arrays.compute(self.lmp, COMPUTE, count, n).copy()
             for name, columns in self.columns.items():
                 shown[name] = table[:, columns].reshape(n, *(d,) * QUANTITIES[name].rank)
         return shown
@@ -236,7 +236,7 @@ def taken(
     d = model.dimension
 
     def read(name: str) -> Array:
-        return pressure.atoms(lmp, name, n)
+        return arrays.atoms(lmp, name, n)
 
     state = State(
         x_nc=x_nc[:n, :d].copy(),
@@ -254,8 +254,8 @@ def taken(
     mass_n = read("rmass").copy() if mass_t is None else mass_t[state.type_n]
     z_n = x_nc[:n, 2].copy() if d == 2 else None
     newton = bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))
-    acting = [(action, pressure.members(lmp, action.group, n)) for action in actions]
-    return ParticleSample(model, box, state, mass_n, acting, z_n=z_n, newton=newton, ranks=pressure.ranks(lmp))
+    acting = [(action, arrays.members(lmp, action.group, n)) for action in actions]
+    return ParticleSample(model, box, state, mass_n, acting, z_n=z_n, newton=newton, ranks=arrays.rank_count(lmp))
 
 
 def drop(lmp: Any) -> None:

@@ -243,7 +243,7 @@ def test_deck_is_refused_where_nothing_contains_it(
 
 RANK = """
 import sys
-from lammps_cases.audit import child, launch
+from lammps_cases.audit import child
 from lammps_cases.audit.options import AuditOptions, AuditTask
 lmp, _ = child.start(AuditTask("", sys.argv[1], AuditOptions(trust=False), sys.argv[3], sys.argv[2]))
 for command in sys.argv[4].split("; "):

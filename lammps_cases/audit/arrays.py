@@ -1,16 +1,13 @@
-"""Arrays of all atoms: LAMMPS' own memory on one rank; on several, LAMMPS gathers them, and every rank gets all.
+"""Arrays of all atoms, samples of the pressure made of them, and what an audit keeps to compare later runs with.
 
-All ranks call these functions, in the same order: they follow the same commands and take the same samples.
-
-Samples of the pressure, compared type by type with the law of each.
-
-What an audit keeps of a deck to compare later runs with: columns of two samples, and rows of thermo output.
+On one rank the arrays are LAMMPS' own memory; on several, LAMMPS gathers them, and every rank gets all. All ranks call
+these functions, in the same order: they follow the same commands and take the same samples.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -28,14 +25,14 @@ MOST = 500  # particles of a sample
 CLOCKS = ("CPU", "TimeoutLeft")  # in the names of columns of thermo output that no second run has the same
 
 
-def ranks(lmp: Any) -> int:
+def rank_count(lmp: Any) -> int:
     """Return the number of ranks."""
     return int(lmp.extract_setting("world_size"))
 
 
 def ids(lmp: Any) -> Array:
     """Return the ids of all atoms, (n,), rank by rank."""
-    if ranks(lmp) == 1:
+    if rank_count(lmp) == 1:
         id_n: Array = lmp.numpy.extract_atom("id")[: lmp.extract_setting("nlocal")]
         return id_n
     id_n = _gathered(lmp, "id")
@@ -44,13 +41,13 @@ def ids(lmp: Any) -> Array:
 
 def atoms(lmp: Any, name: str, n: int) -> Array:
     """Return a property of all n atoms by extract_atom's name, (n,) or (n, 3), in the order of `ids`."""
-    found: Array = lmp.numpy.extract_atom(name) if ranks(lmp) == 1 else _gathered(lmp, name)
+    found: Array = lmp.numpy.extract_atom(name) if rank_count(lmp) == 1 else _gathered(lmp, name)
     return found[:n]
 
 
 def compute(lmp: Any, name: str, columns: int, n: int) -> Array:
     """Return what a compute of at least two columns has for all n atoms, (n, columns)."""
-    if ranks(lmp) == 1:
+    if rank_count(lmp) == 1:
         table: Array = lmp.numpy.extract_compute(name, 1, 2)
     else:
         table = np.ctypeslib.as_array(lmp.gather_concat(f"c_{name}", 1, columns)).reshape(-1, columns)
@@ -80,7 +77,9 @@ class PressureSample:
     box_c : (2, 3) low and high corner, and xy, xz, yz if an edge leans
     periodic : one flag per axis
     step : LAMMPS' count of steps
-    arrays : per atom ``id``, ``type``, ``x``, ``v``, ``rho``, ``p``, ``mass``, and ``energy`` if a law needs it
+    arrays : per atom ``id``, ``type``, ``status``, ``x``, ``v``, ``rho``, ``p``, ``mass``; ``energy`` if a law needs it
+    others : the other fields of the sample, compared
+    checked : whether the pressure is checked as well
     """
 
     table: EOSTable
@@ -88,6 +87,8 @@ class PressureSample:
     periodic: tuple[bool, ...]
     step: int
     arrays: Mapping[str, Array]
+    others: Mapping[str, Comparison] = field(default_factory=dict)
+    checked: bool = True
 
     def of(self, rows_n: Array) -> PressureSample:
         """Return the sample of some atoms."""
@@ -107,13 +108,20 @@ class PressureSample:
             comparisons[t] = rows, compare_pressure(law, state, now["p"][rows], digits=digits)
         return comparisons
 
-    def result(
-        self, others: Mapping[str, Comparison], pressure: bool
-    ) -> tuple[dict[str, Array], dict[int, FieldRecord]]:
-        """Return the arrays of all fields sorted by id, and per type the record of the pressure with the digits lost.
+    def few(self) -> dict[str, Array]:
+        """Return the arrays of `result`: of all particles, or of evenly spaced ones."""
+        order_n = np.argsort(self.arrays["id"], kind="stable")
+        n = len(order_n)
+        few = order_n[np.linspace(0, n - 1, min(n, MOST)).astype(int)]
+        of_few = {
+            name: replace(c, lammps_n=c.lammps_n[few], reference_n=c.reference_n[few], bound_n=c.bound_n[few])
+            for name, c in self.others.items()
+            if len(c.bound_n) == n
+        }
+        return replace(self.of(few), others=of_few).result()[0]
 
-        ``others`` are the comparisons of other fields; ``pressure`` says whether the pressure is among those checked.
-        """
+    def result(self) -> tuple[dict[str, Array], dict[int, FieldRecord]]:
+        """Return the arrays of all fields by id, and per type the record of the pressure with the digits lost."""
         order_n = np.argsort(self.arrays["id"], kind="stable")
         ordered = self.of(order_n)
         now = ordered.arrays
@@ -121,11 +129,11 @@ class PressureSample:
         arrays |= {"box": self.box_c, "periodic": np.array(self.periodic), "step": np.array(self.step)}
         if "energy" in now:
             arrays["e"] = now["energy"] / now["mass"]
-        for field, c in others.items():
+        for name, c in self.others.items():
             if len(c.bound_n) == len(order_n):
                 sides = {"lammps": c.lammps_n, "reference": c.reference_n, "bound": c.bound_n}
-                arrays |= {f"{field}.{side}": values_n[order_n] for side, values_n in sides.items()}
-        if not pressure:
+                arrays |= {f"{name}.{side}": values_n[order_n] for side, values_n in sides.items()}
+        if not self.checked:
             return arrays, {}
         reference_n, bound_n, records = np.empty(len(order_n)), np.empty(len(order_n)), {}
         for t, (rows, comparison) in ordered.compare(digits=True).items():
@@ -138,7 +146,9 @@ class PressureSample:
         }, records
 
 
-def read(lmp: Any, table: EOSTable, mass_t: Array | None, step: int, tag_n: Array, x_nc: Array) -> PressureSample:
+def read_pressure(
+    lmp: Any, table: EOSTable, mass_t: Array | None, step: int, tag_n: Array, x_nc: Array
+) -> PressureSample:
     """Copy what LAMMPS shows now; ``mass_t`` is None where every particle has its own mass."""
 
     def column(name: str) -> Array:
@@ -148,6 +158,7 @@ def read(lmp: Any, table: EOSTable, mass_t: Array | None, step: int, tag_n: Arra
     arrays: dict[str, Array] = {
         "id": tag_n.copy(),
         "type": type_n,
+        "status": column("rheo_status"),
         "x": x_nc.copy(),
         "v": column("v"),
         "rho": column("rho"),
@@ -168,19 +179,6 @@ def load_compiled(table: EOSTable) -> None:
     arrays: dict[str, Array] = {"id": types_n, "type": types_n}
     arrays |= dict.fromkeys(("rho", "p", "mass", "energy"), ones_n)
     PressureSample(table, np.zeros((2, 3)), (True,) * 3, 0, arrays).compare()
-
-
-def columns(now: PressureSample, others: Mapping[str, Comparison], pressure: bool) -> dict[str, npt.NDArray[Any]]:
-    """Return the arrays of a sample by id as `PressureSample.result`: of all particles, or of evenly spaced ones."""
-    order_n = np.argsort(now.arrays["id"], kind="stable")
-    n = len(order_n)
-    few = order_n[np.linspace(0, n - 1, min(n, MOST)).astype(int)]
-    of_few = {
-        field: replace(c, lammps_n=c.lammps_n[few], reference_n=c.reference_n[few], bound_n=c.bound_n[few])
-        for field, c in others.items()
-        if len(c.bound_n) == n
-    }
-    return now.of(few).result(of_few, pressure)[0]
 
 
 def take_thermo(lmp: Any, rows: list[dict[str, float]]) -> None:

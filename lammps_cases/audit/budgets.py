@@ -1,11 +1,9 @@
-r"""What becomes of mass, momentum and energy in one sample: the sums that each part of the model adds to them.
+r"""Mass, momentum and energy of a sample, what each part of the model adds to them, and what that shows of a deck.
 
 A fluid without heat has the kinetic energy :math:`K=\frac12\sum_im_iv_i^2` and that of its compression, whose rate is
 :math:`\dot U=\sum_im_iP_i\dot\rho_i/\rho_i^2`. With the quintic kernel the forces of a pair are opposite, and what
 pressure takes from K it gives to U: both sums are 0 but for rounding. Reproducing kernels, walls and shifts keep
 neither; viscosity, artificial viscosity and density diffusion take energy away.
-
-What the budgets of a deck say: what is conserved, what makes the difference to a closed solution.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
 """`audit`: what ``eos-ref audit`` does, as a function that returns the result and prints nothing.
 
-Every deck of a folder, audited in processes of their own, a few at a time.
-
-`audit_restart`: a restart file of a deck, read by LAMMPS, whose fields at its step are judged.
-
-``eos-ref.toml`` beside decks: how they are audited, and which known findings are accepted, why and until when.
+A deck is audited, all decks of a folder, a few at a time, or what a deck has written. ``eos-ref.toml`` in the folder of
+the decks holds how they are audited, and which known findings are accepted, why and until when.
 """
 
 from __future__ import annotations
@@ -23,13 +20,12 @@ from dataclasses import replace
 from datetime import UTC, date, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from eos_ref.errors import InputError, unknown
 from lammps_cases.audit.arrays import arrays_of
-from lammps_cases.audit.fields import chosen
 from lammps_cases.audit.finished import audit_dump
 from lammps_cases.audit.messages import DeckSetups, RunSetup
 from lammps_cases.audit.options import AuditOptions, AuditResult, DeckLevelOptions, FinishedOptions
@@ -52,7 +48,7 @@ from lammps_cases.run.results import Result, report_folder
 
 DECK_NAMES = ("in.*", "*.in", "*.lmp")
 HEAD = 2**16  # bytes of a file that are looked at to see whether it is a deck
-RESTART_NAME = "eosref_restart"  # of the copy, beside the deck's files
+RESTART_NAME = "eosref_restart"  # of the copy, among the deck's files
 SETTINGS = "eos-ref.toml"
 UNTIL = re.compile(r"until (\d{4})-(\d{2})(?:-(\d{2}))?, (\S.*)")
 
@@ -104,7 +100,7 @@ def audit_into(
 ) -> RunRecord:
     """Audit a deck, all decks of a folder, or what a deck has written, and write the report into a folder.
 
-    Options that are not given, and allowances of findings, are those of `settings.FILE` beside the decks.
+    Options that are not given, and allowances of findings, are those of `SETTINGS` in the folder of the decks.
     """
     dump, restart = (finished.dump, finished.restart) if finished else (None, None)
     if dump is not None and restart is not None:
@@ -224,7 +220,7 @@ def audit_restart(restart: Path, deck: Path, options: AuditOptions) -> AuditResu
     result = _audited_restart(restart, deck, setups, run, options)
     step = result.record.cases[0].checks[0].step
     of_step = _run_of(step, setups.runs, restart)
-    if of_step.said != run.said:
+    if of_step.before != run.before:
         result = _audited_restart(restart, deck, setups, of_step, options)
     case = result.record.cases[0]
     case.case, case.source = case_name(restart), str(restart)
@@ -251,7 +247,7 @@ def _audited_restart(
         copy_folder(place.root, root, links_out=options.trust)
         folder = root / place.within
         shutil.copyfile(restart, folder / RESTART_NAME)
-        commands = setups.commands[: run.said]
+        commands = setups.commands[: run.before]
         early = [command for command in commands if command.startswith("newton")]
         rest = [command for command in commands if command not in early]
         script = folder / f"in.{RESTART_NAME}"
@@ -265,19 +261,26 @@ def _audited_restart(
 
 
 class DeckLimits(BaseModel):
-    """How decks are audited, as the options of the same names; None: not set here."""
+    """How decks are audited: those options of the same names that are set here."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    every: Annotated[int, Field(ge=1, lt=2**31)] | None = None
-    steps: Annotated[int, Field(ge=1)] | None = None
-    timeout: Annotated[float, Field(gt=0)] | None = None
+    every: int | None = None
+    steps: int | None = None
+    timeout: float | None = None
     fields: list[str] | None = None
 
     def values(self) -> dict[str, Any]:
-        """Return what is set, as `AuditOptions` takes it."""
-        values = {name: value for name in DeckLimits.model_fields if (value := getattr(self, name)) is not None}
-        return values | ({"fields": chosen(self.fields)} if self.fields is not None else {})
+        """Return what is set, as `AuditOptions` has it.
+
+        Raises
+        ------
+        InputError
+            A value that the option may not have.
+        """
+        names = [name for name in DeckLimits.model_fields if getattr(self, name) is not None]
+        options = AuditOptions(**{name: getattr(self, name) for name in names})
+        return {name: getattr(options, name) for name in names}
 
 
 class Settings(DeckLimits):

@@ -1,6 +1,4 @@
-"""What the columns of a dump hold, by its deck, and to how many digits.
-
-A snapshot of a dump as a sample: the state that the forces saw, and what the columns themselves say.
+"""The columns of a dump, by its deck and to so many digits, and a snapshot of it as a sample.
 
 A dump is written at the end of a step, half a step after the forces: velocities have moved on by half a step of f/m,
 densities of fluid by half a step of the rate of the continuity equation, energies by half a step of the heat flow. All

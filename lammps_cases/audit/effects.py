@@ -1,11 +1,8 @@
-"""The findings that explain the fields of a sample which lie outside their bounds, and those that leave fields open.
+"""The findings of an engine in a deck: those that explain fields, what each does to a field, those that act on it.
 
-What the findings of an engine do to a deck: the fields of one sample with and without each of them.
-
-They are computed from the model of the deck alone, also where LAMMPS' own field cannot be compared because other styles
-add to it.
-
-Known bugs that act on a deck by its definitions, before its first step and whether or not a field shows them.
+The effects are fields of one sample with and without a finding, computed from the model of the deck alone, also where
+LAMMPS' own field cannot be compared because other styles add to it. A finding acts on a deck by its definitions, before
+its first step and whether or not a field shows it.
 """
 
 from __future__ import annotations

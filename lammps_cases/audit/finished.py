@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import shlex
 import time
 from collections.abc import Iterator, Sequence
@@ -20,7 +19,6 @@ from eos_ref.model.parameters import Model
 from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import dumps, fields
-from lammps_cases.audit.deck import Deck
 from lammps_cases.audit.dumps import FrameEvaluation, FrameSample
 from lammps_cases.audit.effects import Explained, effects
 from lammps_cases.audit.messages import DeckDump, DeckEnd, RunFacts, RunSetup, SampleRow, SampleRows
@@ -49,7 +47,6 @@ class Run(NamedTuple):
 
     number: int
     setup: RunSetup
-    deck: Deck
     model: Model | InputError
 
 
@@ -131,7 +128,7 @@ def _read(dump: Path) -> tuple[list[FileSnapshot], list[str]]:
 
 
 def _run(number: int, setup: RunSetup) -> Run:
-    deck = Deck(**{field.name: getattr(setup, field.name) for field in dataclasses.fields(Deck)})
+    deck = setup.deck
     mass_t = [1.0] * setup.ntypes if setup.mass_t is None else setup.mass_t[1:]
     try:
         laws = deck.laws(setup.ntypes)
@@ -140,7 +137,7 @@ def _run(number: int, setup: RunSetup) -> Run:
         model: Model | InputError = deck.model(setup.dimension, setup.ntypes, mass_t, laws, manual_of(setup.version))
     except InputError as error:
         model = error
-    return Run(number, setup, deck, model)
+    return Run(number, setup, model)
 
 
 def _frame(snapshot: FileSnapshot, runs: Sequence[Run], where: str) -> Frame:
@@ -271,7 +268,7 @@ class _Audit:
         if dumps.by_columns(name, held) or (name != "rho" and not fields.needs(name, "pairs", model)):
             return ""
         open_tilt = fields.leans_open(frame.snapshot.tilt, frame.snapshot.periodic)
-        setting = fields.Setting(run.deck, run.setup.units, open_tilt, run.setup.between)
+        setting = fields.Setting(run.setup.deck, run.setup.units, open_tilt, run.setup.between)
         if reason := fields.why_not(name, model, setting):
             return reason
         return "" if frame.set_up else self._between(run)
@@ -280,7 +277,7 @@ class _Audit:
         """Return why the state that the forces saw does not follow from that of the dump; or nothing."""
         if run.setup.units in ("real", "metal", "electron"):
             return f"in units {run.setup.units} force over mass is not an acceleration"
-        return run.deck.moves_on()
+        return run.setup.deck.moves_on()
 
     def unchecked(self) -> dict[str, str]:
         """Return by field why it was not checked, with the steps if that does not hold for all snapshots."""
@@ -341,10 +338,10 @@ def _sample(frame: Frame, held: dict[str, Any], id_n: npt.NDArray[Any]) -> Frame
     both = model.fix.rho_sum and model.fix.interface_reconstruct
     return FrameSample(
         model, box, dumps.plain(state), value(mass_n),
-        [(action, setup.members[action.group][at_n] & (at_n >= 0)) for action in run.deck.plain_actions()],
+        [(action, setup.members[action.group][at_n] & (at_n >= 0)) for action in run.setup.deck.plain_actions()],
         frame.set_up and both,
         snapshot.numbers("z") if d == 2 and "z" in snapshot.columns else None,
-        unlists_bonded=run.deck.unlists_bonded,
+        unlists_bonded=run.setup.deck.unlists_bonded,
         newton=setup.newton,
         ranks=setup.ranks,
         of_forces=state,

@@ -5,14 +5,13 @@ that runs inside them are met, fixes are known as LAMMPS got them, and no comman
 variables and substitution remain LAMMPS' own: an ``if`` is handed to LAMMPS with each branch replaced by a
 number, and a line is substituted once, by LAMMPS (a random variable must not advance twice).
 
-A deck followed without its runs: what each begins with, and what the deck's dumps write.
+A deck can be followed without its runs: then it is kept what each begins with, and what the deck's dumps write.
 """
 
 from __future__ import annotations
 
 import contextlib
 import copy
-import dataclasses
 import math
 import os
 import re
@@ -25,7 +24,7 @@ import numpy as np
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model
 from lammps_cases.audit import arrays, place, sample, text
-from lammps_cases.audit.deck import Deck, between
+from lammps_cases.audit.deck import between
 from lammps_cases.audit.messages import DeckDump, DeckSetups, RunSetup, ScriptCommand, StartState
 from lammps_cases.audit.place import DeckPlace, written
 from lammps_cases.audit.sample import SOLID
@@ -351,13 +350,13 @@ class SetupWatch(DeckWatch):
         lmp = self.lmp
         id_n = arrays.ids(lmp)
         n = len(id_n)
-        deck = copy.deepcopy(self.deck)
         groups = sorted({action.group for action in self.deck.plain_actions()})
         status = lmp.extract_atom("rheo_status")
         return RunSetup(
             first=first,
             last=last,
-            said=len(self.commands),
+            before=len(self.commands),
+            deck=copy.deepcopy(self.deck),
             dt=float(lmp.extract_global("dt")),
             version=str(lmp.version()),
             units=str(lmp.extract_global("units")),
@@ -371,5 +370,4 @@ class SetupWatch(DeckWatch):
             members={group: arrays.members(lmp, group, n) for group in groups},
             newton=(bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))),
             ranks=arrays.rank_count(lmp),
-            **{field.name: getattr(deck, field.name) for field in dataclasses.fields(Deck)},
         )

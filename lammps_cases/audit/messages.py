@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy.typing as npt
 from pydantic import ConfigDict
 
+from lammps_cases.audit.deck import Deck
 from lammps_cases.records.audit_record import (
     ActingRecord,
     BreakRecord,
@@ -28,8 +29,8 @@ class RunSetup:
     Attributes
     ----------
     first, last : its steps
-    said : how many of the deck's commands come before it
-    fixes, pair, coefficients, special, bonded, excludes : of `lammps_cases.audit.deck.Deck`
+    before : how many of the deck's commands come before it
+    deck : these commands
     computes : their commands by id
     between : a command that the run executes in between and that may change the model
     mass_t : masses of the types, from index 1; None where every particle has its own
@@ -43,7 +44,8 @@ class RunSetup:
 
     first: int
     last: int
-    said: int
+    before: int
+    deck: Deck
     dt: float
     version: str
     units: str
@@ -51,12 +53,6 @@ class RunSetup:
     ntypes: int
     between: str
     mass_t: list[float] | None
-    fixes: dict[str, list[str]]
-    pair: list[str]
-    coefficients: list[list[str]]
-    special: list[str]
-    bonded: list[str]
-    excludes: bool
     computes: dict[str, list[str]]
     id_n: npt.NDArray[Any]
     solid_n: npt.NDArray[Any]
@@ -72,7 +68,7 @@ class DeckDump:
     Attributes
     ----------
     words : id, group, style, steps between two snapshots, file and columns
-    modify : what dump_modify says of it
+    modify : words of its dump_modify
     begin, end : number of runs before its definition, and before its end
     step : of write_dump; None for a dump
     """

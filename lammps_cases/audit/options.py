@@ -1,4 +1,4 @@
-"""Options and result of an audit, and the messages between its two processes."""
+"""Options, result and task of an audit."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class AuditOptions:
             type=str,
         ),
     ] = field(default_factory=dict)
-    root: Annotated[Path | None, Option("Copy DIR, for decks that read files in folders beside.", metavar="DIR")] = None
+    root: Annotated[Path | None, Option("Copy DIR, for decks that read files of other folders.", metavar="DIR")] = None
     ranks: Annotated[int, Option("Run LAMMPS on N MPI ranks, as mpirun -np N lmp.", metavar="N")] = 1
     budgets: Annotated[bool, Option("Also follow momentum and energy, and where they are lost.")] = False
 
@@ -220,7 +220,7 @@ class AuditTask:
     folder: str  # the copy
     options: AuditOptions
     means: Means
-    outside: str  # folder beside the copy, for the files of the audit itself
+    outside: str  # folder outside of the copy, for the files of the audit itself
     setups: bool = False  # whether runs are not carried out, but described
     place: DeckPlace = field(default_factory=DeckPlace)
 

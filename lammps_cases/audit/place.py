@@ -3,13 +3,9 @@
 ``lmp -in path/in.x`` runs in the current folder, and its file names are relative to it. So does an audit if the files
 that the deck reads by plain names lie there, or in the folder of ``--root``; otherwise it runs in the deck's own one.
 
-Commands that reach outside LAMMPS and the copy of the deck's folder, said before anything runs.
-
-It is containment that keeps a deck from what it may not do (`lammps_cases.engine.containment`); this gives the better
-message, with the line of the deck. Checked are the text of the deck and its includes, and every command after
-substitution.
-
-The copy of a deck's folder in which an audit runs it.
+Commands that reach outside LAMMPS and that copy are refused before anything runs. It is containment that keeps a deck
+from what it may not do (`lammps_cases.engine.containment`); this gives the better message, with the line of the deck.
+Checked are the text of the deck and its includes, and every command after substitution.
 """
 
 from __future__ import annotations

@@ -6,7 +6,6 @@ dimensions a unit of length of (m/rho0)^(1/d) makes that rho/rho0; no physics de
 
 from __future__ import annotations
 
-import dataclasses
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -136,7 +135,7 @@ def rescaled(setups: DeckSetups, name: str, target: str) -> RescaledDeck:
         raise InputError("units", f"must be one of {', '.join(SKINS)} to be rescaled", run.units, name)
     if run.mass_t is None:
         raise InputError("deck", "must have masses of types to be rescaled, not of particles", where=name)
-    deck = Deck(**{field.name: getattr(run, field.name) for field in dataclasses.fields(Deck)})
+    deck = run.deck
     if deck.bonded:
         raise InputError("deck", "must have no bonds to be rescaled", deck.bonded[0], name)
     if not np.isfinite([start.x_nc, start.v_nc]).all():

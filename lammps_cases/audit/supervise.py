@@ -51,7 +51,7 @@ PATIENCE = 0.5  # seconds between two checks of the time limit
 LAST = 65536  # bytes of what a process printed that are looked at when it has died
 LARGEST_MESSAGE = 2**32  # bytes of a message: the arrays of 1e7 atoms
 _RECORDS = ("lammps_cases.records.audit_record", "lammps_cases.records.run_record")
-DATA_MODULES = ("lammps_cases.audit.messages", *_RECORDS)  # whose own classes are data
+DATA_MODULES = ("lammps_cases.audit.deck", "lammps_cases.audit.messages", *_RECORDS)  # whose own classes are data
 _NUMPY = (("multiarray", "_reconstruct"), ("multiarray", "scalar"), ("numeric", "_frombuffer"))
 DATA_NAMES = {
     *{("eos_ref.errors", name) for name in ("InputError", "InputErrors")},

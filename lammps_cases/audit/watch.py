@@ -329,7 +329,7 @@ class DeckWatch:
         return found.comparisons, found.unpredictable
 
     def _usable(self, now: PressureSample, setup: bool) -> PressureSample:
-        """Return a sample of the particles with a pressure by their law, from densities that LAMMPS shows as it used them."""
+        """Return a sample without particles that have no pressure by their law, or other densities than it used."""
         rows_n = np.isfinite(now.arrays["rho"]) & np.isfinite(now.arrays.get("energy", 0.0))
         if setup and self.deck.sums_walls():  # LAMMPS then shows other densities of walls than it used (see the ledger)
             rows_n &= now.arrays["status"] & SOLID == 0

@@ -93,7 +93,7 @@ def _values(waiting: list[str]) -> Sequence[str]:
     return values
 
 
-BESIDE = "eos-ref-baseline"
+BASELINE = "eos-ref-baseline"
 
 
 @dataclass(frozen=True)
@@ -113,17 +113,17 @@ class BaselineOptions:
     baseline: Annotated[
         str | None,
         Option(
-            f"Compare with the accepted baseline: exit 1 if anything changed.  [default: {BESIDE} beside the deck]",
+            f"Compare with the accepted baseline: exit 1 if anything changed.  [default: {BASELINE} with the deck]",
             metavar="[FOLDER]",
             is_flag=False,
-            flag_value=BESIDE,
+            flag_value=BASELINE,
         ),
     ] = None
 
     def place(self, deck: Path) -> Path:
         """Return the folder of the baseline."""
-        named = self.baseline not in (None, BESIDE)
-        return Path(self.baseline or "") if named else (deck if deck.is_dir() else deck.parent) / BESIDE
+        named = self.baseline not in (None, BASELINE)
+        return Path(self.baseline or "") if named else (deck if deck.is_dir() else deck.parent) / BASELINE
 
 
 @command(LAUNCHER, cls=AsLammps)
@@ -151,7 +151,7 @@ def audit_command(
     It takes the switches of lmp, and runs in a copy of the current folder if the files that DECK reads lie there.
 
     DECK may be a folder: all decks below it (in.*, *.in, *.lmp) are audited. Findings that are accepted, with reason
-    and date, and limits stand in eos-ref.toml beside the decks.
+    and date, and limits stand in eos-ref.toml in their folder.
 
     It checks whatever a force evaluation computes from positions, velocities, densities, energies and phases, as used
     by the forces: the pressure by the laws that the deck defines at that moment, gradients, surfaces, forces. Loops,

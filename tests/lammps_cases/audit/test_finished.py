@@ -395,8 +395,9 @@ def test_fixes_that_move_particles_after_the_forces(
 ) -> None:
     folder = written("box")
     who, setups = described(folder / "in.deck")
+    fixes = {"9": ["fix", "9", "all", "momentum", "1", "linear", "1", "1", "1"]}
     moved = [
-        dataclasses.replace(run, fixes=run.fixes | {"9": ["fix", "9", "all", "momentum", "1", "linear", "1", "1", "1"]})
+        dataclasses.replace(run, deck=dataclasses.replace(run.deck, fixes=run.deck.fixes | fixes))
         for run in setups.runs
     ]
     changed = dataclasses.replace(setups, runs=moved)

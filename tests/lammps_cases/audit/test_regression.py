@@ -206,7 +206,7 @@ def test_a_folder_of_decks(deck: Path, eos_ref_command: Run) -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("every = 0", "every: Input should be greater than or equal to 1, found 0"),
+        ("every = 0", "every: must be 1 to 2147483647 time steps, found 0"),
         ('every = "5"', "every: Input should be a valid integer, found '5'"),
         ("steps = 5\nstep = 5", "step: Extra inputs are not permitted, found 5"),
         ('fields = ["presure"]', "field: must be one of all"),

@@ -51,7 +51,7 @@ def budget(
     half_step : float
         Time by which the velocities are behind, 0 at the set-up of a run.
     entries : sequence of Finding
-        Whose effect on the sums is asked for.
+        Whose effect on the sums is wanted.
     of_press : sequence of str
         Findings that can change the pressure of the system.
     """

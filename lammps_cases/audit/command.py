@@ -173,11 +173,9 @@ def audit_folder(folder: Path, options: AuditOptions, settings: Settings) -> lis
 
     def one(name: str) -> AuditResult:
         try:
-            own = settings.options(name, replace(options, progress=SILENT))
-            result = audit_deck(folder / name, own)
+            return audit_deck(folder / name, settings.options(name, replace(options, progress=SILENT)))
         except InputError as error:
             return AuditResult(RunRecord(engine=EngineRecord(), reference={}, cases=[_refused(error)]), {}, {})
-        return result
 
     results: dict[str, AuditResult] = {}
     with ThreadPoolExecutor(min(len(names), os.cpu_count() or 1)) as pool:
@@ -309,7 +307,7 @@ class Settings(DeckLimits):
         return replace(options, **{name: value for name, value in values.items() if name in default})
 
     def allowed(self, shown: Collection[str], today: date) -> tuple[dict[str, str], list[str]]:
-        """Return the allowances that hold, and what to say of the others: expired, or of what no deck shows."""
+        """Return the allowances that hold, and notes on the others: expired, or of a finding that no deck shows."""
         held, notes = {}, []
         for finding, text in self.allow.items():
             last, reason = allowance(finding, text)

@@ -180,7 +180,7 @@ class Deck:
         return ""
 
     def moves_on(self) -> str:
-        """Return what may move particles or the box between the forces and a dump, beside fix rheo; or nothing."""
+        """Return what may move particles or the box between the forces and a dump, apart from fix rheo; or nothing."""
         rheo = self.fix("rheo")
         if rheo is not None and rheo[2] != "all":
             return f"fix rheo integrates group {rheo[2]} alone"
@@ -225,7 +225,7 @@ _HYPHEN = re.compile("([0-9]+)-[0-9]+")  # no number looks so
 
 
 def hyphens(values: Sequence[str]) -> list[str]:
-    """Return the words of a command of RHEO's fixes that are meant as ranges of types, and are none."""
+    """Return the words of a command of RHEO's fixes that are meant as ranges of types, and are not."""
     of_rheo = values[0] == "fix" and values[3:4] and values[3].startswith("rheo")
     return [word for word in values[4:] if _HYPHEN.fullmatch(word)] if of_rheo else []
 

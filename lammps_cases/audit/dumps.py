@@ -125,7 +125,7 @@ def number(values_n: FloatArray, form: str) -> Rounded:
     Raises
     ------
     InputError
-        A format that is none of %e, %f and %g.
+        Another format than %e, %f and %g.
     """
     match = FORMAT.fullmatch(form)
     if match is None:

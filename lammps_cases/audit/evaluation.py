@@ -94,7 +94,7 @@ class TimedSample:
 
 
 class _GivenDensities(ArrayEvaluator):
-    """Evaluator that takes the densities as given, and keeps their sum beside them."""
+    """Evaluator that takes the densities as given, and keeps their sum apart."""
 
     given_n: Any
     summed_n: Any = None
@@ -196,20 +196,20 @@ class SampleEvaluation:
             return ~all_n
         comparable_n = self._in_plane()
         if needs(field, "correction", model) and corrected_by_hidden_densities(model):
-            comparable_n = comparable_n & ~self._beside(solid_n)
+            comparable_n = comparable_n & ~self._near(solid_n)
         if field in ("surface/r", "surface/n", "shift/v") and "surface" in self.simulation.fields:
             open_n = error(self.simulation.fields["surface"]) > 0
-            comparable_n = comparable_n & ~open_n & ~self._beside(open_n)
+            comparable_n = comparable_n & ~open_n & ~self._near(open_n)
         return comparable_n
 
-    def _beside(self, some_n: BoolArray) -> BoolArray:
+    def _near(self, some_n: BoolArray) -> BoolArray:
         """Return the particles that have neighbours among some."""
         return self.stages.any_neighbour(lambda _, other: other, some_n) if some_n.any() else some_n
 
     def _in_plane(self) -> BoolArray:
         """Return the particles that lie in a plane with their neighbours, as do these with theirs."""
         tilted_n = self.tilted()
-        return ~(tilted_n | self._beside(tilted_n))
+        return ~(tilted_n | self._near(tilted_n))
 
     def tilted(self) -> BoolArray:
         """Return the particles of a 2D deck with neighbours above or below: LAMMPS takes distances in space."""

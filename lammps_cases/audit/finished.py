@@ -43,7 +43,7 @@ NO_RATE = "no column of it in the dump (compute property/atom drho)"
 
 
 class Run(NamedTuple):
-    """A run of the deck, by its number, with its model; an error where there is none that can be followed."""
+    """A run of the deck, by its number, with its model; an error where none can be followed."""
 
     number: int
     setup: RunSetup
@@ -91,7 +91,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
         if list(snapshot.columns) != list(columns.names):
             raise InputError("columns", "must be the same in every snapshot", snapshot.step, dump.name)
         frame = _frame(snapshot, writing, dump.name)
-        writing = writing[writing.index(frame.run) :]  # steps may be counted anew
+        writing = writing[writing.index(frame.run) :]  # steps may be counted from 0 again
         _check(frame, dump.name)
         with np.errstate(all="ignore"):  # of numbers that overflow, which the comparison judges
             audit.take(frame)
@@ -156,7 +156,7 @@ def _frame(snapshot: FileSnapshot, runs: Sequence[Run], where: str) -> Frame:
 
 
 def _check(frame: Frame, where: str) -> None:
-    """Refuse a snapshot whose particles are none of the deck.
+    """Refuse a snapshot whose particles are not the deck's.
 
     Raises
     ------
@@ -172,10 +172,10 @@ def _check(frame: Frame, where: str) -> None:
 
 
 def _coarse(x_nc: Rounded, model: Model) -> str:
-    """Return why positions tell nothing of neighbours; or nothing."""
+    """Return why neighbours do not follow from positions; or nothing."""
     if not np.isfinite(x_nc.value).all():
         return "positions are not numbers"
-    # Beyond the latter, the squares of distances are no longer told apart by the cutoff, whatever the digits.
+    # Beyond the latter, the squares of distances are no longer distinguished by the cutoff, whatever the digits.
     known = 2 * np.sqrt(model.dimension) * x_nc.error.max(initial=0.0) + EPS * np.abs(x_nc.value).max(initial=0.0)
     return "" if known < 0.5 * model.cut else "positions are not known to within the cutoff"
 
@@ -315,7 +315,7 @@ def _broke(snapshot: FileSnapshot, run: int) -> BreakRecord | None:
 
 
 def _numbers(snapshot: FileSnapshot) -> Iterator[tuple[str, npt.NDArray[Any]]]:
-    """Yield the columns that hold numbers: of others, such as element, nothing can be said."""
+    """Yield the columns that hold numbers: others, such as element, are left out."""
     for name in snapshot.columns:
         with contextlib.suppress(InputError):
             yield name, snapshot.numbers(name)

@@ -236,9 +236,9 @@ class Follower:
             hint = f" (-var {unset[1]} VALUE defines it, as for lmp)" if unset else ""
             if _OTHER_RANKS in str(error):
                 hint = f" (--ranks {math.prod(int(n) for n in self.grid if n.isdecimal())} starts as many)"
-            said = " ".join(str(error).split())
-            at = said.find(" (src/") if " (src/" in said else len(said)  # the hint comes before the place in a source
-            raise type(error)(f"{said[:at]}{hint}{said[at:]} ({self.where})") from None
+            line = " ".join(str(error).split())
+            at = line.find(" (src/") if " (src/" in line else len(line)  # the hint comes before the place in a source
+            raise type(error)(f"{line[:at]}{hint}{line[at:]} ({self.where})") from None
 
 
 class SetupWatch(DeckWatch):

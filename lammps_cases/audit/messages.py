@@ -176,8 +176,8 @@ class SampleRow(NamedTuple):
 class SampleRows:
     """One sample: every field and atom type (0: all types) at one step, and the number of steps done.
 
-    ``effects``: what known findings do to the particles as they are, in some of the samples; ``budgets``: one, if asked
-    for; ``unpredictable``: by field that could not be compared, the findings that reach it.
+    ``effects``: what known findings do to the particles as they are, in some of the samples; ``budgets``: one, if
+    wanted; ``unpredictable``: by field that could not be compared, the findings that reach it.
     """
 
     step: int

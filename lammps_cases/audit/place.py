@@ -104,7 +104,7 @@ class DeckPlace:
         return word.startswith("/") or up > len(self.within.parts)
 
     def refusal(self, words: Sequence[str], command: str, found: str, where: str) -> InputError:
-        """Return the complaint about such paths, with what to type."""
+        """Return the error about such paths, with what to type."""
         targets = [Path(os.path.normpath(self.working / word)).parent for word in words if word[0] != "/"]
         common = os.path.commonpath([self.root, self.own or self.root, *targets])
         root = f"--root {os.path.relpath(common, self.current)}, to copy that folder, or "
@@ -135,9 +135,9 @@ def find(deck: Path, root: Path | None, var: Mapping[str, Sequence[str]]) -> Dec
     top = None if root is None else root.resolve()
     if top is not None and not (top.is_dir() and own.is_relative_to(top)):
         raise InputError("root", "must be a folder that holds the deck", str(root), "option --root")
-    beside = _read(deck, own, var)
+    own_files = _read(deck, own, var)
     others = [current] if top is None else [each for each in (current, top) if each.is_relative_to(top)]
-    fitting = (each for each in others if (here := _read(deck, each, var)) and here >= beside)
+    fitting = (each for each in others if (here := _read(deck, each, var)) and here >= own_files)
     working = next(fitting, own)
     return DeckPlace(top or working, working, own=own)
 
@@ -195,7 +195,7 @@ def _commands(command: str, known: Mapping[str, str], depth: int = 0) -> Iterato
 
 
 def _file(path: Path) -> Path | None:
-    """Return the file that a path of a deck is, unless it is none."""
+    """Return the file that a path of a deck names; None if there is none."""
     try:
         file = path.resolve()
         return file if file.is_file() else None

@@ -207,7 +207,7 @@ def _look(record: SeriesRecord, run: Simulation, step: int) -> None:
 
 
 def closed(good: TimedSample, steps: Sequence[int]) -> ClosedRecord | None:
-    """Return what a closed solution says of the deck at some steps after the sample; None if there is none.
+    """Return a closed solution of the deck at some steps after the sample; None if there is none.
 
     Known are the vortices of Taylor and Green in a periodic square, and fluid at rest between two plates, along which
     a force sets in.

@@ -70,7 +70,7 @@ class RescaledDeck:
 def rescale(deck: Path, options: AuditOptions, target: Path) -> list[str]:
     """Write a deck in the unit of length in which m/rho0 is 1, run it, and return lines about it.
 
-    The new deck is checked in two ways: the reference's forces and rates of both decks, stirred alike, differ by no
+    The new deck is checked in two ways: the reference's forces and rates of both decks, stirred equally, differ by no
     more than rounding; LAMMPS runs it, audited, to its end.
 
     Parameters
@@ -79,7 +79,7 @@ def rescale(deck: Path, options: AuditOptions, target: Path) -> list[str]:
     options : AuditOptions
         Of the audit of the new deck.
     target : Path
-        The new deck; its data file lies beside it, with ``.data`` behind its name.
+        The new deck; its data file is in the same folder, with ``.data`` behind its name.
 
     Raises
     ------
@@ -94,16 +94,16 @@ def rescale(deck: Path, options: AuditOptions, target: Path) -> list[str]:
     with tempfile.TemporaryDirectory(prefix="eos-ref-rescale-") as folder:
         copy = Path(folder) / target.name
         write_atomically(copy, content)
-        write_atomically(_beside(copy), particles)
+        write_atomically(_data_file(copy), particles)
         case = audit_deck(copy, replace(options, keep=None, progress=SILENT)).record.cases[0]
     if case.verdict not in ("exact", "pass", "explained", "differs"):
         raise InputError("rescaled deck", "must be run by LAMMPS to its end", case.engine_error or case.message)
-    write_atomically(_beside(target), particles)
+    write_atomically(_data_file(target), particles)
     write_atomically(target, content)
     return _report(made, case, target)
 
 
-def _beside(deck: Path) -> Path:
+def _data_file(deck: Path) -> Path:
     return deck.with_name(f"{deck.name}.data")
 
 
@@ -302,7 +302,7 @@ def _commands(setups: DeckSetups, start: StartState, scaling: Scaling, target: s
         if command.values[0] in BEFORE_BOX:
             yield _line(scaling.command(command))
     run = setups.runs[0]
-    yield f"read_data {_beside(Path(target)).name}"
+    yield f"read_data {_data_file(Path(target)).name}"
     yield from (f"mass {t} {mass!r}" for t, mass in enumerate((run.mass_t or ())[1:], 1))
     yield from _groups(start)
     if run.first:

@@ -1,7 +1,7 @@
 """Samples of the fields of the particle model: what LAMMPS shows, and what the reference makes of the same state.
 
 Most fields are arrays of atoms; the others are shown by a compute of the audit's own, evaluated at samples
-only. LAMMPS evaluates a compute anew for every step and after every set-up, from what the forces have just used.
+only. LAMMPS evaluates a compute again for every step and after every set-up, from what the forces have just used.
 """
 
 from __future__ import annotations

@@ -127,7 +127,7 @@ def audit_deck(deck: Path, options: AuditOptions | None = None, place: DeckPlace
 
 
 def _take_share(case: CaseRecord, pairs: PairShare, options: AuditOptions) -> None:
-    """Have a second LAMMPS evaluate pair_style rheo alone at the particles of a sample, and judge its forces."""
+    """Have a second LAMMPS evaluate pair_style rheo alone at the particles of a sample, and compare its forces."""
     where = f"of pair_style rheo alone, by a second LAMMPS at the particles of step {pairs.step}"
     own = AuditOptions(options.every, None, options.timeout, options.trust, options.engine, fields=("f",))
     try:
@@ -139,8 +139,8 @@ def _take_share(case: CaseRecord, pairs: PairShare, options: AuditOptions) -> No
         failure = str(error)
     compared = [] if failure else second.fields
     for record in compared:
-        told_of = {"worst_step": pairs.step, "derivation": f"{where}; {record.derivation}"}
-        case.fields.append(record.model_copy(update=told_of))
+        update = {"worst_step": pairs.step, "derivation": f"{where}; {record.derivation}"}
+        case.fields.append(record.model_copy(update=update))
         case.checks += [c.model_copy(update={"step": pairs.step, "run": pairs.run}) for c in second.checks]
         if case.blame is None and second.blame is not None:
             case.blame = second.blame.model_copy(update={"step": pairs.step, "run": pairs.run})

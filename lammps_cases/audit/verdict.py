@@ -189,7 +189,7 @@ class Findings:
         return record.model_copy(update={"until": last[1]}) if ended or last < self.sampled else record
 
     def _inside(self, of: EffectRecord) -> bool:
-        """Return whether the field of an effect was compared in that sample and is inside its bound: there is none."""
+        """Return whether the field of an effect was compared in that sample and is inside its bound: no effect."""
         sample = of.run, of.step, of.field
         verdicts = [check.verdict for check in self.checks if (check.run, check.step, check.field) == sample]
         return bool(verdicts) and worst(verdicts) in wording.INSIDE
@@ -238,8 +238,8 @@ def _blame(sample: SampleRows, key: tuple[str, int], row: SampleRow) -> Blame:
 
 
 def by_field(reasons: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Return all that is said of each field."""
+    """Return all reasons of each field."""
     of_fields: dict[str, list[str]] = {}
     for name, reason in reasons:
         of_fields.setdefault(name, []).append(reason)
-    return {name: "; ".join(said) for name, said in of_fields.items()}
+    return {name: "; ".join(of_field) for name, of_field in of_fields.items()}

@@ -216,7 +216,7 @@ class DeckWatch:
         """Return what adds to the forces, if that alone is why they are left out and the share of rheo can be had."""
         added = self.deck.adds_force() if choice.unchecked.get("f") == self.deck.adds_force() else ""
         own_masses = bool(self.lmp.extract_atom("rmass"))
-        return added if share.can_be_asked(self.deck) and not own_masses else ""
+        return added if share.can_be_had(self.deck) and not own_masses else ""
 
     def share(self) -> PairShare | None:
         """Return the deck of pair_style rheo alone for the last sample, where others add to its forces."""
@@ -270,7 +270,7 @@ class DeckWatch:
     def _sample(self, run: WatchedRun, table: EOSTable, step: int, tag_n: Array, x_nc: Array) -> None:
         dt = float(self.lmp.extract_global("dt"))
         now = arrays.read_pressure(self.lmp, table, run.mass_t, step, tag_n, x_nc)
-        # A run calls back twice on one step where it is set up anew, in between (run ... every).
+        # A run calls back twice on one step where it is set up again, in between (run ... every).
         setup = not run.continued and step in (run.first, self._previous)
         state = {name: now.arrays[name] for name in ("x", "v", "rho", "energy") if name in now.arrays}
         finite = self.health.state(self.runs, step, now.arrays["id"], state, step == run.first)

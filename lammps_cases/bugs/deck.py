@@ -81,7 +81,7 @@ class Check:
 
     @property
     def inside(self) -> str:
-        """Return the command that asks whether the number is inside the bound; what is no number is not."""
+        """Return the command that tests whether the number is inside the bound; NaN is not."""
         # Formulas see other variables with 15 digits: the number itself stands here, not a variable that holds it.
         return f"variable inside equal abs({self.obtained}-({self.expected}))<={self.bound!r}"
 
@@ -130,7 +130,7 @@ def of_outcome(given: Job | tuple[str, ...], refused: str) -> BugDeck:
     """Return the deck of an input that LAMMPS must run, or refuse with a text."""
     lines, data = ([*given], "") if isinstance(given, tuple) else _scene(given)
     if isinstance(given, Job):
-        if given.outputs:  # what is computed is asked for, as LAMMPS computes nothing else
+        if given.outputs:  # LAMMPS computes only what is read
             first, shape = next(iter(given.outputs.items()))
             lines += [f"variable asked equal {word(given, first, 1, (0,) * len(shape))}"]
             lines += ["thermo_style custom step v_asked"]
@@ -308,7 +308,7 @@ def program(engine: Engine) -> Path:
     places = (folder / "lmp", folder.parent / "bin" / "lmp", folder.parent / "lmp")
     path = next((place for place in places if place.is_file()), None)
     if path is None:
-        raise EngineMissing(f"there is no program lmp beside the library in {folder}")
+        raise EngineMissing(f"there is no program lmp near the library in {folder}")
     return path
 
 

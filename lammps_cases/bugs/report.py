@@ -343,7 +343,7 @@ def of_case(case: Case, engine: Engine) -> Report:
     Raises
     ------
     InputError
-        The case is not red, or what is wrong with it cannot be said in one deck.
+        The case is not red, or what is wrong with it does not fit into one deck.
     """
     if case.scene.twin:
         raise InputError("case", "must not be a twin, which is two runs: name its original", case.name)

@@ -27,7 +27,7 @@ BUSY = "is being replaced by another program"
 
 @dataclass(frozen=True)
 class Accepted:
-    """What became of a baseline; ``changes`` is None if it is the first, ``written`` False if nothing changed."""
+    """An accepted baseline; ``changes`` is None if it is the first, ``written`` False if nothing changed."""
 
     folder: Path
     changes: Changes | None

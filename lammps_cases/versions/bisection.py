@@ -55,7 +55,7 @@ def bisect(names: Sequence[str], side_of: SideOf, policy: Policy, fields: Sequen
     InputError
         A field that no case compares.
     EngineMissing
-        An engine that dies on every case: nothing can be said of it.
+        An engine that dies on every case.
     """
     sides: dict[int, Side] = {}
 

@@ -22,7 +22,7 @@ def closest(a: bool, b: bool) -> Closer:
 
 
 def judged(field: FieldOutcome) -> tuple[str, tuple[str, ...]]:
-    """Reduce a verdict to what it says of LAMMPS: inside the bound, explained by some findings, or neither."""
+    """Reduce a verdict to what it means for LAMMPS: inside the bound, explained by some findings, or neither."""
     return ("inside", ()) if field.verdict in INSIDE else (field.verdict, field.explained_by)
 
 
@@ -129,7 +129,7 @@ class ChangeGroup:
 
     Attributes
     ----------
-    trait : a finding, or `UNEXPLAINED`; empty where what is said of both sides is the same
+    trait : a finding, or `UNEXPLAINED`; empty where both sides have the same
     side : the only one that shows it
     fields : how many cases each field is of, most first; empty for cases as a whole
     agree : how many fields of A, and of B, agree with the reference
@@ -180,7 +180,7 @@ class ChangeGroup:
 
 
 def groups(changes: Iterable[SideChange]) -> list[ChangeGroup]:
-    """Group all changes but those that are none; the largest group first within a kind.
+    """Group all real changes; the largest group first within a kind.
 
     A field that gained one finding and lost another is in the groups of both.
     """

@@ -32,7 +32,7 @@ from lammps_cases.versions.outcomes import Sample, Samples, Side, first_beyond
 
 @dataclass(frozen=True)
 class Changes:
-    """Two sides and everything that can be said of each case and field; ``notes`` concern the whole."""
+    """Two sides with the change of each case and field; ``notes`` concern the whole."""
 
     a: Side
     b: Side
@@ -52,7 +52,7 @@ class Changes:
 
     @property
     def different(self) -> list[SideChange]:
-        """All changes but those that are none."""
+        """All changes but those of kind `SAME`."""
         return [change for change in self.fields if change.kind not in SAME]
 
 
@@ -94,12 +94,12 @@ def _notes(a: Side, b: Side, changes: tuple[SideChange, ...]) -> Iterator[str]:
 
 
 def _environment(a: Side, b: Side) -> Iterator[tuple[str, str, str]]:
-    """Yield what both sides say of how LAMMPS was built and where it ran."""
+    """Yield how LAMMPS was built and where it ran, as far as both sides hold it."""
     sides = [
         {
             "library": side.engine.library_sha256[:HASH],
             "compiler": side.engine.compiler,
-            "MPI": side.engine.mpi.removeprefix("MPI") and side.engine.mpi,  # of which MPI was not always said
+            "MPI": side.engine.mpi.removeprefix("MPI") and side.engine.mpi,  # without its name in older runs
             "machine": side.machine,
         }
         for side in (a, b)
@@ -147,7 +147,7 @@ def _other_words(one: CaseOutcome, other: CaseOutcome) -> bool:
 def _of_deck(
     one: CaseOutcome, other: CaseOutcome, kept: tuple[Samples, Samples], policy: Policy
 ) -> Iterator[SideChange]:
-    """Yield what changed of a deck beside its fields: its state, its thermo output, the findings that act on it."""
+    """Yield what changed of a deck apart from its fields: its state, its thermo output, the findings that act on it."""
     whole = SideChange(
         one.case,
         "",

@@ -2,7 +2,7 @@
 
 ``findings/shown_by.json`` holds the cases that show each finding, ``findings/engines.json`` the versions it was seen
 on, ``docs/findings.md`` a table of all findings, ``docs/findings/`` a page of each. `eos-ref accept` and `eos-ref
-adopt` write them anew after they have changed the baselines of this repository.
+adopt` write them again after they have changed the baselines of this repository.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ class Sample:
 
 
 class Samples:
-    """The arrays that a side kept of a case, read when asked for.
+    """The arrays that a side kept of a case, read when they are needed.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Samples:
     steps : mapping, optional
         The step of every field's arrays, where it is not in the file itself as ``FIELD.step`` (-1: without steps).
     natoms : int, optional
-        How many atoms the case has; of very many a run keeps some alone, which are none of all.
+        How many atoms the case has; of very many a run keeps only some, which are then left out.
     """
 
     def __init__(
@@ -205,7 +205,7 @@ class BeyondBounds:
 
 
 class DeckSamples(Samples):
-    """The samples that are kept of a deck, read when asked for; ``read`` returns the arrays of each by its step."""
+    """The samples that are kept of a deck, read when needed; ``read`` returns the arrays of each by its step."""
 
     def __init__(self, read: Callable[[], Mapping[int, Mapping[str, Array]]]) -> None:
         super().__init__()

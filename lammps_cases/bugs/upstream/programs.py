@@ -183,7 +183,7 @@ def explained(
 
 
 def _lists(stage: Stage, of: Problem, look: dict[str, Any]) -> dict[str, Any]:
-    """Return LAMMPS' list of neighbours for every evaluation of particles that do not move; of others there is none."""
+    """Return LAMMPS' list of neighbours for every evaluation of particles that do not move; nothing for others."""
     if "list" not in look:
         return {}
     evaluations = stage.after + len(of.stops) + 1
@@ -204,7 +204,7 @@ def _field(test: ForceTest, field: str, look: dict[str, Any]) -> Array:
 
 
 class Measured(BaseModel):
-    """What the test programs said of a LAMMPS: for each test the checks that fail, each with its findings."""
+    """Results of the test programs for a LAMMPS: for each test the checks that fail, each with its findings."""
 
     lammps: str
     tests: dict[str, By]
@@ -248,7 +248,7 @@ def untraced(tree: Path) -> dict[int, str]:
 
 
 def failed_checks(program: Path, file: Path, lines: Mapping[int, str]) -> set[str]:
-    """Run a test program on a file, beside which the others lie; return the checks that fail, by lines if need be.
+    """Run a test program on a file of a folder with all of them; return the checks that fail, by lines if need be.
 
     Raises
     ------
@@ -278,7 +278,7 @@ def failed_checks(program: Path, file: Path, lines: Mapping[int, str]) -> set[st
 
 
 def replayed(chosen: Iterable[ForceTest], folder: Path, workers: Workers, engine: str) -> Mapping[str, By]:
-    """Put tests, whose files lie in a folder, to LAMMPS' Python module; return the checks that fail, with findings.
+    """Run tests, whose files lie in a folder, by LAMMPS' Python module; return the checks that fail, with findings.
 
     Raises
     ------

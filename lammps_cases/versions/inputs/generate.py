@@ -21,7 +21,7 @@ Groups = tuple[tuple[FormWord, ...], ...]
 
 @dataclass(frozen=True)
 class Generated:
-    """A command that is put to LAMMPS and to the reference.
+    """A command that LAMMPS and the reference are given.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Generated:
 
     @property
     def words(self) -> str:
-        """Return the line, or what has become of it."""
+        """Return the line, or that it is left out."""
         return self.line or f"without {self.form.line}"
 
     @property
@@ -66,7 +66,7 @@ class Generated:
 
     @property
     def promise(self) -> str:
-        """Return what the manual says: the syntax, but of a number out of its range only what a page says of that."""
+        """Return the manual's syntax; of a number out of its range only what a page has on that."""
         if self.mutation == "left-out" and self.kind == "command":
             return self.form.command.needed
         of = self.form.command.arguments.get(self.about)

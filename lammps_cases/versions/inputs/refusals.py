@@ -70,7 +70,7 @@ class BadInput(Probe):
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Words by which an error speaks of something else; nothing says which those of a scene are."""
+        """Words by which an error names something else: of a scene they are not known."""
         return ()
 
     @property

@@ -103,7 +103,7 @@ class Argument(BaseModel):
 
 @dataclass(frozen=True)
 class FormWord:
-    """A word of a form: plain, an argument (its name), or a keyword or style that is put to the test too."""
+    """A word of a form: plain, an argument (its name), or a keyword or style that is tested too."""
 
     text: str
     argument: str = ""
@@ -158,14 +158,14 @@ def text(groups: tuple[tuple[FormWord, ...], ...]) -> str:
 
 
 class Command(BaseModel):
-    """A command: its arguments, and the forms that are put to the test.
+    """A command: its arguments, and the forms that are tested.
 
     Attributes
     ----------
     line : how it begins in the deck, the command of which it replaces
     base : the deck
-    manual : what the manual says of its words
-    needed : what it says of a deck without the command, if anything
+    manual : the manual's rule for its words
+    needed : its rule for a deck without the command, if any
     edits : of forms (empty: all), edits of the deck
     """
 

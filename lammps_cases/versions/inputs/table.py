@@ -79,7 +79,7 @@ class BadWords(Protocol):
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Words by which an error speaks of something else."""
+        """Words by which an error names something else."""
 
     @property
     def input(self) -> Input:

@@ -296,7 +296,7 @@ def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
 
 
 def engines_showing(before: Sequence[str], version: str, rows: Sequence[FindingRow], name: str) -> tuple[str, ...]:
-    """Return the engines that a finding was seen on, after an intake; of one that nothing shows or refutes they stay."""
+    """Return the engines that a finding was seen on, after an intake; one that nothing shows or refutes stays."""
     row = next((row for row in rows if row.id == name), None)
     if row is None or row.status == "not asked":
         return tuple(before)

@@ -209,7 +209,7 @@ class DeckSamples(Samples):
 
     def __init__(self, read: Callable[[], Mapping[int, Mapping[str, Array]]]) -> None:
         super().__init__()
-        self._read = read_deck
+        self._read = read
 
     @cached_property
     def _by_step(self) -> Mapping[int, Mapping[str, Array]]:

@@ -361,7 +361,7 @@ def id(argument: Argument, legal: str) -> Words:
 def name(argument: Argument, legal: str) -> Words:
     """Return words for an attribute of particles, given one; with components, if it has them."""
     stem, _, last = legal.rpartition("/")
-    words_for = {
+    words = {
         "upper-case": legal.upper(),
         "misspelt": legal[:-1] + "q",
         "cut-short": legal[:-1],
@@ -377,7 +377,7 @@ def name(argument: Argument, legal: str) -> Words:
         "twice": f"{legal} {legal}",
     }
     if stem and len(last) < 3:
-        words_for |= {
+        words |= {
             "third-axis": f"{stem}/{'z' * len(last)}",
             "fourth-axis": f"{stem}/{'w' * len(last)}",
             "one-component-more": f"{stem}/{last}x",
@@ -388,7 +388,7 @@ def name(argument: Argument, legal: str) -> Words:
             "upper-case-component": f"{stem}/{last.upper()}",
             "number-of-component": f"{stem}/1",
         }
-    return words_for
+    return words
 
 
 WORDS: Mapping[str, Callable[[Argument, str], Words]] = {

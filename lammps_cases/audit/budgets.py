@@ -73,7 +73,7 @@ def budget(
         bound={name: float(error(of)[0]) for name, of in whole.residuals(plain).items()},
         parts=[part for part in _parts(whole, plain) if part is not None],
         pairs=pairs,
-        press=None if half_step else _press(sample),
+        press=None if half_step else _number(SampleEvaluation(replace(sample, actions=()), ("press",)).output("press")),
         press_findings=[] if half_step else list(of_press),
         findings=[
             Rates(sample, entry.model_variant.stages).of_pairs(entry.id)
@@ -81,11 +81,6 @@ def budget(
             if entry.model_variant is not None and entry.model_variant.stages is not None
         ],
     )
-
-
-def _press(sample: ParticleSample) -> float:
-    """Return the pressure of the system, with its kinetic part, as pairs and velocities make it."""
-    return _number(SampleEvaluation(replace(sample, actions=()), ("press",)).output("press"))
 
 
 def _number(of: Array) -> float:

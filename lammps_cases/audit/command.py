@@ -175,7 +175,9 @@ def audit_folder(folder: Path, options: AuditOptions, settings: Settings) -> lis
         try:
             return audit_deck(folder / name, settings.options(name, replace(options, progress=SILENT)))
         except InputError as error:
-            return AuditResult(RunRecord(engine=EngineRecord(), reference={}, cases=[_refused(error)]), {}, {})
+            message = " ".join(str(error).split())
+            case = CaseRecord(case="deck", tags=["audit"], verdict="error", ended="error", message=message)
+            return AuditResult(RunRecord(engine=EngineRecord(), reference={}, cases=[case]), {}, {})
 
     results: dict[str, AuditResult] = {}
     with ThreadPoolExecutor(min(len(names), os.cpu_count() or 1)) as pool:
@@ -187,10 +189,6 @@ def audit_folder(folder: Path, options: AuditOptions, settings: Settings) -> lis
         record = results[name].record.cases[0]
         record.case, record.source = cases[name], str(folder / name)
     return [results[name] for name in names]
-
-
-def _refused(error: InputError) -> CaseRecord:
-    return CaseRecord(case="deck", tags=["audit"], verdict="error", ended="error", message=" ".join(str(error).split()))
 
 
 def audit_restart(restart: Path, deck: Path, options: AuditOptions) -> AuditResult:

@@ -324,7 +324,8 @@ class FrameEvaluation(SampleEvaluation):
 
 def lacking(name: str, model: Model, held: Container[str], set_up: bool, whole: str) -> str:
     """Return what is missing to check a field of a snapshot that holds some quantities; nothing if it can be."""
-    wanted = _at_end(name, model)
+    wanted = ["rho"] if name in ("pressure", "stress/t") else []
+    wanted += ["energy", "mass"] if wanted and model.eos.needs_energy else []
     if not by_columns(name, held) and needs(name, "pairs", model):
         if whole:
             return f"{whole}, and sums need the neighbours"
@@ -334,14 +335,9 @@ def lacking(name: str, model: Model, held: Container[str], set_up: bool, whole: 
     missing = [NAMED.get(each, each) for each in dict.fromkeys(wanted) if each not in held]
     if not missing:
         return ""
-    back = "" if set_up or not _moved(name, model) else ", as the forces saw the state half a step before the dump"
+    moved = not set_up and {*_of_forces(name, model, False)} != {*_of_forces(name, model, True)}
+    back = ", as the forces saw the state half a step before the dump" if moved else ""
     return f"the dump lacks {', '.join(missing)}{back}"
-
-
-def _at_end(name: str, model: Model) -> list[str]:
-    if name not in ("pressure", "stress/t"):
-        return []
-    return ["rho", *(["energy", "mass"] if model.eos.needs_energy else [])]
 
 
 def _of_forces(name: str, model: Model, set_up: bool) -> list[str]:
@@ -357,10 +353,6 @@ def _of_forces(name: str, model: Model, set_up: bool) -> list[str]:
     if "temperature" in quantities or ("f" in quantities and model.eos.needs_energy):
         wanted += ["energy", *([] if set_up else ["heatflow"])]
     return wanted
-
-
-def _moved(name: str, model: Model) -> bool:
-    return set(_of_forces(name, model, False)) != set(_of_forces(name, model, True))
 
 
 def state_of_forces(

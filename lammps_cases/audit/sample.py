@@ -186,15 +186,17 @@ def judged(
     reference = evaluation(sample, fields)
     rows_of = {}
     for field in fields:
-        rows_n = reference.comparable(field)
-        rows_n = rows_n & ~_neither(shown[field], value(reference.output(field)))
-        rows_n = rows_n & _finite(shown[field]) if printed else rows_n
+        finite_n = _finite(shown[field])
+        rows_n = reference.comparable(field) & (finite_n | _finite(value(reference.output(field))))
+        rows_n = rows_n & finite_n if printed else rows_n
         if rows_n.any():
             rows_of[field] = rows_n
 
     def sides(field: str, by: SampleEvaluation) -> tuple[Array, Array, Array]:
-        a, b, bound = _sides(shown[field], by.output(field), rows_of[field])
-        return a, b, bound + errors[field][rows_of[field]] if field in errors else bound
+        of_reference, rows_n = by.output(field), rows_of[field]
+        of_both = (shown[field], value(of_reference), error(of_reference))
+        a, b, bound = (np.asarray(side, float)[rows_n] for side in of_both)
+        return a, b, bound + errors[field][rows_n] if field in errors else bound
 
     comparisons = {
         field: compare_field(field, FIELDS[field].stage, tag_n[rows_n], *sides(field, reference), derivation=derived(0))
@@ -262,17 +264,6 @@ def drop(lmp: Any) -> None:
     """Remove the compute; it holds on to the fixes that were there when the run began."""
     if lmp.has_id("compute", COMPUTE):
         lmp.command(f"uncompute {COMPUTE}")
-
-
-def _sides(lammps_n: Array, reference: Any, rows_n: Array) -> tuple[Array, Array, Array]:
-    """Return a field of some particles by LAMMPS and by the reference, and its bound."""
-    a, b, bound = (np.asarray(side, float)[rows_n] for side in (lammps_n, value(reference), error(reference)))
-    return a, b, bound
-
-
-def _neither(a_n: Array, b_n: Array) -> Array:
-    """Return for which particles neither side is finite, (n,)."""
-    return ~(_finite(a_n) | _finite(b_n))
 
 
 def _finite(values_n: Array) -> Array:

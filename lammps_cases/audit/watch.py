@@ -275,7 +275,9 @@ class DeckWatch:
         state = {name: now.arrays[name] for name in ("x", "v", "rho", "energy") if name in now.arrays}
         finite = self.health.state(self.runs, step, now.arrays["id"], state, step == run.first)
         taken = self._taken(run, table, len(tag_n), x_nc, setup) if finite and len(tag_n) else None
-        timed = taken and TimedSample(taken, dt, self.runs, step, tag_n.copy(), step == run.first)
+        timed = None
+        if taken is not None:
+            timed = TimedSample(taken, dt, self.runs, step, tag_n.copy(), step == run.first)
         slow = timed is not None and self._look(run, timed)
         others, unpredictable = dict[str, Comparison](), Explained()
         if run.sampler is not None and slow:

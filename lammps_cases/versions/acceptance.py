@@ -88,7 +88,10 @@ def _take(run: RunRecord, folder: Path, reason: str, target: Path, command: str,
         kept = {} if old is None or prune else {n: c for n, c in old.cases.items() if n not in side.cases}
         if old is not None and kept:
             _compatible(run, old, target)
-        changes = None if old is None else _changes(old, side, set(kept))
+        changes = None
+        if old is not None:
+            held = {name: case for name, case in old.cases.items() if name not in kept}
+            changes = compare(replace(old, cases=held), side, Policy(bits=True, findings=True))
         dropped = () if old is None else tuple(sorted(old.cases.keys() - side.cases.keys() - kept.keys()))
         cases = {**kept, **side.cases}
         _arrays(partial, run, side, old, set(kept))
@@ -122,11 +125,6 @@ def _compatible(run: RunRecord, old: Side, target: Path) -> None:
         raise InputError("library", rule, run.engine.library_sha256[:16], str(target))
     if baseline.machine_of(run) != old.machine:
         raise InputError("machine", rule, baseline.machine_of(run), str(target))
-
-
-def _changes(old: Side, side: Side, kept: set[str]) -> Changes:
-    held = {name: case for name, case in old.cases.items() if name not in kept}
-    return compare(replace(old, cases=held), side, Policy(bits=True, findings=True))
 
 
 def _write(folder: Path, run: RunRecord, cases: dict[str, CaseOutcome]) -> None:

@@ -38,7 +38,6 @@ from lammps_cases.versions.acceptance import accept
 from lammps_cases.versions.change import Policy
 from lammps_cases.versions.changes import compare
 from lammps_cases.versions.inputs import table
-from lammps_cases.versions.outcomes import Side
 
 FindingStatus = Literal["there", "gone in some cases", "gone", "not asked"]
 T = TypeVar("T")
@@ -258,8 +257,9 @@ def _against_known(run: RunRecord, folder: Path, baselines: Path) -> tuple[str, 
     changes = {}
     for identity in sorted(baselines.glob(f"[!.]*/{baseline.IDENTITY}")):
         accepted = baseline.read(identity.parent)
+        shared = {name: case for name, case in accepted.cases.items() if name in side.cases}
         if accepted.engine.distribution != run.engine.distribution:
-            changes[identity.parent.name] = compare(_shared(accepted, side), side, Policy())
+            changes[identity.parent.name] = compare(replace(accepted, cases=shared), side, Policy())
     if not changes:
         return "", {}, ()
     changed = {name: len(change.different) for name, change in changes.items()}
@@ -267,11 +267,6 @@ def _against_known(run: RunRecord, folder: Path, baselines: Path) -> tuple[str, 
     grouped = change.groups(changes[nearest].different)
     sides = nearest.removeprefix("lammps-"), run.engine.distribution
     return nearest, changed, tuple(group.sentence(*sides) for group in grouped)
-
-
-def _shared(accepted: Side, side: Side) -> Side:
-    """Return a baseline with those cases alone that the other side has."""
-    return replace(accepted, cases={name: case for name, case in accepted.cases.items() if name in side.cases})
 
 
 def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:

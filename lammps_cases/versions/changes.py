@@ -199,7 +199,8 @@ def field_change(
     )
     if not one.digest or one.digest != other.digest:
         mine, theirs = kept[0].of(one.name), kept[1].of(other.name)
-        samples = (mine, theirs) if mine and theirs and _comparable(mine, theirs) else None
+        same = mine and theirs and (mine.step, mine.values_n.shape) == (theirs.step, theirs.values_n.shape)
+        samples = (mine, theirs) if mine and theirs and same else None
         difference = _difference(*samples) if samples else None
         kind, step, note = _parted(one, other, samples, difference)
         far = first_beyond(*kept, one.name, every=not policy.drifts)
@@ -261,10 +262,6 @@ def _bits(
     if samples is not None and samples[0].step == one.step:
         return "same" if samples[0].values_n.tobytes() == samples[1].values_n.tobytes() else "other"
     return "unknown"
-
-
-def _comparable(one: Sample, other: Sample) -> bool:
-    return one.step == other.step and one.values_n.shape == other.values_n.shape
 
 
 def _difference(one: Sample, other: Sample) -> float:

@@ -17,7 +17,6 @@ from eos_ref.errors import InputError
 from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model
 from eos_ref.numbers.rounded import Rounded, error, value
-from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import dumps, fields
 from lammps_cases.audit.dumps import FrameEvaluation, FrameSample
 from lammps_cases.audit.effects import Explained, effects
@@ -128,16 +127,10 @@ def _read(dump: Path) -> tuple[list[FileSnapshot], list[str]]:
 
 
 def _run(number: int, setup: RunSetup) -> Run:
-    deck = setup.deck
-    mass_t = [1.0] * setup.ntypes if setup.mass_t is None else setup.mass_t[1:]
     try:
-        laws = deck.laws(setup.ntypes)
-        if laws is None:
-            raise InputError("deck", "defines no fix rheo and fix rheo/pressure")
-        model: Model | InputError = deck.model(setup.dimension, setup.ntypes, mass_t, laws, manual_of(setup.version))
+        return Run(number, setup, setup.model())
     except InputError as error:
-        model = error
-    return Run(number, setup, model)
+        return Run(number, setup, error)
 
 
 def _frame(snapshot: FileSnapshot, runs: Sequence[Run], where: str) -> Frame:

@@ -8,6 +8,9 @@ from typing import Any, NamedTuple
 import numpy.typing as npt
 from pydantic import ConfigDict
 
+from eos_ref.errors import InputError
+from eos_ref.model.parameters import Model
+from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit.deck import Deck
 from lammps_cases.records.audit_record import (
     ActingRecord,
@@ -59,6 +62,20 @@ class RunSetup:
     members: dict[str, npt.NDArray[Any]]
     newton: tuple[bool, bool]
     ranks: int
+
+    def model(self) -> Model:
+        """Return the particle model; masses of particles of their own are not part of it.
+
+        Raises
+        ------
+        InputError
+            Something that cannot be followed, or that is missing.
+        """
+        laws = self.deck.laws(self.ntypes)
+        if laws is None:
+            raise InputError("deck", "defines no fix rheo and fix rheo/pressure")
+        mass_t = [1.0] * self.ntypes if self.mass_t is None else self.mass_t[1:]
+        return self.deck.model(self.dimension, self.ntypes, mass_t, laws, manual_of(self.version))
 
 
 @dataclass

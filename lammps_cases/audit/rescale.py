@@ -22,7 +22,6 @@ from eos_ref.model.quantities import needed_to_step
 from eos_ref.model.state import State
 from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.manual import manual_of
-from lammps_cases.audit.deck import Deck
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.messages import DeckSetups, RunSetup, StartState
 from lammps_cases.audit.options import AuditOptions
@@ -140,7 +139,7 @@ def rescaled(setups: DeckSetups, name: str, target: str) -> RescaledDeck:
         raise InputError("deck", "must have no bonds to be rescaled", deck.bonded[0], name)
     if not np.isfinite([start.x_nc, start.v_nc]).all():
         raise InputError("deck", "must begin with finite positions and velocities to be rescaled", where=name)
-    before = _sample(deck, run, start)
+    before = _sample(run, start)
     volume = _volume(before, name)
     length = float(f"{volume ** (1 / run.dimension):.15g}")  # a number that can be read, where there is one
     scale = Scale(run.dimension, 1 / length)
@@ -150,7 +149,7 @@ def rescaled(setups: DeckSetups, name: str, target: str) -> RescaledDeck:
     other.pair = scaling.words(["pair_style", *deck.pair])[1:]
     start_there = _scaled_start(start, scale)
     stirred = _stirred(start, length, max(law.cs for law in before.model.eos.laws))
-    same = _same(_sample(deck, run, stirred), _sample(other, run, _scaled_start(stirred, scale)), scale)
+    same = _same(_sample(run, stirred), _sample(replace(run, deck=other), _scaled_start(stirred, scale)), scale)
     flat = run.dimension == 2 and before.model.fix.interface_reconstruct
     notes = [f"{REPULSION}: beside other forces it is {1 / length:.6g} times what it was"] if flat else []
     head = [f"# {line}" for line in (*_header(volume, length, scale, name), *notes)]
@@ -171,18 +170,14 @@ def _volume(sample: ParticleSample, name: str) -> float:
     return float(largest)
 
 
-def _sample(deck: Deck, run: RunSetup, start: StartState) -> ParticleSample:
-    laws = deck.laws(run.ntypes)
-    if laws is None or run.mass_t is None:
-        raise InputError("deck", "defines no fix rheo and fix rheo/pressure")
-    d, s = run.dimension, start
-    model = deck.model(d, run.ntypes, run.mass_t[1:], laws, manual_of(run.version))
+def _sample(run: RunSetup, start: StartState) -> ParticleSample:
+    d, s, model = run.dimension, start, run.model()
     energy_n = s.energy_n if model.thermal is not None else None
     state = State(s.x_nc[:, :d], s.v_nc[:, :d], s.rho_n, s.type_n, s.status_n & SOLID != 0, energy_n)
     low_c, high_c = (tuple(end_c[:d].tolist()) for end_c in s.box_c)
     tilt = tuple(s.tilt_c[: d * (d - 1) // 2].tolist())
     box = Box(low_c, high_c, tuple(s.periodic[:d]), tilt if any(tilt) else ())
-    actions = [(action, s.members[action.group]) for action in deck.actions()]
+    actions = [(action, s.members[action.group]) for action in run.deck.actions()]
     return ParticleSample(model, box, state, model.mass[s.type_n - 1], actions)
 
 

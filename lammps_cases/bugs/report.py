@@ -222,16 +222,10 @@ def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:
     InputError
         That version documents what LAMMPS does.
     """
-    shown = demonstrations().get(entry.id)
-    if shown is not None and not shown.made_in(manual):
-        raise InputError(
-            "finding", f"is not a bug by the manual of {manual}, which documents what LAMMPS does", entry.id
-        )
-    probe = _probe(entry)
-    if probe is not None and not probe.made_in(manual):
-        raise InputError(
-            "finding", f"is not a bug by the manual of {manual}, which does not promise otherwise", entry.id
-        )
+    shown, probe = demonstrations().get(entry.id), _probe(entry)
+    for demonstrated, why in ((shown, "which documents what LAMMPS does"), (probe, "which does not promise otherwise")):
+        if demonstrated is not None and not demonstrated.made_in(manual):
+            raise InputError("finding", f"is not a bug by the manual of {manual}, {why}", entry.id)
     if shown is None or shown.number is None:
         return Report(entry.id, entry.title, _of_input(entry), entry)
     case = case_of(entry.id, entry.title, shown.scene).by(manual)

@@ -4,7 +4,7 @@
 whatever follows from LAMMPS' own positions, velocities, densities and energies with the reference.
 
 Modules: `text` (syntax of input scripts), `place` (where a deck runs, and what it may not do there), `deck` (the model
-that its commands define), `fields` (those that can be checked), `follow` (the flow of a deck, with or without its runs),
+that its commands define), `fields` (those that can be checked), `follow` (the flow of a deck, or its set-ups alone),
 `watch` (the hook into runs), `arrays` and `sample` (what LAMMPS shows, compared), `evaluation` (the reference's side),
 `effects` (findings: those that explain fields, and what each does), `health` and `outlook` (whether and why a run broke
 off), `rerun` and `budgets` (what is conserved, and what makes up the difference to a closed solution), `lints` and

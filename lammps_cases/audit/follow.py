@@ -71,7 +71,7 @@ class Follower:
     report : callable
         Called with place and text of every command before LAMMPS gets it.
     within : DeckPlace, optional
-        What has been copied; without it commands are left unchecked by `guard`.
+        What has been copied; without it commands are left unchecked by `place.check_command`.
     """
 
     def __init__(

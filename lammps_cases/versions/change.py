@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
+from lammps_cases.findings import LEDGER
 from lammps_cases.records.outcome import CHANGE_KINDS, NEW, SAME, ChangeKind, FieldOutcome
 from lammps_cases.records.wording import INSIDE, counted
 
@@ -29,8 +30,6 @@ def judged(field: FieldOutcome) -> tuple[str, tuple[str, ...]]:
 @cache
 def left_to_chance() -> frozenset[str]:
     """Return the findings that leave values without a bound, as they depend on what memory held before."""
-    from lammps_cases.findings import LEDGER
-
     return frozenset(entry.id for entry in LEDGER if entry.model_variant and entry.model_variant.undefined)
 
 

@@ -23,8 +23,9 @@ from lammps_cases.run.results import Result, remove_with, report_folder
 from lammps_cases.versions import pairs, sources
 from lammps_cases.versions.change import Policy
 from lammps_cases.versions.pairs import SideComparison
+from lammps_cases.versions.timing import in_turns
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # it takes long to import, and only tables of a result need it
     import pandas as pd
 from lammps_cases.records import wording
 from lammps_cases.records.field_names import GIVEN, parted
@@ -158,9 +159,7 @@ def compare_into(
     sides, turns = [selected.side(at) for at in range(len(names))], None
     engines = {sources.LABELS[at]: each for at, each in enumerate(selected.each) if isinstance(each, Engine)}
     if timing and len(engines) == len(sides) and all(side.answered for side in sides):
-        from lammps_cases.versions import timing as timings
-
-        turns = timings.in_turns(engines, progress=how.progress)
+        turns = in_turns(engines, progress=how.progress)
     comparison = pairs.compared(sides, Policy(bits=options.strict), turns, timing, how.command, options.fail_on)
     write_atomically(out / "compare.json", json.dumps(pairs.document(comparison), indent=1) + "\n")
     write_atomically(out / "summary.md", pairs.summary(comparison))

@@ -13,28 +13,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lammps_cases.engine.installations import Engine
+from lammps_cases.records import wording
 from lammps_cases.records.checked import checked
+from lammps_cases.records.field_names import GIVEN, parted
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import Headline
 from lammps_cases.records.options import flat
+from lammps_cases.records.outcome import ABOUT, CHANGE_KINDS, ChangeKind
 from lammps_cases.records.progress import SILENT
+from lammps_cases.report.pages import frame
+from lammps_cases.report.pages.frame import TableCell, TableRow
 from lammps_cases.run.options import CompareOptions, Names, several
 from lammps_cases.run.results import Result, remove_with, report_folder
+from lammps_cases.scene.fields import place
 from lammps_cases.versions import pairs, sources
-from lammps_cases.versions.change import Policy
-from lammps_cases.versions.pairs import SideComparison
+from lammps_cases.versions.change import Policy, SideChange
+from lammps_cases.versions.pairs import Pair, SideComparison
 from lammps_cases.versions.timing import in_turns
 
 if TYPE_CHECKING:  # it takes long to import, and only tables of a result need it
     import pandas as pd
-from lammps_cases.records import wording
-from lammps_cases.records.field_names import GIVEN, parted
-from lammps_cases.records.outcome import ABOUT, CHANGE_KINDS, ChangeKind
-from lammps_cases.report.pages import frame
-from lammps_cases.report.pages.frame import TableCell, TableRow
-from lammps_cases.scene.fields import place
-from lammps_cases.versions.change import SideChange
-from lammps_cases.versions.pairs import Pair
 
 ASSETS = Path(__file__).parent / "assets"
 # One character for a cell: nothing to see, other bits, or which side is closer to the reference.

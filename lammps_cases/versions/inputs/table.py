@@ -200,33 +200,18 @@ def table(
         Seconds that LAMMPS has for each.
     """
     chosen = tuple(inputs) or every()
-    controls = [Hashed(one.control) for one in chosen]
-    distinct = list(dict.fromkeys(controls))
-    replies = run.put(workers, [*(c.given for c in distinct), *(one.input for one in chosen)], time_limit, alone=True)
-    of_control = {control: next(replies) for control in distinct}
+    controls = [one.control for one in chosen]
+    keys = [one if isinstance(one, tuple) else id(one) for one in controls]  # jobs hold arrays, which have no hash
+    distinct = dict(zip(keys, controls, strict=True))
+    replies = run.put(workers, [*distinct.values(), *(one.input for one in chosen)], time_limit, alone=True)
+    of_control = {key: next(replies) for key in distinct}
     rows: list[InputRow] = []
     results: list[str] = []
-    for k, (bad, control, reply) in enumerate(zip(chosen, controls, replies, strict=True), 1):
-        rows.append(row(bad, reply, of_control[control]))
+    for k, (bad, key, reply) in enumerate(zip(chosen, keys, replies, strict=True), 1):
+        rows.append(row(bad, reply, of_control[key]))
         results.append(digest(reply))
         progress.advance(k, len(chosen), "bad inputs")
     return _with_readings(rows, results)
-
-
-class Hashed:
-    """An input by identity, or by its words: jobs hold arrays, which have no hash."""
-
-    def __init__(self, given: Input) -> None:
-        self.given = given
-        self._key: object = given if isinstance(given, tuple) else id(given)
-
-    def __hash__(self) -> int:
-        """Return the hash of the words."""
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        """Return whether two are the same."""
-        return isinstance(other, Hashed) and self._key == other._key
 
 
 def digest(reply: Reply) -> str:
@@ -242,19 +227,12 @@ def digest(reply: Reply) -> str:
 
 def _with_readings(rows: Sequence[InputRow], results: Iterable[str]) -> list[InputRow]:
     """Name for every bad input that LAMMPS takes the legal one of the same form with the same numbers."""
-    pairs = list(zip(rows, results, strict=True))
+    of_form = [(one, (".".join(one.id.split(".")[:2]), result)) for one, result in zip(rows, results, strict=True)]
     legal: dict[tuple[str, str], str] = {}
-    for one, result in pairs:
-        if result and not one.refusal:
-            legal.setdefault((_form(one), result), one.words)
-    return [
-        replace(one, taken_for=legal.get((_form(one), result), "")) if result and one.refusal else one
-        for one, result in pairs
-    ]
-
-
-def _form(one: InputRow) -> str:
-    return ".".join(one.id.split(".")[:2])
+    for one, key in of_form:
+        if not one.refusal:
+            legal.setdefault(key, one.words)
+    return [replace(one, taken_for=legal.get(key, "")) if key[1] and one.refusal else one for one, key in of_form]
 
 
 def counts(rows: Sequence[InputRow]) -> Mapping[tuple[str, str], Mapping[str, int]]:

@@ -89,7 +89,6 @@ def _number(of: Array) -> float:
 
 
 def _parts(whole: Rates, plain: Rates) -> list[BudgetPart | None]:
-    """Return the parts that the model has."""
     model, thermal = whole.model, whole.model.thermal is not None
     viscous = plain.force_nc - plain.pressure_force_nc
     artificial = whole.pressure_force_nc - plain.pressure_force_nc
@@ -208,7 +207,6 @@ class Rates:
         return sums_by_name
 
     def _power(self, force_nc: Array) -> Array:
-        """Return the work of forces per time."""
         return summed(dot(axes(force_nc), axes(self._own.simulation.state.v_nc)))
 
 

@@ -180,7 +180,6 @@ def _described(dump: DeckDump, setup: RunSetup) -> DumpColumns:
 
 
 def _place(column: str, words: Sequence[str]) -> int:
-    """Return the place of a column by its number, or by its name."""
     at = int(column) - 1 if column.lstrip("-").isdigit() else words.index(column) if column in words else len(words)
     if not -len(words) - 1 <= at < len(words):
         raise InputError("dump_modify", "must name a column of the dump", column)

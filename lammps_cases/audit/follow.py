@@ -336,7 +336,6 @@ class SetupWatch(DeckWatch):
         )
 
     def _act(self, steps: int) -> None:
-        """Take the particles of a run, on which findings may act."""
         table = self.deck.laws(int(self.lmp.extract_setting("ntypes")))
         mass_t = None if self.lmp.extract_atom("rmass") else np.array(self.lmp.numpy.extract_atom("mass"))
         model = None if table is None else self._model(table, mass_t)

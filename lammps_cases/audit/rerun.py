@@ -306,7 +306,6 @@ def _drive(model: Model, state: State) -> tuple[int, float] | None:
 
 
 def _acts(force: Force, types: set[int]) -> bool:
-    """Return whether a force acts on all of some types."""
     return force.types is None or types <= set(force.types)
 
 

@@ -267,7 +267,6 @@ def drop(lmp: Any) -> None:
 
 
 def _finite(values_n: Array) -> Array:
-    """Return which particles have finite numbers only, (n,)."""
     finite: Array = np.asarray(np.isfinite(components(np.asarray(values_n, float))).all(axis=1))
     return finite
 

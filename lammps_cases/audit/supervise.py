@@ -324,7 +324,6 @@ def _at(findings: Findings) -> str:
 
 
 def _tail(output: Path) -> str:
-    """Return the last line that the dying process printed."""
     printed = [line.strip() for line in _printed(output).split("\n") if line.strip()]
     return f": {printed[-1][:300]}" if printed else ""
 

@@ -197,7 +197,6 @@ class DeckWatch:
     def _choose(
         self, table: EOSTable, mass_t: Array | None, actions: list[Action], values: list[str]
     ) -> tuple[fields.Choice, sample.Sampler | None]:
-        """Choose what is checked in the run that begins."""
         if self.options.fields == fields.PRESSURE:
             return fields.Choice(fields.PRESSURE, {}), None
         model = self._model(table, mass_t)

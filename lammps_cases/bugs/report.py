@@ -323,7 +323,6 @@ def predicted(case: Case, number: AtomNumber, step: int | None = None) -> Expect
 
 
 def _fields(case: Case, field: str, step: int) -> tuple[Problem, Any, Any]:
-    """Return a field of the reference after a step, with its bound."""
     problem = problem_of(case.scene, prepared_case.prepare(case).atoms, case.where, (step,))
     problem = replace(problem, fields=(field,))
     prediction = Predictor().predict(problem)
@@ -371,7 +370,6 @@ def _changing(names: Sequence[str], expected: ExpectedNumber, number: AtomNumber
 
 
 def _first_outside(case: Case, record: CaseRecord) -> tuple[AtomNumber, int]:
-    """Return the first number outside its bound that a deck can read, and its step."""
     job = prepared_case.prepare(case).jobs[0]
     last = case.scene.snapshots[-1]
     outside = [(field.field, field.worst_id, field.worst_step) for field in record.fields if field.outside]

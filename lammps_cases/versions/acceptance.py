@@ -174,7 +174,6 @@ def _reason(
     changes: Changes | None,
     dropped: tuple[str, ...],
 ) -> None:
-    """Add this reason to the earlier ones."""
     earlier = (target / REASONS).read_text(encoding="utf-8") if (target / REASONS).exists() else ""
     entry = {
         "date": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),

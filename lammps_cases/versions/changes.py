@@ -265,7 +265,6 @@ def _bits(
 
 
 def _difference(one: Sample, other: Sample) -> float:
-    """Return the largest difference over the smaller of the two bounds."""
     bound_n = np.minimum(one.bound_n, other.bound_n).astype(float)
     ratio_n = excess(one.values_n.astype(float), other.values_n.astype(float), bound_n)[1]
     return float(ratio_n.max(initial=0.0))

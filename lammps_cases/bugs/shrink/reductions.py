@@ -117,7 +117,6 @@ def _with_lower_counts(content: Content, particles: int) -> Iterator[Content]:
 
 
 def _holds(content: Content, path: Path) -> bool:
-    """Return whether there is a part at some place."""
     part: Any = content
     for key in path:
         if not isinstance(part, dict) or key not in part:
@@ -127,7 +126,6 @@ def _holds(content: Content, path: Path) -> bool:
 
 
 def _nearest(content: Content, atom: int) -> list[int]:
-    """Return all rows by their distance from a particle."""
     positions = content["positions"]
     x_nc = np.array(positions["x"], float)
     edge_c = np.array(positions["high"], float) - np.array(positions["low"], float)
@@ -202,7 +200,7 @@ def _may_go(path: Path) -> bool:
 
 
 def _plainer_values(content: Content, fails: Fails) -> Content:
-    """Say the same with less: one value for all particles, one linear law for all types."""
+    """Write one value for all particles, one linear law for all types."""
     linear = [{"types": "*", "style": "linear"}]
     candidates: list[tuple[Path, Any]] = [(("pressure",), linear)] if content["pressure"] != linear else []
     for name in VALUES:

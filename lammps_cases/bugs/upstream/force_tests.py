@@ -325,7 +325,6 @@ def expected(test: ForceTest, predictor: Predictor) -> Expected:
 
 
 def _predicted(test: ForceTest, predictor: Predictor) -> Iterator[tuple[Stage, str, FloatArray, FloatArray]]:
-    """Yield what the reference predicts for every stage and field, with its bound."""
     for stage in STAGES[test.program]:
         prediction = predictor.predict(problem(test, stage), seed=seed(f"{test.case.name}/moved runs"))
         for field in compared(test):

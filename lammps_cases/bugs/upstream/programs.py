@@ -143,7 +143,6 @@ def _fix(site: str | None, given: Commands, folder: Path) -> Looks:
 
 
 def _seen(lmp: Any, given: Commands) -> dict[str, Any]:
-    """Return positions, velocities, and the columns of the compute, if there is one."""
     return session.read(lmp, given.outputs, ("x", "v"))
 
 

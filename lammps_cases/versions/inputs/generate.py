@@ -203,7 +203,6 @@ def _arrangements(form: Form) -> Iterator[Generated]:
 
 
 def _scaled(word: FormWord) -> str:
-    """Return another number in the place of one."""
     if not word.argument or not re.fullmatch(r"\d+\.\d+", word.text):
         return word.text
     return repr(float(word.text) * OTHER)

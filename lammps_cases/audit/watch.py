@@ -31,10 +31,9 @@ from lammps_cases.audit.deck import Action, Deck, between, hyphens
 from lammps_cases.audit.effects import Acting, Explained, of_pressure, touching
 from lammps_cases.audit.evaluation import ParticleSample, TimedSample
 from lammps_cases.audit.fields import leans_open
-from lammps_cases.audit.health import Health, mach
 from lammps_cases.audit.messages import PairShare, RunFacts, SampleRow, SampleRows
 from lammps_cases.audit.options import AuditOptions
-from lammps_cases.audit.outlook import FluidSamples
+from lammps_cases.audit.outlook import FluidSamples, Health, mach
 from lammps_cases.audit.warn import SOLID, Questions
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.records.audit_record import BudgetRecord

@@ -1,29 +1,38 @@
-"""The process that runs LAMMPS: a segfault, abort, hang or exit of the deck ends this process alone."""
+"""The process that runs a deck: how it is started, what of the user's it may read, and what it does.
+
+A segfault, abort, hang or exit of the deck ends this process alone.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
+import pickle
 import signal
+import subprocess
+import sys
 import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import platformdirs
 
 from eos_ref import EOSTable
 from eos_ref.eos.table import examples
 from eos_ref.errors import InputError
 from eos_ref.jit import keep_nothing
-from lammps_cases.audit import guard, launch
-from lammps_cases.audit.follow import Follower
-from lammps_cases.audit.options import AuditTask, CommandPlace, DeckEnd, EngineIdentity
-from lammps_cases.audit.setups import SetupWatch
+from lammps_cases.audit import place
+from lammps_cases.audit.follow import Follower, SetupWatch
+from lammps_cases.audit.messages import CommandPlace, DeckEnd, EngineIdentity
+from lammps_cases.audit.options import AuditTask
 from lammps_cases.audit.warn import HYPHEN
 from lammps_cases.audit.watch import DeckWatch
-from lammps_cases.engine import containment, ranks
+from lammps_cases.engine import containment, mpi, ranks
 from lammps_cases.engine.pool import memory_share
 from lammps_cases.engine.session import (
     EngineBroken,
@@ -37,10 +46,96 @@ from lammps_cases.engine.session import (
 from lammps_cases.records.case_parts import Seconds
 
 LARGEST_FILE = 2**34  # bytes
+Entry = Callable[[AuditTask, Connection], None]
+START = "import pickle, sys; sys.path[:], run = pickle.load(open(sys.argv[1], 'rb')); pickle.loads(run)()"
+# What a deck may read of the user's environment, and what Python, numba and MPI need of it.
+KEPT = ("PATH", "LD_LIBRARY_PATH", "LANG", "TZ", "PYTHONHOME", "LAMMPS_POTENTIALS")
+KEPT_BEGINNINGS = ("LC_", "OMP_", "KMP_", "NUMBA_", "MPICH_", "OMPI_MCA_", "UCX_", "FI_", "COVERAGE_")
+# Contained ranks may neither read one another's memory, as MPICH's CMA does, nor open files of one another.
+APART = {"MPIR_CVAR_CH4_CMA_ENABLE": "0", "UCX_TLS": "self,sysv"}
+
+
+class _Run:
+    """An entry and its task; the process opens the fifo of its messages, as launchers of ranks pass on no handles."""
+
+    def __init__(self, entry: Entry, task: AuditTask) -> None:
+        self.entry, self.task = entry, task
+
+    def __call__(self) -> None:
+        with Connection(os.open(self.task.fifo, os.O_WRONLY), readable=False) as connection:
+            self.entry(self.task, connection)
+
+
+def environment(task: AuditTask) -> dict[str, str]:
+    """Return the environment of the process: without passwords and tokens, unless the deck is trusted."""
+    several = mpi.SETTINGS if task.options.ranks > 1 else {}
+    if task.options.trust:
+        return {**several, **os.environ, "TMPDIR": task.temporary}
+    kept = {name: text for name, text in os.environ.items() if name in KEPT or name.startswith(KEPT_BEGINNINGS)}
+    return {
+        **several,
+        **kept,
+        "HOME": task.temporary,
+        "TMPDIR": task.temporary,
+        "XDG_CACHE_HOME": platformdirs.user_cache_dir(),
+        "OPENBLAS_NUM_THREADS": "1",  # Landlock holds for threads that start after it
+        "OMPI_MCA_ess_singleton_isolated": "1",  # Open MPI otherwise starts a program of its own
+        **(APART if several else {}),
+    }
+
+
+def reach_of(task: AuditTask) -> containment.Reach:
+    """Return what the process may read and write, before it knows the libraries of its LAMMPS."""
+    folders = [Path(platformdirs.user_cache_dir("eos-ref")) / "numba"]
+    if task.options.engine is not None:
+        site = Path(task.options.engine)
+        package = site / "lammps"
+        folders += [site, site.parent.parent, *{file.resolve().parent for file in package.iterdir()}]
+    read = containment.installation(folders)
+    return containment.Reach(read, (task.folder, task.temporary, *containment.DEVICES))
+
+
+@contextlib.contextmanager
+def running(
+    entry: Entry, task: AuditTask, output: Path, launcher: Sequence[str] = ()
+) -> Iterator[tuple[subprocess.Popen[bytes], Connection]]:
+    """Start the process, with what it prints in a file, and give it with the end of its messages; it ends with this.
+
+    With the words of a ``launcher`` it is the one that starts the ranks.
+    """
+    Path(task.temporary).mkdir()
+    os.mkfifo(task.fifo)
+    reading = os.open(task.fifo, os.O_RDONLY | os.O_NONBLOCK)
+    writing = os.open(task.fifo, os.O_WRONLY)
+    os.set_blocking(reading, True)
+    paths = [os.path.abspath(path) for path in sys.path]  # noqa: PTH100  "" is a folder here, and another there
+    start = Path(task.temporary) / "start"
+    start.write_bytes(pickle.dumps((paths, pickle.dumps(_Run(entry, task)))))
+    words = [*launcher, sys.executable, "-P", "-c", START, str(start)]
+    command = containment.contained(words, reach_of(task), task.folder, task.means)
+    with Connection(reading, writable=False) as receiver, output.open("wb") as printed:
+        try:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=printed,
+                stderr=printed,
+                env=environment(task),
+                pass_fds=[writing],
+                start_new_session=True,
+            )
+        finally:
+            os.close(writing)  # the process holds this end, and what it starts: its death ends the messages
+        try:
+            yield process, receiver
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)  # with what a trusted deck has started
+            process.wait()
 
 
 def main(task: AuditTask, connection: Connection) -> None:
-    """Run a deck and send the messages of `lammps_cases.audit.options`; at last `DeckEnd`, or the error."""
+    """Run a deck and send the `lammps_cases.audit.messages`; at last `DeckEnd`, or the error."""
     containment.end_with_parent()
     containment.limit(memory_share(task.options.ranks), task.options.timeout, LARGEST_FILE)
     os.chdir(task.working)
@@ -50,7 +145,7 @@ def main(task: AuditTask, connection: Connection) -> None:
     except (InputError, EngineMissing) as error:
         sender.send(error)
     except RecursionError:
-        sender.send(InputError("deck", guard.NESTED, where=task.deck))
+        sender.send(InputError("deck", place.NESTED, where=task.deck))
     if task.options.ranks > 1:
         signal.pause()  # for the end of the audit: a rank that ends before the others may end them
 
@@ -79,7 +174,7 @@ def start(task: AuditTask) -> tuple[Any, dict[str, str]]:
     ------
     EngineMissing
     """
-    site, reach = task.options.engine, launch.reach(task)
+    site, reach = task.options.engine, reach_of(task)
     if task.means == "none":
         lmp = open_lammps(site)
         return lmp, describe(lmp, site)
@@ -143,10 +238,11 @@ def audit(task: AuditTask, sender: Sender) -> DeckEnd:
         sender.send(watch.setups())
     arrays, last = watch.final()
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
-    questions, (cause, ahead) = watch.questions, watch.outlook()
-    warnings, margins = [*questions.lines(), *watch.unbudgeted(), *follower.made], questions.stability
+    questions, fluid = watch.questions, watch.fluid
+    cause, ahead = fluid.outlook(watch.health, questions.brief)
+    warnings, margins = [*questions.lines(), *fluid.unbudgeted(), *follower.made], questions.stability
     touching = (HYPHEN,) if questions.mistaken else ()
-    series, solution = watch.series()
+    series, solution = fluid.series()
     return DeckEnd(
         watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead,
         watch.share(), series, solution, touching, list(watch.acting.found.values()), watch.health.broke,

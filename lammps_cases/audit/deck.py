@@ -50,7 +50,8 @@ class Deck:
         """Take a command that LAMMPS has executed."""
         match values:
             case ["fix", name, _, _, *_]:
-                self.fixes[name] = [_as_taken(word) for word in values] if hyphens(values) else values
+                # A range with a hyphen is taken for its first number, which is a finding.
+                self.fixes[name] = [word.partition("-")[0] if word in hyphens(values) else word for word in values]
             case ["unfix", name]:
                 self.fixes.pop(name, None)
             case ["pair_style", *arguments]:
@@ -180,7 +181,7 @@ class Deck:
         return ""
 
     def moves_on(self) -> str:
-        """Return what may move particles or the box between the forces and a dump, beside fix rheo; or nothing."""
+        """Return what may move particles or the box between the forces and a dump, apart from fix rheo; or nothing."""
         rheo = self.fix("rheo")
         if rheo is not None and rheo[2] != "all":
             return f"fix rheo integrates group {rheo[2]} alone"
@@ -225,15 +226,9 @@ _HYPHEN = re.compile("([0-9]+)-[0-9]+")  # no number looks so
 
 
 def hyphens(values: Sequence[str]) -> list[str]:
-    """Return the words of a command of RHEO's fixes that are meant as ranges of types, and are none."""
+    """Return the words of a command of RHEO's fixes that are meant as ranges of types, and are not."""
     of_rheo = values[0] == "fix" and values[3:4] and values[3].startswith("rheo")
     return [word for word in values[4:] if _HYPHEN.fullmatch(word)] if of_rheo else []
-
-
-def _as_taken(word: str) -> str:
-    """Return a word as LAMMPS takes it: a range with a hyphen for its first number, which is a finding."""
-    hyphen = _HYPHEN.fullmatch(word)
-    return hyphen[1] if hyphen else word
 
 
 _FOLLOWED = ("gravity", "addforce", "setforce")

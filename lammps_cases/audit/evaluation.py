@@ -19,7 +19,7 @@ from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import BoolArray, Box
-from eos_ref.model.parameters import Model
+from eos_ref.model.parameters import Force, IntArray, Model
 from eos_ref.model.state import State
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import Rounded, error
@@ -81,8 +81,20 @@ class ParticleSample:
         return State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n, s.mass_n)
 
 
+@dataclass(frozen=True)
+class TimedSample:
+    """A sample with its time step, run and step, and the ids of its particles; ``first`` of its run or not."""
+
+    sample: ParticleSample
+    timestep: float
+    run: int
+    step: int
+    id_n: IntArray
+    first: bool = True
+
+
 class _GivenDensities(ArrayEvaluator):
-    """Evaluator that takes the densities as given, and keeps their sum beside them."""
+    """Evaluator that takes the densities as given, and keeps their sum apart."""
 
     given_n: Any
     summed_n: Any = None
@@ -184,20 +196,20 @@ class SampleEvaluation:
             return ~all_n
         comparable_n = self._in_plane()
         if needs(field, "correction", model) and corrected_by_hidden_densities(model):
-            comparable_n = comparable_n & ~self._beside(solid_n)
+            comparable_n = comparable_n & ~self._near(solid_n)
         if field in ("surface/r", "surface/n", "shift/v") and "surface" in self.simulation.fields:
             open_n = error(self.simulation.fields["surface"]) > 0
-            comparable_n = comparable_n & ~open_n & ~self._beside(open_n)
+            comparable_n = comparable_n & ~open_n & ~self._near(open_n)
         return comparable_n
 
-    def _beside(self, some_n: BoolArray) -> BoolArray:
+    def _near(self, some_n: BoolArray) -> BoolArray:
         """Return the particles that have neighbours among some."""
         return self.stages.any_neighbour(lambda _, other: other, some_n) if some_n.any() else some_n
 
     def _in_plane(self) -> BoolArray:
         """Return the particles that lie in a plane with their neighbours, as do these with theirs."""
         tilted_n = self.tilted()
-        return ~(tilted_n | self._beside(tilted_n))
+        return ~(tilted_n | self._near(tilted_n))
 
     def tilted(self) -> BoolArray:
         """Return the particles of a 2D deck with neighbours above or below: LAMMPS takes distances in space."""
@@ -205,3 +217,14 @@ class SampleEvaluation:
         if z_n is None or "pairs" not in self.simulation.plan:
             return np.zeros(len(self.sample.state.solid_n), bool)
         return self.stages.any_neighbour(lambda own, other: (own - other) ** 2 > 0, z_n)  # which may underflow
+
+
+def model_with_forces(sample: ParticleSample) -> Model | None:
+    """Return the model with the forces of the deck, or None if these act on other groups than types."""
+    forces, type_n = [], sample.state.type_n
+    for action, acts_n in sample.actions:
+        types = tuple(int(t) for t in np.unique(type_n[acts_n]))
+        if not np.array_equal(acts_n, np.isin(type_n, types)):
+            return None
+        forces.append(Force(action.style, action.vector[: sample.model.dimension], types))  # type: ignore[arg-type]
+    return replace(sample.model, forces=tuple(forces))

@@ -22,7 +22,7 @@ from lammps_cases.scene.fields import FIELDS
 Array = npt.NDArray[Any]
 ALL = "all"
 DEFAULT = (ALL,)
-ABSENT = "fix rheo of this deck has no such feature"  # where all fields are asked for
+ABSENT = "fix rheo of this deck has no such feature"  # where all fields are requested
 INTEGRATED = "integrated over time; it can be checked only with rho/sum"
 PRESSURE = ("pressure",)
 # Measured: with these pairs left out, by the statuses of the step before, the sum is LAMMPS' on every particle.
@@ -87,7 +87,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Setting:
-    """A run's circumstances beside its model."""
+    """A run's circumstances apart from its model."""
 
     deck: Deck
     units: str

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import shlex
 import time
 from collections.abc import Iterator, Sequence
@@ -18,22 +17,11 @@ from eos_ref.errors import InputError
 from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model
 from eos_ref.numbers.rounded import Rounded, error, value
-from eos_ref.syntax.manual import manual_of
-from lammps_cases.audit import fields, frames, printed
-from lammps_cases.audit.deck import Deck
-from lammps_cases.audit.effects import effects
-from lammps_cases.audit.explanation import Explained
-from lammps_cases.audit.frames import FrameEvaluation, FrameSample
-from lammps_cases.audit.options import (
-    AuditOptions,
-    AuditResult,
-    DeckDump,
-    DeckEnd,
-    RunFacts,
-    RunSetup,
-    SampleRow,
-    SampleRows,
-)
+from lammps_cases.audit import dumps, fields
+from lammps_cases.audit.dumps import FrameEvaluation, FrameSample
+from lammps_cases.audit.effects import Explained, effects
+from lammps_cases.audit.messages import DeckDump, DeckEnd, RunFacts, RunSetup, SampleRow, SampleRows
+from lammps_cases.audit.options import AuditOptions, AuditResult
 from lammps_cases.audit.sample import Printed, judged, known
 from lammps_cases.audit.supervise import case_name, described
 from lammps_cases.audit.verdict import Findings, by_field
@@ -54,11 +42,10 @@ NO_RATE = "no column of it in the dump (compute property/atom drho)"
 
 
 class Run(NamedTuple):
-    """A run of the deck, by its number, with its model; an error where there is none that can be followed."""
+    """A run of the deck, by its number, with its model; an error where none can be followed."""
 
     number: int
     setup: RunSetup
-    deck: Deck
     model: Model | InputError
 
 
@@ -96,14 +83,14 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
     shots, rest = _read(dump)
     findings, setups = described(deck, options)
     runs = [_run(k, setup) for k, setup in enumerate(setups.runs, 1)]
-    columns = printed.columns_of(dump, list(shots[0].columns), setups.dumps, runs[0].setup)
+    columns = dumps.columns_of(dump, list(shots[0].columns), setups.dumps, runs[0].setup)
     writing = _writing(columns.dump, runs)
     audit = _Audit(columns, options, findings)
     for snapshot in shots:
         if list(snapshot.columns) != list(columns.names):
             raise InputError("columns", "must be the same in every snapshot", snapshot.step, dump.name)
         frame = _frame(snapshot, writing, dump.name)
-        writing = writing[writing.index(frame.run) :]  # steps may be counted anew
+        writing = writing[writing.index(frame.run) :]  # steps may be counted from 0 again
         _check(frame, dump.name)
         with np.errstate(all="ignore"):  # of numbers that overflow, which the comparison judges
             audit.take(frame)
@@ -140,16 +127,10 @@ def _read(dump: Path) -> tuple[list[FileSnapshot], list[str]]:
 
 
 def _run(number: int, setup: RunSetup) -> Run:
-    deck = Deck(**{field.name: getattr(setup, field.name) for field in dataclasses.fields(Deck)})
-    mass_t = [1.0] * setup.ntypes if setup.mass_t is None else setup.mass_t[1:]
     try:
-        laws = deck.laws(setup.ntypes)
-        if laws is None:
-            raise InputError("deck", "defines no fix rheo and fix rheo/pressure")
-        model: Model | InputError = deck.model(setup.dimension, setup.ntypes, mass_t, laws, manual_of(setup.version))
+        return Run(number, setup, setup.model())
     except InputError as error:
-        model = error
-    return Run(number, setup, deck, model)
+        return Run(number, setup, error)
 
 
 def _frame(snapshot: FileSnapshot, runs: Sequence[Run], where: str) -> Frame:
@@ -168,7 +149,7 @@ def _frame(snapshot: FileSnapshot, runs: Sequence[Run], where: str) -> Frame:
 
 
 def _check(frame: Frame, where: str) -> None:
-    """Refuse a snapshot whose particles are none of the deck.
+    """Refuse a snapshot whose particles are not the deck's.
 
     Raises
     ------
@@ -184,10 +165,10 @@ def _check(frame: Frame, where: str) -> None:
 
 
 def _coarse(x_nc: Rounded, model: Model) -> str:
-    """Return why positions tell nothing of neighbours; or nothing."""
+    """Return why neighbours do not follow from positions; or nothing."""
     if not np.isfinite(x_nc.value).all():
         return "positions are not numbers"
-    # Beyond the latter, the squares of distances are no longer told apart by the cutoff, whatever the digits.
+    # Beyond the latter, the squares of distances are no longer distinguished by the cutoff, whatever the digits.
     known = 2 * np.sqrt(model.dimension) * x_nc.error.max(initial=0.0) + EPS * np.abs(x_nc.value).max(initial=0.0)
     return "" if known < 0.5 * model.cut else "positions are not known to within the cutoff"
 
@@ -202,9 +183,9 @@ def _writing(dump: DeckDump, runs: Sequence[Run]) -> list[Run]:
 class _Audit:
     """Takes the snapshots, one by one."""
 
-    def __init__(self, columns: printed.DumpColumns, options: AuditOptions, findings: Findings) -> None:
+    def __init__(self, columns: dumps.DumpColumns, options: AuditOptions, findings: Findings) -> None:
         self.columns, self.options, self.findings = columns, options, findings
-        self.whole = printed.whole(columns.dump)
+        self.whole = dumps.whole(columns.dump)
         self.listed = known(findings.who["distribution"])
         self.explained: Explained = {}
         self.reasons: dict[tuple[str, str], list[int]] = {}
@@ -233,8 +214,8 @@ class _Audit:
             return
         sample = _sample(frame, held, id_n)
         shown = {name: held[name].value for name in names}
-        printed = Printed(FrameEvaluation, {name: held[name].error for name in names})
-        found = judged(sample, names, id_n, shown, self.listed, self.explained, printed=printed)
+        dumps = Printed(FrameEvaluation, {name: held[name].error for name in names})
+        found = judged(sample, names, id_n, shown, self.listed, self.explained, printed=dumps)
         compared, self.explained = found.comparisons, found.explained
         open_ = {name: tuple(entry.id for entry in entries) for name, entries in found.unpredictable.items()}
         rows = {(name, 0): SampleRow.of(len(c.bound_n), c.record) for name, c in compared.items()}
@@ -272,24 +253,22 @@ class _Audit:
         if name not in held:
             return {"f": NO_FORCES, "drho": NO_RATE}.get(name, NO_COLUMN)
         given = held.keys() | ({"mass"} if run.setup.mass_t is not None else set())
-        if reason := frames.lacking(name, model, given, frame.set_up, self.whole):
+        if reason := dumps.lacking(name, model, given, frame.set_up, self.whole):
             return reason
-        by_sums = fields.needs(name, "pairs", model) and not frames.by_columns(name, held)
+        by_sums = fields.needs(name, "pairs", model) and not dumps.by_columns(name, held)
         if by_sums and (reason := _coarse(held["x"], model)):
             return reason
-        if frames.by_columns(name, held) or (name != "rho" and not fields.needs(name, "pairs", model)):
+        if dumps.by_columns(name, held) or (name != "rho" and not fields.needs(name, "pairs", model)):
             return ""
         open_tilt = fields.leans_open(frame.snapshot.tilt, frame.snapshot.periodic)
-        setting = fields.Setting(run.deck, run.setup.units, open_tilt, run.setup.between)
+        setting = fields.Setting(run.setup.deck, run.setup.units, open_tilt, run.setup.between)
         if reason := fields.why_not(name, model, setting):
             return reason
-        return "" if frame.set_up else self._between(run)
-
-    def _between(self, run: Run) -> str:
-        """Return why the state that the forces saw does not follow from that of the dump; or nothing."""
+        if frame.set_up:
+            return ""
         if run.setup.units in ("real", "metal", "electron"):
             return f"in units {run.setup.units} force over mass is not an acceleration"
-        return run.deck.moves_on()
+        return run.setup.deck.moves_on()
 
     def unchecked(self) -> dict[str, str]:
         """Return by field why it was not checked, with the steps if that does not hold for all snapshots."""
@@ -327,7 +306,7 @@ def _broke(snapshot: FileSnapshot, run: int) -> BreakRecord | None:
 
 
 def _numbers(snapshot: FileSnapshot) -> Iterator[tuple[str, npt.NDArray[Any]]]:
-    """Yield the columns that hold numbers: of others, such as element, nothing can be said."""
+    """Yield the columns that hold numbers: others, such as element, are left out."""
     for name in snapshot.columns:
         with contextlib.suppress(InputError):
             yield name, snapshot.numbers(name)
@@ -343,17 +322,17 @@ def _sample(frame: Frame, held: dict[str, Any], id_n: npt.NDArray[Any]) -> Frame
     mass_n = held["mass"] if setup.mass_t is None else np.array(setup.mass_t)[type_n]
     solid_n = _solid(held, setup, at_n)
     held = held | {"mass": Rounded(value(mass_n), error(mass_n))}
-    state = frames.state_of_forces(held, model, type_n, solid_n, setup.dt, frame.set_up)
+    state = dumps.state_of_forces(held, model, type_n, solid_n, setup.dt, frame.set_up)
     d = model.dimension
     tilt = snapshot.tilt[: d * (d - 1) // 2] if any(snapshot.tilt) else ()
     box = Box(tuple(snapshot.low_c[:d]), tuple(snapshot.high_c[:d]), snapshot.periodic[:d], tilt)
     both = model.fix.rho_sum and model.fix.interface_reconstruct
     return FrameSample(
-        model, box, frames.plain(state), value(mass_n),
-        [(action, setup.members[action.group][at_n] & (at_n >= 0)) for action in run.deck.plain_actions()],
+        model, box, dumps.plain(state), value(mass_n),
+        [(action, setup.members[action.group][at_n] & (at_n >= 0)) for action in run.setup.deck.plain_actions()],
         frame.set_up and both,
         snapshot.numbers("z") if d == 2 and "z" in snapshot.columns else None,
-        unlists_bonded=run.deck.unlists_bonded,
+        unlists_bonded=run.setup.deck.unlists_bonded,
         newton=setup.newton,
         ranks=setup.ranks,
         of_forces=state,

@@ -4,11 +4,14 @@ LAMMPS executes every command; only label, jump, include, if, next's consequence
 that runs inside them are met, fixes are known as LAMMPS got them, and no command passes unchecked. Conditions,
 variables and substitution remain LAMMPS' own: an ``if`` is handed to LAMMPS with each branch replaced by a
 number, and a line is substituted once, by LAMMPS (a random variable must not advance twice).
+
+A deck can be followed without its runs: then it is kept what each begins with, and what the deck's dumps write.
 """
 
 from __future__ import annotations
 
 import contextlib
+import copy
 import math
 import os
 import re
@@ -16,9 +19,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from eos_ref.errors import InputError
-from lammps_cases.audit import guard, text
+from eos_ref.model.parameters import Model
+from lammps_cases.audit import arrays, place, sample, text
+from lammps_cases.audit.deck import between
+from lammps_cases.audit.messages import DeckDump, DeckSetups, RunSetup, ScriptCommand, StartState
 from lammps_cases.audit.place import DeckPlace, written
+from lammps_cases.audit.sample import SOLID
 from lammps_cases.audit.watch import DeckWatch
 from lammps_cases.engine.session import EngineRefused, translated
 
@@ -27,6 +36,15 @@ BRANCH = "eosref_branch"  # names of variables that decks will not use
 LINE = "eosref_line"
 _UNSET = re.compile(r"Substitution for illegal variable (\w+)")
 _FLOW = frozenset({"jump", "include", "label", "next", "clear", "run", "partition"})
+ENDLESS = 2**31 - 1
+# What a restart file does not bring along; it has the box, the particles, their masses and their groups.
+DEFINITIONS = frozenset(
+    {
+        *("newton", "lattice", "region", "variable", "neighbor", "neigh_modify", "comm_modify", "comm_style"),
+        *("pair_style", "pair_coeff", "pair_modify", "bond_style", "bond_coeff", "special_bonds", "timestep"),
+        *("fix", "fix_modify", "unfix", "compute", "compute_modify", "uncompute"),
+    }
+)
 
 
 class Finished(Exception):
@@ -53,7 +71,7 @@ class Follower:
     report : callable
         Called with place and text of every command before LAMMPS gets it.
     within : DeckPlace, optional
-        What has been copied; without it commands are left unchecked by `guard`.
+        What has been copied; without it commands are left unchecked by `place.check_command`.
     """
 
     def __init__(
@@ -122,7 +140,7 @@ class Follower:
             command = self._call(lambda: self.lmp.expand(command))
             words = text.words(command)
         if self.within is not None:
-            guard.check(words, self.where, self.within)
+            place.check_command(words, self.where, self.within)
         if words:
             self._dispatch(command, words)
 
@@ -148,7 +166,7 @@ class Follower:
                     raise Finished
             case _:
                 self._hidden(words)
-                self.watch.heed(values)
+                self.watch.check_upcoming(values)
                 self._make_folders(values)
                 if values[0] == "processors":
                     self.grid = values[1:4]
@@ -198,7 +216,7 @@ class Follower:
             values = [word.value for word in held]
             if values[:1] == ["if"]:
                 self._hidden(held)
-            elif values and (values[0] in _FLOW or guard.is_open(values) or self.watch.deck.changes_laws(values)):
+            elif values and (values[0] in _FLOW or place.is_open(values) or self.watch.deck.changes_laws(values)):
                 rule = "may not hold a command that the audit has to follow"
                 raise InputError(f"command {words[0].value}", rule, inner, self.where)
 
@@ -218,6 +236,137 @@ class Follower:
             hint = f" (-var {unset[1]} VALUE defines it, as for lmp)" if unset else ""
             if _OTHER_RANKS in str(error):
                 hint = f" (--ranks {math.prod(int(n) for n in self.grid if n.isdecimal())} starts as many)"
-            said = " ".join(str(error).split())
-            at = said.find(" (src/") if " (src/" in said else len(said)  # the hint comes before the place in a source
-            raise type(error)(f"{said[:at]}{hint}{said[at:]} ({self.where})") from None
+            line = " ".join(str(error).split())
+            at = line.find(" (src/") if " (src/" in line else len(line)  # the hint comes before the place in a source
+            raise type(error)(f"{line[:at]}{hint}{line[at:]} ({self.where})") from None
+
+
+class SetupWatch(DeckWatch):
+    """Executes ``run 0`` in place of every run, and keeps what the run would begin with."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.described: list[RunSetup] = []
+        self.computes: dict[str, list[str]] = {}
+        self.dumps: list[DeckDump] = []
+        self.commands: list[list[str]] = []
+        self.ahead = 0  # steps of runs since LAMMPS' own count was set
+        self.script: list[ScriptCommand] = []
+        self.start: StartState | None = None
+
+    def setups(self) -> DeckSetups:
+        """Return all that was kept."""
+        commands = [" ".join(map(text.quoted, words)) for words in self.commands]
+        return DeckSetups(self.described, self.dumps, commands, self.script, self.start)
+
+    def meet(self, where: str, written: str) -> None:
+        """Note a command that comes next, before LAMMPS substitutes it."""
+        self.script.append(ScriptCommand(where, written, self.runs))
+
+    def _keep(self, values: list[str]) -> None:
+        if self.script:
+            self.script[-1].values = values
+
+    def note(self, values: list[str]) -> None:
+        """Note a command that LAMMPS has executed."""
+        super().note(values)
+        self._keep(values)
+        if values[0] in DEFINITIONS:
+            self.commands.append(values)
+        match values:
+            case ["compute", name, *_]:
+                self.computes[name] = values
+            case ["uncompute", name]:
+                self.computes.pop(name, None)
+            case ["dump", *words]:
+                self.dumps.append(DeckDump(words, [], self.runs, ENDLESS))
+            case ["undump", name]:
+                self._dump(name).end = self.runs
+            case ["dump_modify", name, *words]:
+                self._dump(name).modify += words
+            case ["write_dump", group, style, file, *words]:
+                at = words.index("modify") if "modify" in words else len(words)
+                written = ["", group, style, "0", file, *words[:at]]
+                self.dumps.append(DeckDump(written, words[at + 1 :], self.runs, self.runs, self._step()))
+            case ["reset_timestep", *_]:
+                self.ahead = 0
+            case ["clear"]:
+                self.ahead, self.computes = 0, {}
+                for dump in self.dumps:
+                    dump.end = min(dump.end, self.runs)
+
+    def _dump(self, name: str) -> DeckDump:
+        return next(dump for dump in reversed(self.dumps) if dump.words[0] == name)
+
+    def _step(self) -> int:
+        return super()._step() + self.ahead
+
+    def run(self, values: list[str], execute: Callable[..., None]) -> bool:
+        """Describe a run, and count its steps; LAMMPS sets it up."""
+        self._keep(values)
+        if not self.runs and self.lmp.extract_atom("rheo_status"):
+            self.start = self._start()
+        self.runs += 1
+        execute("run 0")
+        first, count = self._step(), int(float(values[1]))
+        last = count if "upto" in values else first + count
+        self.described.append(self._setup(values, first, last))
+        self._act(last - first)
+        self.ahead += last - first
+        return False
+
+    def _start(self) -> StartState:
+        lmp, n = self.lmp, len(arrays.ids(self.lmp))
+        low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
+        groups = [group for group in lmp.available_ids("group") if group]  # deleted ones have no name
+        energy_n = arrays.atoms(lmp, "esph", n) if lmp.extract_atom("esph") else np.zeros(0)
+        return StartState(
+            box_c=np.array([low, high]),
+            tilt_c=np.array([xy, xz, yz]),
+            periodic=[bool(flag) for flag in periodic],
+            energy_n=energy_n.copy(),
+            members={group: arrays.members(lmp, group, n) for group in groups},
+            **{
+                axes: arrays.atoms(lmp, name, n).copy()
+                for axes, name in {
+                    **{"id_n": "id", "type_n": "type", "status_n": "rheo_status"},
+                    **{"x_nc": "x", "v_nc": "v", "rho_n": "rho"},
+                }.items()
+            },
+        )
+
+    def _act(self, steps: int) -> None:
+        table = self.deck.laws(int(self.lmp.extract_setting("ntypes")))
+        mass_t = None if self.lmp.extract_atom("rmass") else np.array(self.lmp.numpy.extract_atom("mass"))
+        model = None if table is None else self._model(table, mass_t)
+        if isinstance(model, Model):
+            n = len(arrays.ids(self.lmp))
+            x_nc = arrays.atoms(self.lmp, "x", n)
+            taken = sample.taken(self.lmp, model, self.deck.plain_actions(), mass_t, n, x_nc)
+            self.acting.begin(self.lmp, self.deck, taken, steps, True)
+
+    def _setup(self, values: list[str], first: int, last: int) -> RunSetup:
+        lmp = self.lmp
+        id_n = arrays.ids(lmp)
+        n = len(id_n)
+        groups = sorted({action.group for action in self.deck.plain_actions()})
+        status = lmp.extract_atom("rheo_status")
+        return RunSetup(
+            first=first,
+            last=last,
+            before=len(self.commands),
+            deck=copy.deepcopy(self.deck),
+            dt=float(lmp.extract_global("dt")),
+            version=str(lmp.version()),
+            units=str(lmp.extract_global("units")),
+            dimension=int(lmp.extract_setting("dimension")),
+            ntypes=int(lmp.extract_setting("ntypes")),
+            between=between(values),
+            mass_t=None if lmp.extract_atom("rmass") else lmp.numpy.extract_atom("mass").tolist(),
+            computes=dict(self.computes),
+            id_n=id_n.copy(),
+            solid_n=(arrays.atoms(lmp, "rheo_status", n) & SOLID != 0) if status else np.zeros(n, bool),
+            members={group: arrays.members(lmp, group, n) for group in groups},
+            newton=(bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))),
+            ranks=arrays.rank_count(lmp),
+        )

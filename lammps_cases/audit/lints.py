@@ -247,14 +247,14 @@ def _types(type_n: Array) -> str:
 
 @dataclass
 class Stillness:
-    """Fluid that does not move from one sample to the next although something beside it does.
+    """Fluid that does not move from one sample to the next although something next to it does.
 
-    A neighbour that moves drags a particle along, by the viscosity, by its density if by nothing else: who is at rest
+    A neighbour that moves drags a particle along, by the viscosity, by its density if by nothing else: what is at rest
     to the last bit ten steps later is held, or not integrated.
     """
 
     line: str = ""
-    _exposed: Any = ()  # ids of fluid at rest beside something that moves, in the last sample
+    _exposed: Any = ()  # ids of fluid at rest next to something that moves, in the last sample
     _most: int = 1  # forces on one particle may cancel by symmetry
 
     def look(self, step: int, id_n: Array, sample: ParticleSample, first: bool) -> None:
@@ -274,5 +274,5 @@ class Stillness:
         self._exposed = ()
         if still_n.any() and moves_n.any():
             i, j, _ = directed_pairs(state.x_nc, box, sample.model.cut)
-            beside_n = np.bincount(i, moves_n[j], len(id_n)) > 0
-            self._exposed = id_n[still_n & beside_n]
+            near_n = np.bincount(i, moves_n[j], len(id_n)) > 0
+            self._exposed = id_n[still_n & near_n]

@@ -1,75 +1,267 @@
-"""What the process that runs a deck may send: messages of `lammps_cases.audit.options`, made of plain data.
-
-The deck may have taken that process over: a pickle could then name anything that is to be called here.
-"""
+"""What the process that runs a deck sends to the one that started it: plain data."""
 
 from __future__ import annotations
 
-import io
-import pickle
-from multiprocessing.connection import Connection
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
-from pydantic import TypeAdapter, ValidationError
+import numpy.typing as npt
+from pydantic import ConfigDict
 
 from eos_ref.errors import InputError
-from lammps_cases.audit.options import CommandPlace, DeckEnd, DeckSetups, EngineIdentity, RunFacts, SampleRows
-from lammps_cases.engine.session import EngineMissing
-
-LARGEST = 2**32  # bytes of a message: the arrays of 1e7 atoms
-_RECORDS = ("lammps_cases.records.case_parts", "lammps_cases.records.run_record")
-MODULES = ("lammps_cases.audit.options", *_RECORDS)  # whose own classes are data
-_NUMPY = (("multiarray", "_reconstruct"), ("multiarray", "scalar"), ("numeric", "_frombuffer"))
-NAMES = {
-    *{("eos_ref.errors", name) for name in ("InputError", "InputErrors")},
-    ("lammps_cases.engine.session", "EngineMissing"),
-    *{("numpy", name) for name in ("ndarray", "dtype")},
-    *{("builtins", name) for name in ("set", "frozenset")},
-    ("_codecs", "encode"),
-    *((f"numpy._core.{module}", name) for module, name in _NUMPY),
-    *((f"numpy.core.{module}", name) for module, name in _NUMPY),
-}
-
-KINDS: dict[type, TypeAdapter[Any]] = {
-    kind: TypeAdapter(kind) for kind in (EngineIdentity, CommandPlace, RunFacts, SampleRows, DeckSetups, DeckEnd)
-}
+from eos_ref.model.parameters import Model
+from eos_ref.syntax.manual import manual_of
+from lammps_cases.audit.deck import Deck
+from lammps_cases.records.case_parts import (
+    ActingRecord,
+    BreakRecord,
+    BudgetRecord,
+    ClosedRecord,
+    EffectRecord,
+    FieldRecord,
+    LawRecord,
+    LostRecord,
+    OutlookRecord,
+    Seconds,
+    SeriesRecord,
+    Verdict,
+)
 
 
-class Foreign(ValueError):
-    """No message of an audit."""
+@dataclass(frozen=True)
+class RunSetup:
+    """What a run of a deck begins with: the state of its commands, and the particles.
 
-
-class _Reader(pickle.Unpickler):
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) in NAMES:
-            return super().find_class(module, name)
-        if module in MODULES and "." not in name:
-            cls = super().find_class(module, name)
-            if isinstance(cls, type) and cls.__module__ == module:
-                return cls
-        raise Foreign(f"{module}.{name}"[:100])
-
-
-def received(connection: Connection) -> object:
-    """Wait for a message, and return it.
-
-    Raises
-    ------
-    Foreign
-    EOFError
-        The other side has ended.
+    Attributes
+    ----------
+    first, last : its steps
+    before : how many of the deck's commands come before it
+    deck : these commands
+    computes : their commands by id
+    between : a command that the run executes in between and that may change the model
+    mass_t : masses of the types, from index 1; None where every particle has its own
+    id_n, solid_n : of the particles
+    members : by group, whether a particle is in it
+    newton : the flags of pairs and of bonds
+    ranks : that LAMMPS has
     """
-    try:
-        message = _Reader(io.BytesIO(connection.recv_bytes(LARGEST))).load()
-    except (Foreign, EOFError):
-        raise
-    except Exception as error:  # whatever damaged bytes make of it
-        raise Foreign(type(error).__name__) from None
-    if isinstance(message, InputError | EngineMissing):
-        return message
-    if type(message) not in KINDS:
-        raise Foreign(type(message).__name__)
-    try:
-        return KINDS[type(message)].validate_python(vars(message))
-    except ValidationError as error:
-        raise Foreign(f"{type(message).__name__}: {error.errors()[0]['msg']}"[:100]) from None
+
+    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
+
+    first: int
+    last: int
+    before: int
+    deck: Deck
+    dt: float
+    version: str
+    units: str
+    dimension: int
+    ntypes: int
+    between: str
+    mass_t: list[float] | None
+    computes: dict[str, list[str]]
+    id_n: npt.NDArray[Any]
+    solid_n: npt.NDArray[Any]
+    members: dict[str, npt.NDArray[Any]]
+    newton: tuple[bool, bool]
+    ranks: int
+
+    def model(self) -> Model:
+        """Return the particle model; masses of particles of their own are not part of it.
+
+        Raises
+        ------
+        InputError
+            Something that cannot be followed, or that is missing.
+        """
+        laws = self.deck.laws(self.ntypes)
+        if laws is None:
+            raise InputError("deck", "defines no fix rheo and fix rheo/pressure")
+        mass_t = [1.0] * self.ntypes if self.mass_t is None else self.mass_t[1:]
+        return self.deck.model(self.dimension, self.ntypes, mass_t, laws, manual_of(self.version))
+
+
+@dataclass
+class DeckDump:
+    """A dump of a deck, or what write_dump writes.
+
+    Attributes
+    ----------
+    words : id, group, style, steps between two snapshots, file and columns
+    modify : words of its dump_modify
+    begin, end : number of runs before its definition, and before its end
+    step : of write_dump; None for a dump
+    """
+
+    words: list[str]
+    modify: list[str]
+    begin: int
+    end: int
+    step: int | None = None
+
+
+@dataclass
+class ScriptCommand:
+    """A command of a deck as written, and as LAMMPS got it: no words where only the deck's flow depends on it.
+
+    ``runs`` is the number of runs before it.
+    """
+
+    where: str
+    written: str
+    runs: int
+    values: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class StartState:
+    """The particles before the set-up of the first run, in LAMMPS' order, and the box.
+
+    Attributes
+    ----------
+    box_c : (2, 3) corners; tilt_c : (3,) xy, xz, yz
+    id_n, type_n, status_n, rho_n : (n,)
+    x_nc, v_nc : (n, 3)
+    energy_n : (n,), empty without atom_style rheo/thermal
+    members : by group, whether a particle is in it
+    """
+
+    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
+
+    box_c: npt.NDArray[Any]
+    tilt_c: npt.NDArray[Any]
+    periodic: list[bool]
+    id_n: npt.NDArray[Any]
+    type_n: npt.NDArray[Any]
+    status_n: npt.NDArray[Any]
+    x_nc: npt.NDArray[Any]
+    v_nc: npt.NDArray[Any]
+    rho_n: npt.NDArray[Any]
+    energy_n: npt.NDArray[Any]
+    members: dict[str, npt.NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class DeckSetups:
+    """The runs of a deck, none of which has been carried out, its dumps, and its fixes and the like as commands.
+
+    With all of its commands, and the particles at its first run.
+    """
+
+    runs: list[RunSetup]
+    dumps: list[DeckDump]
+    commands: list[str]
+    script: list[ScriptCommand] = field(default_factory=list)
+    start: StartState | None = None
+
+
+@dataclass(frozen=True)
+class EngineIdentity:
+    """The LAMMPS that runs the deck; see `lammps_cases.engine.session.describe`."""
+
+    who: dict[str, str]
+
+
+@dataclass(frozen=True)
+class CommandPlace:
+    """The command that LAMMPS is about to execute, and its place in the deck."""
+
+    where: str
+    command: str
+
+
+class SampleRow(NamedTuple):
+    """A field of one atom type (or all) in one sample; a plain tuple, as sending a model takes ten times longer."""
+
+    natoms: int
+    verdict: Verdict
+    max_abs: float
+    max_over_bound: float
+    bound: float
+    worst_id: int
+    outside: int
+    first_id: int | None
+    explained_by: tuple[str, ...] = ()
+    digest: str = ""
+
+    @classmethod
+    def of(cls, natoms: int, record: FieldRecord) -> SampleRow:
+        """Return the row of a comparison's record."""
+        r = record
+        worst = (r.max_abs or 0.0, r.max_over_bound or 0.0, r.bound or 0.0, r.worst_id or 0)
+        return cls(natoms, r.verdict, *worst, r.outside, r.first_id, tuple(r.explained_by), r.digest)
+
+
+@dataclass(frozen=True)
+class SampleRows:
+    """One sample: every field and atom type (0: all types) at one step, and the number of steps done.
+
+    ``effects``: what known findings do to the particles as they are, in some of the samples; ``budgets``: one, if
+    wanted; ``unpredictable``: by field that could not be compared, the findings that reach it.
+    """
+
+    step: int
+    run: int
+    done: int
+    rows: dict[tuple[str, int], SampleRow]
+    effects: tuple[EffectRecord, ...] = ()
+    budgets: tuple[BudgetRecord, ...] = ()
+    unpredictable: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """Facts of a run at its start; ``derivations`` are of the pressure per type, ``derivation`` of the rest."""
+
+    natoms: int
+    dimension: int
+    units: str
+    laws: list[LawRecord]
+    derivations: list[str]
+    run: int = 0
+    unchecked: dict[str, str] = field(default_factory=dict)
+    stages: dict[str, str] = field(default_factory=dict)
+    derivation: str = ""
+
+
+@dataclass(frozen=True)
+class PairShare:
+    """A deck of pair_style rheo alone, and the lines of its data file: the particles of a sample.
+
+    ``reason`` says why the forces of the sample itself could not be compared.
+    """
+
+    run: int
+    step: int
+    reason: str
+    commands: list[str]
+    data: list[str]
+
+
+@dataclass(frozen=True)
+class DeckEnd:
+    """The deck came to its end, or to the error ``refused``; with arrays of one sample, and the fields of the last."""
+
+    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
+
+    done: int
+    runs: int
+    seconds: Seconds
+    warnings: list[str]
+    stability: list[str]
+    arrays: dict[str, npt.NDArray[Any]]
+    last: dict[int, FieldRecord]
+    refused: str = ""
+    outlook: OutlookRecord | None = None
+    effects: list[EffectRecord] = field(default_factory=list)
+    share: PairShare | None = None
+    series: list[SeriesRecord] = field(default_factory=list)
+    closed: ClosedRecord | None = None
+    touching: tuple[str, ...] = ()  # findings that the deck is under by its commands, whatever its particles are
+    acting: list[ActingRecord] = field(default_factory=list)
+    broke: BreakRecord | None = None
+    lost: LostRecord | None = None
+    brief: str = ""  # what is most questionable about the set-up
+    lacks: str = ""  # what this LAMMPS was built without, and the deck needs
+    kept: dict[int, dict[str, npt.NDArray[Any]]] = field(default_factory=dict)  # see `lammps_cases.audit.arrays`
+    thermo: list[dict[str, float]] = field(default_factory=list)

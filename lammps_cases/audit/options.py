@@ -1,4 +1,4 @@
-"""Options and result of an audit, and the messages between its two processes."""
+"""Options, result and task of an audit."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from dataclasses import fields as fields_of
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy.typing as npt
 from pydantic import BeforeValidator, ConfigDict, TypeAdapter, ValidationError
@@ -18,20 +18,6 @@ from lammps_cases.audit import text
 from lammps_cases.audit.fields import DEFAULT, chosen
 from lammps_cases.audit.place import DeckPlace
 from lammps_cases.engine.containment import Means
-from lammps_cases.records.case_parts import (
-    ActingRecord,
-    BreakRecord,
-    BudgetRecord,
-    ClosedRecord,
-    EffectRecord,
-    FieldRecord,
-    LawRecord,
-    LostRecord,
-    OutlookRecord,
-    Seconds,
-    SeriesRecord,
-    Verdict,
-)
 from lammps_cases.records.levels import EFFECT
 from lammps_cases.records.options import Option
 from lammps_cases.records.progress import SILENT, Progress
@@ -137,7 +123,7 @@ class AuditOptions:
             type=str,
         ),
     ] = field(default_factory=dict)
-    root: Annotated[Path | None, Option("Copy DIR, for decks that read files in folders beside.", metavar="DIR")] = None
+    root: Annotated[Path | None, Option("Copy DIR, for decks that read files of other folders.", metavar="DIR")] = None
     ranks: Annotated[int, Option("Run LAMMPS on N MPI ranks, as mpirun -np N lmp.", metavar="N")] = 1
     budgets: Annotated[bool, Option("Also follow momentum and energy, and where they are lost.")] = False
 
@@ -221,7 +207,9 @@ class AuditResult:
     record: RunRecord
     who: dict[str, str]
     arrays: dict[str, npt.NDArray[Any]]
-    kept: dict[int, dict[str, npt.NDArray[Any]]] = field(default_factory=dict)  # by step, see `lammps_cases.audit.keep`
+    kept: dict[int, dict[str, npt.NDArray[Any]]] = field(
+        default_factory=dict
+    )  # by step, see `lammps_cases.audit.arrays`
 
 
 @dataclass(frozen=True)
@@ -232,7 +220,7 @@ class AuditTask:
     folder: str  # the copy
     options: AuditOptions
     means: Means
-    outside: str  # folder beside the copy, for the files of the audit itself
+    outside: str  # folder outside of the copy, for the files of the audit itself
     setups: bool = False  # whether runs are not carried out, but described
     place: DeckPlace = field(default_factory=DeckPlace)
 
@@ -250,233 +238,3 @@ class AuditTask:
     def fifo(self) -> str:
         """Return the file that carries the messages."""
         return f"{self.temporary}/messages"
-
-
-@dataclass(frozen=True)
-class RunSetup:
-    """What a run of a deck begins with: the state of its commands, and the particles.
-
-    Attributes
-    ----------
-    first, last : its steps
-    said : how many of the deck's commands come before it
-    fixes, pair, coefficients, special, bonded, excludes : of `lammps_cases.audit.deck.Deck`
-    computes : their commands by id
-    between : a command that the run executes in between and that may change the model
-    mass_t : masses of the types, from index 1; None where every particle has its own
-    id_n, solid_n : of the particles
-    members : by group, whether a particle is in it
-    newton : the flags of pairs and of bonds
-    ranks : that LAMMPS has
-    """
-
-    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
-
-    first: int
-    last: int
-    said: int
-    dt: float
-    version: str
-    units: str
-    dimension: int
-    ntypes: int
-    between: str
-    mass_t: list[float] | None
-    fixes: dict[str, list[str]]
-    pair: list[str]
-    coefficients: list[list[str]]
-    special: list[str]
-    bonded: list[str]
-    excludes: bool
-    computes: dict[str, list[str]]
-    id_n: npt.NDArray[Any]
-    solid_n: npt.NDArray[Any]
-    members: dict[str, npt.NDArray[Any]]
-    newton: tuple[bool, bool]
-    ranks: int
-
-
-@dataclass
-class DeckDump:
-    """A dump of a deck, or what write_dump writes.
-
-    Attributes
-    ----------
-    words : id, group, style, steps between two snapshots, file and columns
-    modify : what dump_modify says of it
-    begin, end : number of runs before its definition, and before its end
-    step : of write_dump; None for a dump
-    """
-
-    words: list[str]
-    modify: list[str]
-    begin: int
-    end: int
-    step: int | None = None
-
-
-@dataclass
-class ScriptCommand:
-    """A command of a deck as written, and as LAMMPS got it: no words where only the deck's flow depends on it.
-
-    ``runs`` is the number of runs before it.
-    """
-
-    where: str
-    written: str
-    runs: int
-    values: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class StartState:
-    """The particles before the set-up of the first run, in LAMMPS' order, and the box.
-
-    Attributes
-    ----------
-    box_c : (2, 3) corners; tilt_c : (3,) xy, xz, yz
-    id_n, type_n, status_n, rho_n : (n,)
-    x_nc, v_nc : (n, 3)
-    energy_n : (n,), empty without atom_style rheo/thermal
-    members : by group, whether a particle is in it
-    """
-
-    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
-
-    box_c: npt.NDArray[Any]
-    tilt_c: npt.NDArray[Any]
-    periodic: list[bool]
-    id_n: npt.NDArray[Any]
-    type_n: npt.NDArray[Any]
-    status_n: npt.NDArray[Any]
-    x_nc: npt.NDArray[Any]
-    v_nc: npt.NDArray[Any]
-    rho_n: npt.NDArray[Any]
-    energy_n: npt.NDArray[Any]
-    members: dict[str, npt.NDArray[Any]]
-
-
-@dataclass(frozen=True)
-class DeckSetups:
-    """The runs of a deck, none of which has been carried out, its dumps, and its fixes and the like as commands.
-
-    With all of its commands, and the particles at its first run.
-    """
-
-    runs: list[RunSetup]
-    dumps: list[DeckDump]
-    commands: list[str]
-    script: list[ScriptCommand] = field(default_factory=list)
-    start: StartState | None = None
-
-
-@dataclass(frozen=True)
-class EngineIdentity:
-    """The LAMMPS that runs the deck; see `lammps_cases.engine.session.describe`."""
-
-    who: dict[str, str]
-
-
-@dataclass(frozen=True)
-class CommandPlace:
-    """The command that LAMMPS is about to execute, and its place in the deck."""
-
-    where: str
-    command: str
-
-
-class SampleRow(NamedTuple):
-    """A field of one atom type (or all) in one sample; a plain tuple, as sending a model takes ten times longer."""
-
-    natoms: int
-    verdict: Verdict
-    max_abs: float
-    max_over_bound: float
-    bound: float
-    worst_id: int
-    outside: int
-    first_id: int | None
-    explained_by: tuple[str, ...] = ()
-    digest: str = ""
-
-    @classmethod
-    def of(cls, natoms: int, record: FieldRecord) -> SampleRow:
-        """Return the row of a comparison's record."""
-        r = record
-        worst = (r.max_abs or 0.0, r.max_over_bound or 0.0, r.bound or 0.0, r.worst_id or 0)
-        return cls(natoms, r.verdict, *worst, r.outside, r.first_id, tuple(r.explained_by), r.digest)
-
-
-@dataclass(frozen=True)
-class SampleRows:
-    """One sample: every field and atom type (0: all types) at one step, and the number of steps done.
-
-    ``effects``: what known findings do to the particles as they are, in some of the samples; ``budgets``: one, if asked
-    for; ``unpredictable``: by field that could not be compared, the findings that reach it.
-    """
-
-    step: int
-    run: int
-    done: int
-    rows: dict[tuple[str, int], SampleRow]
-    effects: tuple[EffectRecord, ...] = ()
-    budgets: tuple[BudgetRecord, ...] = ()
-    unpredictable: dict[str, tuple[str, ...]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class RunFacts:
-    """Facts of a run at its start; ``derivations`` are of the pressure per type, ``derivation`` of the rest."""
-
-    natoms: int
-    dimension: int
-    units: str
-    laws: list[LawRecord]
-    derivations: list[str]
-    run: int = 0
-    unchecked: dict[str, str] = field(default_factory=dict)
-    stages: dict[str, str] = field(default_factory=dict)
-    derivation: str = ""
-
-
-@dataclass(frozen=True)
-class PairShare:
-    """A deck of pair_style rheo alone, and the lines of its data file: the particles of a sample.
-
-    ``reason`` says why the forces of the sample itself could not be compared.
-    """
-
-    run: int
-    step: int
-    reason: str
-    commands: list[str]
-    data: list[str]
-
-
-@dataclass(frozen=True)
-class DeckEnd:
-    """The deck came to its end, or to the error ``refused``; with arrays of one sample, and the fields of the last."""
-
-    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
-
-    done: int
-    runs: int
-    seconds: Seconds
-    warnings: list[str]
-    stability: list[str]
-    arrays: dict[str, npt.NDArray[Any]]
-    last: dict[int, FieldRecord]
-    refused: str = ""
-    outlook: OutlookRecord | None = None
-    effects: list[EffectRecord] = field(default_factory=list)
-    share: PairShare | None = None
-    series: list[SeriesRecord] = field(default_factory=list)
-    closed: ClosedRecord | None = None
-    touching: tuple[str, ...] = ()  # findings that the deck is under by its commands, whatever its particles are
-    acting: list[ActingRecord] = field(default_factory=list)
-    broke: BreakRecord | None = None
-    lost: LostRecord | None = None
-    brief: str = ""  # what is most questionable about the set-up
-    lacks: str = ""  # what this LAMMPS was built without, and the deck needs
-    kept: dict[int, dict[str, npt.NDArray[Any]]] = field(default_factory=dict)  # see `lammps_cases.audit.keep`
-    thermo: list[dict[str, float]] = field(default_factory=list)

@@ -1,38 +1,157 @@
-"""Why a deck's run broke off: what the reference makes of the last good sample."""
+"""Whether the state of a deck is that of a fluid, what findings do to its samples, and why a run broke off.
+
+A state is no longer a fluid's if numbers are not finite, or if particles run away or are lost.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
-from eos_ref.model.parameters import Force, IntArray, Model
-from eos_ref.numbers.number import Array
-from lammps_cases.audit.effects import effects
-from lammps_cases.audit.evaluation import ParticleSample, acted_on
+from eos_ref.model.parameters import IntArray, Model
+from eos_ref.model.state import State
+from lammps_cases.audit import fields
+from lammps_cases.audit.effects import Explained, effects, touching
+from lammps_cases.audit.evaluation import TimedSample, acted_on, model_with_forces
+from lammps_cases.audit.options import AuditOptions
+from lammps_cases.audit.rerun import boxed, closed, looks, reruns, shortened
+from lammps_cases.audit.sample import Sampler
+from lammps_cases.comparison.compare import components
 from lammps_cases.findings import Finding
-from lammps_cases.records.case_parts import EffectRecord, OutlookRecord
+from lammps_cases.records.case_parts import (
+    BreakRecord,
+    ClosedRecord,
+    EffectRecord,
+    LostRecord,
+    OutlookRecord,
+    SeriesRecord,
+)
 from lammps_cases.studies.stability.limits import numbers
-from lammps_cases.verdict.runaway import Attempts
+from lammps_cases.verdict.runaway import RUNAWAY, Attempts, fastest
+
+Array = npt.NDArray[Any]
+_LOST = re.compile(r"Lost atoms: original (\d+) current (\d+)")
 
 
-@dataclass(frozen=True)
-class Good:
-    """The last sample before the end that looks like a fluid: with the time step, the run and the step it is of."""
+def mach(model: Model, state: State) -> float:
+    """Return the largest component of a velocity over the speed of sound; infinite where numbers are not finite."""
+    if not all(np.isfinite(of).all() for of in (state.x_nc, state.v_nc, state.rho_n)):
+        return np.inf
+    at_rest = replace(state, v_nc=np.zeros(state.v_nc.shape))
+    return float(np.abs(state.v_nc).max(initial=0.0)) / fastest(model, at_rest)
 
-    sample: ParticleSample
-    timestep: float
-    run: int
-    step: int
-    id_n: IntArray
+
+@dataclass
+class Health:
+    """The first sample in which the state of a deck is not that of a fluid, and the particles that it has lost."""
+
+    broke: BreakRecord | None = None
+    lost: LostRecord | None = None
+    broke_off: int | None = None  # step at which LAMMPS ended a run
+    ignores: bool = False  # whether LAMMPS goes on when particles are lost
+    changes: bool = False  # whether fixes add or remove particles
+    _count: int = 0  # particles at the beginning of the run
+    _energy: float = 0.0  # largest at the beginning of the run
+    _density: float = 0.0  # the same over the equilibrium density
+
+    def note(self, values: list[str]) -> None:
+        """Take a command that LAMMPS has executed."""
+        if values[0] == "thermo_modify" and "lost" in values[:-1]:
+            self.ignores = values[values.index("lost") + 1] != "error"
+        if values[0] == "fix" and values[3].startswith(("evaporate", "deposit", "pour")):
+            self.changes = True
+
+    def begin(self, natoms: int) -> None:
+        """Take the number of particles with which a run begins."""
+        self._count = natoms
+
+    def state(self, run: int, step: int, id_n: Array, columns: Mapping[str, Array], first: bool) -> bool:
+        """Take the state of a sample as LAMMPS has it, by column; return whether all its numbers are finite.
+
+        That of the ``first`` sample of a run is given to the run.
+        """
+        lost = 0 if self.changes else self._count - len(id_n)
+        if lost > (self.lost.lost if self.lost else 0):
+            self.lost = LostRecord(lost=lost, of=self._count, run=run, step=step, ignored=self.ignores)
+        return self._all_finite(run, step, id_n, columns, given=first)
+
+    def fields(
+        self, run: int, step: int, id_n: Array, lammps: Mapping[str, Array], reference: Mapping[str, Array]
+    ) -> None:
+        """Take the fields of a sample on both sides."""
+        for name, values_n in lammps.items():
+            both = name in reference and not np.isfinite(reference[name]).all()
+            self._all_finite(run, step, id_n, {name: values_n}, both)
+
+    def fluid(self, run: int, step: int, id_n: Array, model: Model, state: State, heated: bool, first: bool) -> None:
+        """Take a sample whose numbers are finite; ``heated``: whether something else adds to energies."""
+        rho0_n = model.rho0[state.type_n - 1]
+        gas_n = np.array([law.needs_energy for law in model.eos.laws])[state.type_n - 1]
+        density_n = np.where(state.solid_n | gas_n, 1.0, state.rho_n / rho0_n)
+        energy_n = np.zeros(len(id_n)) if state.energy_n is None else np.abs(state.energy_n)
+        if first:
+            self._density, self._energy = float(np.abs(density_n).max(initial=1.0)), float(energy_n.max(initial=0.0))
+        speed_n = np.abs(state.v_nc).max(axis=1, initial=0.0)
+        at_rest = replace(state, v_nc=np.zeros(state.v_nc.shape))
+        self._runs_away(run, step, id_n, "v", speed_n, speed_n > RUNAWAY * fastest(model, at_rest))
+        beyond_n = (density_n > RUNAWAY * self._density) | ((density_n <= 0) & (not first))
+        self._runs_away(run, step, id_n, "rho", state.rho_n, beyond_n)
+        if self._energy and not heated and not self.changes:
+            self._runs_away(run, step, id_n, "energy", energy_n, energy_n > RUNAWAY * self._energy)
+
+    def ended(self, error: str, run: int, step: int) -> None:
+        """Take the error with which LAMMPS ended a run."""
+        self.broke_off = step
+        if match := _LOST.search(error):
+            of, left = int(match[1]), int(match[2])
+            self.lost = LostRecord(lost=of - left, of=of, run=run, step=step, ignored=False)
+
+    def _all_finite(
+        self, run: int, step: int, id_n: Array, columns: Mapping[str, Array], both: bool = False, given: bool = False
+    ) -> bool:
+        for name, values in columns.items():
+            wrong_nk = ~np.isfinite(components(np.asarray(values, float)))
+            if not wrong_nk.any():
+                continue
+            if self.broke is None:
+                rows = np.flatnonzero(wrong_nk.any(axis=1))
+                row = rows[np.argmin(id_n[rows])]
+                component = int(np.argmax(wrong_nk[row]))
+                self.broke = BreakRecord(
+                    kind="not a number", run=run, step=step, column=component_name(name, values.shape[1:], component),
+                    atom=int(id_n[row]), value=float(components(values)[row, component]),
+                    particles=len(rows), of=len(id_n), both=both, given=given,
+                )  # fmt: skip
+            return False
+        return True
+
+    def _runs_away(self, run: int, step: int, id_n: Array, column: str, values_n: Array, beyond_n: Array) -> None:
+        if self.broke is not None or not beyond_n.any():
+            return
+        row = int(np.argmax(np.where(beyond_n, np.abs(values_n), -1.0)))
+        self.broke = BreakRecord(
+            kind="runaway", run=run, step=step, column=column, atom=int(id_n[row]), value=float(values_n[row]),
+            particles=int(beyond_n.sum()), of=len(id_n), both=False,
+        )  # fmt: skip
+
+
+def component_name(field: str, shape: tuple[int, ...], component: int) -> str:
+    """Return LAMMPS' name of a component of a field: vx of v, fx of f, grad/v/xy of grad/v."""
+    axes = ["xyz"[k] for k in np.unravel_index(component, shape)] if shape else []
+    if field == "x":
+        return axes[0]
+    return "".join([field, "/" if "/" in field and axes else "", *axes])
 
 
 def outlook(
-    good: Good, engine: str, taken: int, brief: str = "", unpredictable: Sequence[Finding] = ()
+    good: TimedSample, engine: str, taken: int, brief: str = "", unpredictable: Sequence[Finding] = ()
 ) -> tuple[OutlookRecord | None, list[EffectRecord]]:
     """Return why a run broke off, and what findings do to the particles that the reference makes of the sample.
 
@@ -67,29 +186,113 @@ def outlook(
     return record.model_copy(update={"because": because}), []
 
 
-def _limit(good: Good) -> str:
+def _limit(good: TimedSample) -> str:
     """Return how many times its limit by theory the time step is, and of what that is."""
     step = numbers(good.sample.model, good.sample.state, good.timestep)
     of = "sound" if step.viscous <= step.acoustic else "conduction" if step.conducts else "viscosity"
     return f"time step is {step.fraction:.3g} times the limit of {of} at step {good.step}"
 
 
-def boxed(sample: ParticleSample) -> ParticleSample:
-    """Return a sample whose particles lie in its box: between two lists of neighbours LAMMPS lets them leave it."""
-    box, x_nc = sample.box, sample.state.x_nc
-    x_nc = x_nc - box.shift(box.images(x_nc))
-    ends = np.where(box.periodic, (box.low_c, box.high_c), (x_nc.min(axis=0), x_nc.max(axis=0)))
-    low_c, high_c = np.minimum(box.low_c, ends[0]), np.maximum(box.high_c, ends[1])
-    grown = replace(box, low_c=tuple(map(float, low_c)), high_c=tuple(map(float, high_c)))
-    return replace(sample, box=grown, state=replace(sample.state, x_nc=x_nc))
+@dataclass
+class FluidSamples:
+    """Takes the samples of a deck; those look like a fluid whose particles are slower than sound, and none is missing.
+
+    Attributes
+    ----------
+    last : the last one of these, if all forces of the deck are known
+    first : the first one of the last run
+    """
+
+    options: AuditOptions
+    engine: str
+    last: TimedSample | None = None
+    first: TimedSample | None = None
+    _open: Explained = field(default_factory=dict)  # by field of the last one, findings that cannot be evaluated
+    _harmful: set[str] = field(default_factory=set)  # findings that change a field that steps need, in some sample
+    _count: int = 0  # samples that looked so
+    _least: int = 0  # particles of a sample that looks so, in this run
+
+    def take(
+        self, now: TimedSample | None, sampler: Sampler | None, starts: bool, broke: bool, unpredictable: Explained
+    ) -> tuple[EffectRecord, ...]:
+        """Take a sample, None if there is none to look at; of the 1st, 2nd, 4th, 8th ... return what findings do to it.
+
+        ``starts``: whether it is the first of a run; ``broke``: whether the state of the deck is no longer a fluid's.
+        """
+        count = 0 if now is None or sampler is None else len(now.sample.mass_n)
+        if starts:
+            self._least = count
+        looks_so = count >= self._least and now is not None and mach(now.sample.model, now.sample.state) <= 1
+        if now is None or sampler is None or not looks_so:
+            self._least = count + 1  # what is left of a run that lost particles, or its measure, may look well again
+            return ()
+        if not broke or self.last is None:
+            if "f" in sampler.fields:
+                self.last = now
+                if self.first is None or self.first.run != now.run:
+                    self.first = now
+            self._open = unpredictable | _undefined(sampler.explained)
+        self._count += 1
+        doubled = self._count & (self._count - 1) == 0
+        seen = {entry.id for entries in sampler.explained.values() for entry in entries}
+        if not (doubled or not seen <= self._harmful):
+            return ()
+        found = tuple(effects(now.sample, self.engine, now.run, now.step, sampler.evaluated, seen))
+        self._harmful |= seen | {effect.finding for effect in found}
+        return found
+
+    def series(self) -> tuple[list[SeriesRecord], ClosedRecord | None]:
+        """Return runs of the reference from the first sample of the last run, with what a closed solution says of them.
+
+        Nothing unless budgets are wanted and all forces are known.
+        """
+        if not self.options.budgets or self.first is None or self.last is None:
+            return [], None
+        steps = self.last.step - self.first.step
+        entries = [entry for entry in touching(self.last.sample, self.engine) if entry.id in self._harmful]
+        series = reruns(self.first, steps, self.options.every, entries)
+        return series, closed(self.first, looks(steps, self.options.every)) if series else None
+
+    def unbudgeted(self) -> list[str]:
+        """Return why there is no budget, or no run of the reference, though budgets are wanted."""
+        if not self.options.budgets or self.options.fields == fields.PRESSURE:
+            return []
+        if self.last is None:
+            return ["--budgets: nothing is followed, as forces are not compared in any run"]
+        if model_with_forces(self.last.sample) is None:
+            groups = ", ".join(dict.fromkeys(f"{a.style} on {a.group}" for a, _ in self.last.sample.actions))
+            why = f"forces act on groups that are not of types ({groups})"
+            return [f"--budgets: the reference does not run on from the first look, as {why}"]
+        steps = self.last.step - self.first.step if self.first else 0
+        short = shortened(len(self.last.id_n), steps)
+        line = f"--budgets: the reference takes fewer than {steps} steps, as particles are many: {short}"
+        return [line] if short else []
+
+    def outlook(self, health: Health, brief: str) -> tuple[OutlookRecord | None, list[EffectRecord]]:
+        """Return why the state broke or LAMMPS ended a run before its time; nothing if neither, or if nobody knows."""
+        broke, lost, broke_off = health.broke, health.lost, health.broke_off
+        if broke is not None and broke.given:
+            given = f"run {broke.run} begins with {broke.column} = {broke.value} of atom {broke.atom}"
+            return OutlookRecord(cause="set-up", because=given, run=broke.run, step=broke.step, taken=0, steps=0), []
+        if broke_off is None and lost is not None and not lost.ignored:
+            broke_off = lost.step
+        if broke is not None and brief and (broke.both or self.last is None):
+            return OutlookRecord(cause="set-up", because=brief, run=broke.run, step=broke.step, taken=0, steps=0), []
+        if self.last is None or (broke is None and broke_off is None):
+            return None, []
+        at = broke.step if broke is not None and broke.run == self.last.run else broke_off or self.last.step
+        record, more = outlook(self.last, self.engine, at - self.last.step, brief, self._open.get("f", ()))
+        grown = broke is not None and broke.column == "energy" and broke.kind == "runaway" and broke_off is None
+        if grown and (record is None or record.cause == "not understood"):
+            health.broke = None  # something heats the deck that is not followed
+            return None, []
+        return record, more
 
 
-def model_with_forces(sample: ParticleSample) -> Model | None:
-    """Return the model with the forces of the deck, or None if these act on other groups than types."""
-    forces, type_n = [], sample.state.type_n
-    for action, acts_n in sample.actions:
-        types = tuple(int(t) for t in np.unique(type_n[acts_n]))
-        if not np.array_equal(acts_n, np.isin(type_n, types)):
-            return None
-        forces.append(Force(action.style, action.vector[: sample.model.dimension], types))  # type: ignore[arg-type]
-    return replace(sample.model, forces=tuple(forces))
+def _undefined(explained: Explained) -> Explained:
+    """Return, of the findings that explain fields, those that leave some particles open."""
+    of = {
+        name: [e for e in entries if e.model_variant and e.model_variant.undefined]
+        for name, entries in explained.items()
+    }
+    return {name: entries for name, entries in of.items() if entries}

@@ -2,16 +2,24 @@
 
 ``lmp -in path/in.x`` runs in the current folder, and its file names are relative to it. So does an audit if the files
 that the deck reads by plain names lie there, or in the folder of ``--root``; otherwise it runs in the deck's own one.
+
+Commands that reach outside LAMMPS and that copy are refused before anything runs. It is containment that keeps a deck
+from what it may not do (`lammps_cases.engine.containment`); this gives the better message, with the line of the deck.
+Checked are the text of the deck and its includes, and every command after substitution.
 """
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import os
 import os.path
 import re
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from eos_ref.errors import InputError
@@ -25,6 +33,14 @@ READERS = {
 WRITERS = {"dump": 5, "write_dump": 3, "write_data": 1, "write_restart": 1, "restart": 2, "log": 1}
 DEEPEST = 20  # commands within commands
 _VARIABLE = re.compile(r"\$\{(\w+)\}|\$(\w)")
+RULE = "not allowed in an audit; use --trust if you trust the deck"
+# Each of them runs programs, loads libraries, or fetches from the network.
+OUTSIDE = frozenset({"shell", "python", "plugin", "mdi", "kim", "geturl", "message", "server"})
+EMPTY: Mapping[str, Sequence[str]] = MappingProxyType({})
+NESTED = "must not nest commands without end"
+_COMPRESSED = (".gz", ".bz2", ".zst", ".xz", ".lzma", ".lz4")  # LAMMPS hands these names to a shell
+_BY_ITSELF = ("/gz", "/zstd")  # styles that compress without one
+LARGEST = 2 * 2**30  # bytes; a deck that lies in a home folder must not copy all of it
 
 
 def files(values: Sequence[str]) -> list[str]:
@@ -88,7 +104,7 @@ class DeckPlace:
         return word.startswith("/") or up > len(self.within.parts)
 
     def refusal(self, words: Sequence[str], command: str, found: str, where: str) -> InputError:
-        """Return the complaint about such paths, with what to type."""
+        """Return the error about such paths, with what to type."""
         targets = [Path(os.path.normpath(self.working / word)).parent for word in words if word[0] != "/"]
         common = os.path.commonpath([self.root, self.own or self.root, *targets])
         root = f"--root {os.path.relpath(common, self.current)}, to copy that folder, or "
@@ -119,9 +135,9 @@ def find(deck: Path, root: Path | None, var: Mapping[str, Sequence[str]]) -> Dec
     top = None if root is None else root.resolve()
     if top is not None and not (top.is_dir() and own.is_relative_to(top)):
         raise InputError("root", "must be a folder that holds the deck", str(root), "option --root")
-    beside = _read(deck, own, var)
+    own_files = _read(deck, own, var)
     others = [current] if top is None else [each for each in (current, top) if each.is_relative_to(top)]
-    fitting = (each for each in others if (here := _read(deck, each, var)) and here >= beside)
+    fitting = (each for each in others if (here := _read(deck, each, var)) and here >= own_files)
     working = next(fitting, own)
     return DeckPlace(top or working, working, own=own)
 
@@ -179,9 +195,147 @@ def _commands(command: str, known: Mapping[str, str], depth: int = 0) -> Iterato
 
 
 def _file(path: Path) -> Path | None:
-    """Return the file that a path of a deck is, unless it is none."""
+    """Return the file that a path of a deck names; None if there is none."""
     try:
         file = path.resolve()
         return file if file.is_file() else None
     except (OSError, ValueError):  # no name of a file
         return None
+
+
+def is_open(values: list[str]) -> bool:
+    """Return whether a command that LAMMPS substitutes later may still become one that `fault` refuses."""
+    name, arguments = values[0], values[1:]
+    if name.startswith(("write_", "dump", "restart", "log", "fix", "pair_style")):
+        return any("$" in word for word in arguments)
+    return "$" in name or (name == "print" and any("$" in word for word in arguments[1:]))
+
+
+def fault(values: list[str]) -> str:
+    """Return what is wrong with a command given by its words, or nothing."""
+    name, arguments = values[0], values[1:]
+    if name in OUTSIDE:
+        return f"command {name}"
+    if name == "variable" and arguments[1:2] == ["python"]:
+        return "variable of style python"
+    if name == "fix" and arguments[2:3] and arguments[2].startswith(("python", "mdi", "imd", "ipi")):
+        return f"fix {arguments[2]}"
+    if name in ("pair_style", "pair_coeff") and {"python", "kim", "mliappy"} & set(arguments):
+        return f"{name} with Python or KIM"
+    if name in ("dump", "write_dump") and "movie" in arguments:
+        return f"{name} movie (runs a program)"
+    if any(word.endswith(_COMPRESSED) for word in files(values)) and not any(
+        style.endswith(_BY_ITSELF) for style in arguments
+    ):
+        return f"compressed file in command {name}, for which LAMMPS runs a program"
+    return ""
+
+
+def check_command(command: list[text.Word], where: str, within: DeckPlace | None, depth: int = 0) -> None:
+    """Check one command by its words, and those held by it.
+
+    Parameters
+    ----------
+    within : DeckPlace, optional
+        What has been copied: paths may not leave it. Paths are not checked without.
+
+    Raises
+    ------
+    InputError
+        The command is refused; the message holds it.
+    """
+    if not command:
+        return
+    if depth > DEEPEST:
+        raise InputError("command", NESTED, where=where)
+    values, written = [word.value for word in command], " ".join(" ".join(word.raw for word in command).split())
+    if wrong := fault(values):
+        raise InputError(wrong, RULE, written, where)
+    if within is not None and (away := within.left(values)):
+        raise within.refusal(away, values[0], written, where)
+    for inner in text.nested(command):
+        check_command(text.words(text.without_comment(inner)), where, within, depth + 1)
+
+
+def check_script(path: Path, within: DeckPlace | None = None, var: Mapping[str, Sequence[str]] = EMPTY) -> None:
+    """Check the text of a deck and of the files that it includes or jumps to, by names that follow from the text.
+
+    Parameters
+    ----------
+    path : Path
+    within : DeckPlace, optional
+        What is copied, and where the deck runs; by default its folder.
+    var : mapping
+        Variables that are defined before the deck.
+
+    Raises
+    ------
+    InputError
+        A command is refused, or the deck cannot be read.
+    """
+    within = within or DeckPlace(folder := path.resolve().parent, folder)
+    leaving = []
+    for line in lines(path, within, var):
+        check_command(text.words(line.text), line.where, None)
+        leaving += [(line, values, away) for values in line.commands if (away := within.left(values))]
+    if leaving:
+        line, values, _ = leaving[0]
+        raise within.refusal([word for *_, away in leaving for word in away], values[0], line.text, line.where)
+
+
+def copy_folder(source: Path, target: Path, largest: int = LARGEST, links_out: bool = False) -> None:
+    """Copy the files below a folder; sockets and the like are left out, and links that lead out of it.
+
+    With ``links_out``, all links are followed.
+
+    The copies belong to the user and can be written to, whatever the modes of the originals.
+
+    Raises
+    ------
+    InputError
+        More than ``largest`` bytes, or a file that cannot be read.
+    """
+    copied = 0
+    done: set[Path] = set()
+    for directory, folders, files in os.walk(source, followlinks=True):
+        here = Path(directory)
+        folders[:] = [name for name in folders if links_out or _is_within(source, here / name)]
+        if here.resolve() in done or (target.resolve().is_relative_to(here.resolve()) and here != source):
+            folders.clear()  # a link that leads back, or the copy itself
+            continue
+        done.add(here.resolve())
+        to = target / here.relative_to(source)
+        to.mkdir(parents=True, exist_ok=True)
+        for file in sorted(files):
+            if not (here / file).is_file() or not (links_out or _is_within(source, here / file)):
+                continue
+            copied += (here / file).stat().st_size
+            if copied > largest:
+                rule = (
+                    f"must hold at most {largest / 2**20:.0f} MiB, as it is copied (give the deck a folder of its own)"
+                )
+                raise InputError("folder of the deck", rule, where=str(source))
+            try:
+                shutil.copyfile(here / file, to / file)
+            except OSError as error:
+                raise InputError(file, f"cannot be copied: {error.strerror}", where=str(here)) from None
+
+
+def nested_folder(source: Path, target: Path) -> Path:
+    """Make and return the folder ``target/a/b`` for the copy of a source ``/a/b``.
+
+    Whatever else the folders above the source hold is there as links, so that relative paths lead where they should.
+    """
+    here = target
+    for folder, name in zip(reversed(source.parents), source.parts[1:], strict=True):
+        with contextlib.suppress(OSError):  # a folder that may be entered, but not listed
+            for other in folder.iterdir():
+                if other.name != name:
+                    (here / other.name).symlink_to(other)
+        here = here / name
+        here.mkdir()
+    return here
+
+
+def _is_within(folder: Path, path: Path) -> bool:
+    return not path.is_symlink() or path.resolve().is_relative_to(folder)

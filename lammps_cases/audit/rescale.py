@@ -6,7 +6,6 @@ dimensions a unit of length of (m/rho0)^(1/d) makes that rho/rho0; no physics de
 
 from __future__ import annotations
 
-import dataclasses
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -23,9 +22,9 @@ from eos_ref.model.quantities import needed_to_step
 from eos_ref.model.state import State
 from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.manual import manual_of
-from lammps_cases.audit.deck import Deck
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
-from lammps_cases.audit.options import AuditOptions, DeckSetups, RunSetup, StartState
+from lammps_cases.audit.messages import DeckSetups, RunSetup, StartState
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.sample import SOLID
 from lammps_cases.audit.scaling import BEFORE_BOX, Scaling, kept_commands, needed_variables
 from lammps_cases.audit.share import data
@@ -70,7 +69,7 @@ class RescaledDeck:
 def rescale(deck: Path, options: AuditOptions, target: Path) -> list[str]:
     """Write a deck in the unit of length in which m/rho0 is 1, run it, and return lines about it.
 
-    The new deck is checked in two ways: the reference's forces and rates of both decks, stirred alike, differ by no
+    The new deck is checked in two ways: the reference's forces and rates of both decks, stirred equally, differ by no
     more than rounding; LAMMPS runs it, audited, to its end.
 
     Parameters
@@ -79,7 +78,7 @@ def rescale(deck: Path, options: AuditOptions, target: Path) -> list[str]:
     options : AuditOptions
         Of the audit of the new deck.
     target : Path
-        The new deck; its data file lies beside it, with ``.data`` behind its name.
+        The new deck; its data file is in the same folder, with ``.data`` behind its name.
 
     Raises
     ------
@@ -94,16 +93,16 @@ def rescale(deck: Path, options: AuditOptions, target: Path) -> list[str]:
     with tempfile.TemporaryDirectory(prefix="eos-ref-rescale-") as folder:
         copy = Path(folder) / target.name
         write_atomically(copy, content)
-        write_atomically(_beside(copy), particles)
+        write_atomically(_data_file(copy), particles)
         case = audit_deck(copy, replace(options, keep=None, progress=SILENT)).record.cases[0]
     if case.verdict not in ("exact", "pass", "explained", "differs"):
         raise InputError("rescaled deck", "must be run by LAMMPS to its end", case.engine_error or case.message)
-    write_atomically(_beside(target), particles)
+    write_atomically(_data_file(target), particles)
     write_atomically(target, content)
     return _report(made, case, target)
 
 
-def _beside(deck: Path) -> Path:
+def _data_file(deck: Path) -> Path:
     return deck.with_name(f"{deck.name}.data")
 
 
@@ -135,12 +134,12 @@ def rescaled(setups: DeckSetups, name: str, target: str) -> RescaledDeck:
         raise InputError("units", f"must be one of {', '.join(SKINS)} to be rescaled", run.units, name)
     if run.mass_t is None:
         raise InputError("deck", "must have masses of types to be rescaled, not of particles", where=name)
-    deck = Deck(**{field.name: getattr(run, field.name) for field in dataclasses.fields(Deck)})
+    deck = run.deck
     if deck.bonded:
         raise InputError("deck", "must have no bonds to be rescaled", deck.bonded[0], name)
     if not np.isfinite([start.x_nc, start.v_nc]).all():
         raise InputError("deck", "must begin with finite positions and velocities to be rescaled", where=name)
-    before = _sample(deck, run, start)
+    before = _sample(run, start)
     volume = _volume(before, name)
     length = float(f"{volume ** (1 / run.dimension):.15g}")  # a number that can be read, where there is one
     scale = Scale(run.dimension, 1 / length)
@@ -150,7 +149,7 @@ def rescaled(setups: DeckSetups, name: str, target: str) -> RescaledDeck:
     other.pair = scaling.words(["pair_style", *deck.pair])[1:]
     start_there = _scaled_start(start, scale)
     stirred = _stirred(start, length, max(law.cs for law in before.model.eos.laws))
-    same = _same(_sample(deck, run, stirred), _sample(other, run, _scaled_start(stirred, scale)), scale)
+    same = _same(_sample(run, stirred), _sample(replace(run, deck=other), _scaled_start(stirred, scale)), scale)
     flat = run.dimension == 2 and before.model.fix.interface_reconstruct
     notes = [f"{REPULSION}: beside other forces it is {1 / length:.6g} times what it was"] if flat else []
     head = [f"# {line}" for line in (*_header(volume, length, scale, name), *notes)]
@@ -171,18 +170,14 @@ def _volume(sample: ParticleSample, name: str) -> float:
     return float(largest)
 
 
-def _sample(deck: Deck, run: RunSetup, start: StartState) -> ParticleSample:
-    laws = deck.laws(run.ntypes)
-    if laws is None or run.mass_t is None:
-        raise InputError("deck", "defines no fix rheo and fix rheo/pressure")
-    d, s = run.dimension, start
-    model = deck.model(d, run.ntypes, run.mass_t[1:], laws, manual_of(run.version))
+def _sample(run: RunSetup, start: StartState) -> ParticleSample:
+    d, s, model = run.dimension, start, run.model()
     energy_n = s.energy_n if model.thermal is not None else None
     state = State(s.x_nc[:, :d], s.v_nc[:, :d], s.rho_n, s.type_n, s.status_n & SOLID != 0, energy_n)
     low_c, high_c = (tuple(end_c[:d].tolist()) for end_c in s.box_c)
     tilt = tuple(s.tilt_c[: d * (d - 1) // 2].tolist())
     box = Box(low_c, high_c, tuple(s.periodic[:d]), tilt if any(tilt) else ())
-    actions = [(action, s.members[action.group]) for action in deck.actions()]
+    actions = [(action, s.members[action.group]) for action in run.deck.actions()]
     return ParticleSample(model, box, state, model.mass[s.type_n - 1], actions)
 
 
@@ -302,7 +297,7 @@ def _commands(setups: DeckSetups, start: StartState, scaling: Scaling, target: s
         if command.values[0] in BEFORE_BOX:
             yield _line(scaling.command(command))
     run = setups.runs[0]
-    yield f"read_data {_beside(Path(target)).name}"
+    yield f"read_data {_data_file(Path(target)).name}"
     yield from (f"mass {t} {mass!r}" for t, mass in enumerate((run.mass_t or ())[1:], 1))
     yield from _groups(start)
     if run.first:

@@ -1,7 +1,7 @@
 """Samples of the fields of the particle model: what LAMMPS shows, and what the reference makes of the same state.
 
 Most fields are arrays of atoms; the others are shown by a compute of the audit's own, evaluated at samples
-only. LAMMPS evaluates a compute anew for every step and after every set-up, from what the forces have just used.
+only. LAMMPS evaluates a compute again for every step and after every set-up, from what the forces have just used.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.model.state import State
 from eos_ref.numbers.rounded import error, value
-from lammps_cases.audit import gather
+from lammps_cases.audit import arrays
 from lammps_cases.audit.deck import Action
+from lammps_cases.audit.effects import Explained, Left, explain
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
-from lammps_cases.audit.explanation import Explained, Left, explain
 from lammps_cases.audit.fields import checked
 from lammps_cases.comparison.compare import Comparison, compare_field, components, excess
 from lammps_cases.engine.session import read_list
@@ -138,7 +138,7 @@ class Sampler:
 
     def _lists(self, tag_n: Array) -> tuple[NeighbourList, ...]:
         """Return LAMMPS' neighbour list, whose particles are counted as in the sample; nothing on several ranks."""
-        if gather.ranks(self.lmp) > 1 or self.lmp.find_pair_neighlist("rheo") < 0:
+        if arrays.rank_count(self.lmp) > 1 or self.lmp.find_pair_neighlist("rheo") < 0:
             return ()
         read, order_n = read_list(self.lmp), np.argsort(tag_n)
         id_s = read.pop("id_s")
@@ -150,10 +150,10 @@ class Sampler:
         shown: dict[str, Array] = {}
         for field in map(FIELDS.__getitem__, self.fields):
             if field.array:
-                shown[field.name] = field.planar(gather.atoms(self.lmp, field.array, n).copy(), d)
+                shown[field.name] = field.planar(arrays.atoms(self.lmp, field.array, n).copy(), d)
         if self.columns:
             count = max(columns.stop for columns in self.columns.values())
-            table = gather.compute(self.lmp, COMPUTE, count, n).copy()
+            table = arrays.compute(self.lmp, COMPUTE, count, n).copy()
             for name, columns in self.columns.items():
                 shown[name] = table[:, columns].reshape(n, *(d,) * QUANTITIES[name].rank)
         return shown
@@ -186,15 +186,17 @@ def judged(
     reference = evaluation(sample, fields)
     rows_of = {}
     for field in fields:
-        rows_n = reference.comparable(field)
-        rows_n = rows_n & ~_neither(shown[field], value(reference.output(field)))
-        rows_n = rows_n & _finite(shown[field]) if printed else rows_n
+        finite_n = _finite(shown[field])
+        rows_n = reference.comparable(field) & (finite_n | _finite(value(reference.output(field))))
+        rows_n = rows_n & finite_n if printed else rows_n
         if rows_n.any():
             rows_of[field] = rows_n
 
     def sides(field: str, by: SampleEvaluation) -> tuple[Array, Array, Array]:
-        a, b, bound = _sides(shown[field], by.output(field), rows_of[field])
-        return a, b, bound + errors[field][rows_of[field]] if field in errors else bound
+        of_reference, rows_n = by.output(field), rows_of[field]
+        of_both = (shown[field], value(of_reference), error(of_reference))
+        a, b, bound = (np.asarray(side, float)[rows_n] for side in of_both)
+        return a, b, bound + errors[field][rows_n] if field in errors else bound
 
     comparisons = {
         field: compare_field(field, FIELDS[field].stage, tag_n[rows_n], *sides(field, reference), derivation=derived(0))
@@ -236,7 +238,7 @@ def taken(
     d = model.dimension
 
     def read(name: str) -> Array:
-        return gather.atoms(lmp, name, n)
+        return arrays.atoms(lmp, name, n)
 
     state = State(
         x_nc=x_nc[:n, :d].copy(),
@@ -254,8 +256,8 @@ def taken(
     mass_n = read("rmass").copy() if mass_t is None else mass_t[state.type_n]
     z_n = x_nc[:n, 2].copy() if d == 2 else None
     newton = bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))
-    acting = [(action, gather.members(lmp, action.group, n)) for action in actions]
-    return ParticleSample(model, box, state, mass_n, acting, z_n=z_n, newton=newton, ranks=gather.ranks(lmp))
+    acting = [(action, arrays.members(lmp, action.group, n)) for action in actions]
+    return ParticleSample(model, box, state, mass_n, acting, z_n=z_n, newton=newton, ranks=arrays.rank_count(lmp))
 
 
 def drop(lmp: Any) -> None:
@@ -264,19 +266,7 @@ def drop(lmp: Any) -> None:
         lmp.command(f"uncompute {COMPUTE}")
 
 
-def _sides(lammps_n: Array, reference: Any, rows_n: Array) -> tuple[Array, Array, Array]:
-    """Return a field of some particles by LAMMPS and by the reference, and its bound."""
-    a, b, bound = (np.asarray(side, float)[rows_n] for side in (lammps_n, value(reference), error(reference)))
-    return a, b, bound
-
-
-def _neither(a_n: Array, b_n: Array) -> Array:
-    """Return for which particles neither side is finite, (n,)."""
-    return ~(_finite(a_n) | _finite(b_n))
-
-
 def _finite(values_n: Array) -> Array:
-    """Return which particles have finite numbers only, (n,)."""
     finite: Array = np.asarray(np.isfinite(components(np.asarray(values_n, float))).all(axis=1))
     return finite
 

@@ -13,7 +13,7 @@ from functools import partial
 
 from eos_ref.errors import InputError
 from eos_ref.syntax.manual import Manual, weighs_distance
-from lammps_cases.audit.options import ScriptCommand
+from lammps_cases.audit.messages import ScriptCommand
 from lammps_cases.setup.twins import Scale
 
 RULE = "cannot be rescaled with certainty"

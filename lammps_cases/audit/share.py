@@ -1,6 +1,6 @@
 """The share of pair_style rheo in forces to which others add: a second deck, of that style alone.
 
-A user's run is left as it is; another LAMMPS, in a process of its own, is given the particles of a sample.
+A user's run is left as it is; another LAMMPS, in a process of its own, runs the particles of a sample.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 from lammps_cases.audit.deck import Deck, rheo_words
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.fields import Array
-from lammps_cases.audit.options import PairShare
+from lammps_cases.audit.messages import PairShare
 
 STYLES = ("rheo", "rheo/viscosity", "rheo/pressure", "rheo/thermal")  # of the fixes that the forces of pairs depend on
 SCRIPT, DATA = "in.share", "share.data"
 
 
-def can_be_asked(deck: Deck) -> bool:
+def can_be_had(deck: Deck) -> bool:
     """Return whether a second deck can be given all that the forces of pair_style rheo depend on."""
     of_all = all(values[2] == "all" for values in deck.fixes.values() if values[3] in STYLES)
     return of_all and "rheo" in deck.pair and not (deck.bonded or deck.hides_pairs() or deck.changes_pairs())

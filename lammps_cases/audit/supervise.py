@@ -1,9 +1,15 @@
-"""`audit_deck`: the copy, the process that runs the deck in it, and the record made of its messages."""
+"""`audit_deck`: the copy, the process that runs the deck in it, and the record made of its messages.
+
+Those are `lammps_cases.audit.messages`, plain data. The deck may have taken the process over: a pickle could then name
+anything that is to be called here.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import io
 import os
+import pickle
 import re
 import shlex
 import shutil
@@ -14,24 +20,26 @@ from collections.abc import Iterator
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
 
 from eos_ref.errors import InputError
-from lammps_cases.audit import launch, messages, share
-from lammps_cases.audit.guard import check_script
-from lammps_cases.audit.options import (
-    AuditOptions,
-    AuditResult,
-    AuditTask,
+from lammps_cases.audit import child, share
+from lammps_cases.audit.messages import (
     CommandPlace,
+    DeckEnd,
     DeckSetups,
+    EngineIdentity,
     PairShare,
+    RunFacts,
     SampleRows,
 )
-from lammps_cases.audit.place import DeckPlace, find
-from lammps_cases.audit.scratch import beside, copy_folder
+from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask
+from lammps_cases.audit.place import DeckPlace, check_script, copy_folder, find, nested_folder
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.engine import containment, ranks
-from lammps_cases.engine.session import death, how_it_died
+from lammps_cases.engine.session import EngineMissing, death, how_it_died
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records import case_wording
 from lammps_cases.records.case_parts import worst
@@ -42,13 +50,29 @@ from lammps_cases.verdict.outcome import leave_unchecked
 LAUNCHER = 120.0  # seconds to find what starts several ranks
 PATIENCE = 0.5  # seconds between two checks of the time limit
 LAST = 65536  # bytes of what a process printed that are looked at when it has died
+LARGEST_MESSAGE = 2**32  # bytes of a message: the arrays of 1e7 atoms
+_RECORDS = ("lammps_cases.records.case_parts", "lammps_cases.records.run_record")
+DATA_MODULES = ("lammps_cases.audit.deck", "lammps_cases.audit.messages", *_RECORDS)  # whose own classes are data
+_NUMPY = (("multiarray", "_reconstruct"), ("multiarray", "scalar"), ("numeric", "_frombuffer"))
+DATA_NAMES = {
+    *{("eos_ref.errors", name) for name in ("InputError", "InputErrors")},
+    ("lammps_cases.engine.session", "EngineMissing"),
+    *{("numpy", name) for name in ("ndarray", "dtype")},
+    *{("builtins", name) for name in ("set", "frozenset")},
+    ("_codecs", "encode"),
+    *((f"numpy._core.{module}", name) for module, name in _NUMPY),
+    *((f"numpy.core.{module}", name) for module, name in _NUMPY),
+}
+KINDS: dict[type, TypeAdapter[Any]] = {
+    kind: TypeAdapter(kind) for kind in (EngineIdentity, CommandPlace, RunFacts, SampleRows, DeckSetups, DeckEnd)
+}
 
 
 class DiskFull(RuntimeError):
     """A deck has written too much."""
 
 
-ENTRY: launch.Entry = launch.run_child
+ENTRY: child.Entry = child.main
 
 
 def audit_deck(deck: Path, options: AuditOptions | None = None, place: DeckPlace | None = None) -> AuditResult:
@@ -104,7 +128,7 @@ def audit_deck(deck: Path, options: AuditOptions | None = None, place: DeckPlace
 
 
 def _take_share(case: CaseRecord, pairs: PairShare, options: AuditOptions) -> None:
-    """Have a second LAMMPS evaluate pair_style rheo alone at the particles of a sample, and judge its forces."""
+    """Have a second LAMMPS evaluate pair_style rheo alone at the particles of a sample, and compare its forces."""
     where = f"of pair_style rheo alone, by a second LAMMPS at the particles of step {pairs.step}"
     own = AuditOptions(options.every, None, options.timeout, options.trust, options.engine, fields=("f",))
     try:
@@ -116,8 +140,8 @@ def _take_share(case: CaseRecord, pairs: PairShare, options: AuditOptions) -> No
         failure = str(error)
     compared = [] if failure else second.fields
     for record in compared:
-        told_of = {"worst_step": pairs.step, "derivation": f"{where}; {record.derivation}"}
-        case.fields.append(record.model_copy(update=told_of))
+        update = {"worst_step": pairs.step, "derivation": f"{where}; {record.derivation}"}
+        case.fields.append(record.model_copy(update=update))
         case.checks += [c.model_copy(update={"step": pairs.step, "run": pairs.run}) for c in second.checks]
         if case.blame is None and second.blame is not None:
             case.blame = second.blame.model_copy(update={"step": pairs.step, "run": pairs.run})
@@ -171,13 +195,13 @@ def _run(deck: Path, options: AuditOptions, place: DeckPlace, setups: bool = Fal
         outside = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
         folder = folder.resolve()
         if options.trust and options.keep is None:
-            folder = beside(place.root, folder)
+            folder = nested_folder(place.root, folder)
         copy_folder(place.root, folder, links_out=options.trust)
         silent = replace(options, progress=SILENT)
         script = _brought(deck.resolve(), place, folder)
         task = AuditTask(script, str(folder), silent, confined(options), str(outside), setups, place)
         output = outside / "output"
-        with launch.running(ENTRY, task, output, launcher) as (process, receiver):
+        with child.running(ENTRY, task, output, launcher) as (process, receiver):
             return findings, _listen(receiver, findings, options, process, output)
 
 
@@ -245,7 +269,7 @@ def _messages(receiver: Connection, deadline: float, folder: Path) -> Iterator[o
             raise DiskFull
         if receiver.poll(min(PATIENCE, left)):
             try:
-                yield messages.received(receiver)
+                yield received(receiver)
             except EOFError:
                 return
 
@@ -269,7 +293,7 @@ def _listen(
         return Failure("timeout", f"stopped after {options.timeout:g} s, {_at(findings)}")
     except DiskFull:
         return Failure("crashed", f"stopped because it had filled half of the disk, {_at(findings)}")
-    except messages.Foreign as error:
+    except Foreign as error:
         return Failure("crashed", f"LAMMPS' process sent what is no message of an audit ({error}), {_at(findings)}")
     if findings.ended is not None:
         if findings.ended.lacks:
@@ -301,7 +325,6 @@ def _at(findings: Findings) -> str:
 
 
 def _tail(output: Path) -> str:
-    """Return the last line that the dying process printed."""
     printed = [line.strip() for line in _printed(output).split("\n") if line.strip()]
     return f": {printed[-1][:300]}" if printed else ""
 
@@ -310,3 +333,43 @@ def _printed(output: Path) -> str:
     with output.open("rb") as file:
         file.seek(max(0, output.stat().st_size - LAST))
         return file.read(LAST).decode(errors="replace")
+
+
+class Foreign(ValueError):
+    """No message of an audit."""
+
+
+class _Reader(pickle.Unpickler):
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) in DATA_NAMES:
+            return super().find_class(module, name)
+        if module in DATA_MODULES and "." not in name:
+            cls = super().find_class(module, name)
+            if isinstance(cls, type) and cls.__module__ == module:
+                return cls
+        raise Foreign(f"{module}.{name}"[:100])
+
+
+def received(connection: Connection) -> object:
+    """Wait for a message, and return it.
+
+    Raises
+    ------
+    Foreign
+    EOFError
+        The other side has ended.
+    """
+    try:
+        message = _Reader(io.BytesIO(connection.recv_bytes(LARGEST_MESSAGE))).load()
+    except (Foreign, EOFError):
+        raise
+    except Exception as error:  # whatever damaged bytes make of it
+        raise Foreign(type(error).__name__) from None
+    if isinstance(message, InputError | EngineMissing):
+        return message
+    if type(message) not in KINDS:
+        raise Foreign(type(message).__name__)
+    try:
+        return KINDS[type(message)].validate_python(vars(message))
+    except ValidationError as error:
+        raise Foreign(f"{type(message).__name__}: {error.errors()[0]['msg']}"[:100]) from None

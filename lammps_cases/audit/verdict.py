@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from lammps_cases.audit.acting import record_of
+from lammps_cases.audit.effects import record_of
 from lammps_cases.audit.effects import worst as largest
 from lammps_cases.audit.fields import offered, out_of_scope
-from lammps_cases.audit.options import (
+from lammps_cases.audit.messages import (
     CommandPlace,
     DeckEnd,
     DeckSetups,
@@ -28,6 +28,7 @@ from lammps_cases.records.case_parts import (
     CheckRecord,
     EffectRecord,
     FieldRecord,
+    Seconds,
     worst,
 )
 from lammps_cases.records.run_record import CaseRecord
@@ -123,19 +124,22 @@ class Findings:
 
     def case(self, name: str, failure: Failure | None = None) -> CaseRecord:
         """Make the record; ``failure`` says how LAMMPS ended, if not well."""
-        if self.ended is not None:
-            for t, record in self.ended.last.items():
-                self.fields["pressure", t].digits_lost = record.digits_lost
+        ended = self.ended or DeckEnd(self.done, 0, Seconds(), [], [], {}, {})
+        for t, record in ended.last.items():
+            self.fields["pressure", t].digits_lost = record.digits_lost
         fields = [self.fields[key] for key in sorted(self.fields, key=lambda key: (offered().index(key[0]), key[1]))]
         of_fields = worst([record.verdict for record in fields])
         effects = [of for of in self.effects if not self._inside(of)]
         missed = (self.chosen | {name for name, _ in self.unchecked}) - {record.field for record in fields}
-        of_commands = self.ended.touching if self.ended else ()
-        acting = self._acting()
-        touching = [*of_commands, *(of.finding for of in acting), *(of.finding for of in effects if of.field in missed)]
+        acting = self._acting(ended)
+        touching = [
+            *ended.touching,
+            *(of.finding for of in acting),
+            *(of.finding for of in effects if of.field in missed),
+        ]
         if touching:
             of_fields = worst([of_fields, "explained"])
-        broke, lost = self.broke, self.ended.lost if self.ended else None
+        broke, lost = self.broke, ended.lost
         gone = lost is not None and not lost.ignored
         if (broke is not None or gone) and not failure:
             of_fields = worst([of_fields, "error"])
@@ -158,30 +162,30 @@ class Findings:
             units=facts.units or None,
             fields=fields,
             laws=facts.laws,
-            warnings=self.ended.warnings if self.ended else [],
-            brief=self.ended.brief if self.ended else "",
-            stability=self.ended.stability if self.ended else [],
+            warnings=ended.warnings,
+            brief=ended.brief,
+            stability=ended.stability,
             effects=effects,
             acting=acting,
             broke=broke,
             lost=lost,
-            outlook=self.ended.outlook if self.ended else None,
+            outlook=ended.outlook,
             budgets=self.budgets,
-            series=self.ended.series if self.ended else [],
-            closed=self.ended.closed if self.ended else None,
+            series=ended.series,
+            closed=ended.closed,
             checks=self.checks,
-            thermo=self.ended.thermo if self.ended else [],
+            thermo=ended.thermo,
             explained_by=list(dict.fromkeys(explained)),
-            **({"seconds": self.ended.seconds} if self.ended else {}),
+            seconds=ended.seconds,
         )
         leave_unchecked(case, self.reasons())
         case.out_of_scope = out_of_scope(self.unchecked)
         case.message = case_wording.message(case) or (deck_wording.broke_at_length(broke) if broke else "")
         return case
 
-    def _acting(self) -> list[ActingRecord]:
+    def _acting(self, ended: DeckEnd) -> list[ActingRecord]:
         """Return the findings that act by the deck's definitions, with the fields that they leave open, and others."""
-        found = {of.finding: of for of in self.ended.acting} if self.ended else {}
+        found = {of.finding: of for of in ended.acting}
         for field_, names in self.unpredictable:
             for name in names:
                 of = found.get(name) or record_of(finding(name), finding(name).effect)
@@ -200,7 +204,7 @@ class Findings:
         return record.model_copy(update={"until": last[1]}) if ended or last < self.sampled else record
 
     def _inside(self, of: EffectRecord) -> bool:
-        """Return whether the field of an effect was compared in that sample and is inside its bound: there is none."""
+        """Return whether the field of an effect was compared in that sample and is inside its bound: no effect."""
         sample = of.run, of.step, of.field
         verdicts = [check.verdict for check in self.checks if (check.run, check.step, check.field) == sample]
         return bool(verdicts) and worst(verdicts) in wording.INSIDE
@@ -249,8 +253,8 @@ def _blame(sample: SampleRows, key: tuple[str, int], row: SampleRow) -> Blame:
 
 
 def by_field(reasons: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Return all that is said of each field."""
+    """Return all reasons of each field."""
     of_fields: dict[str, list[str]] = {}
     for name, reason in reasons:
         of_fields.setdefault(name, []).append(reason)
-    return {name: "; ".join(said) for name, said in of_fields.items()}
+    return {name: "; ".join(of_field) for name, of_field in of_fields.items()}

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from eos_ref import EOS
 from eos_ref.eos.table import FloatArray
-from lammps_cases.audit.evaluation import ParticleSample
+from lammps_cases.audit.evaluation import ParticleSample, TimedSample
 from lammps_cases.audit.lints import Lint, Stillness, lints
 from lammps_cases.findings.outcomes import HYPHEN_RANGE_ACCEPTED
 from lammps_cases.studies.stability.advice import judge
@@ -63,18 +63,6 @@ class _TypeHistory:
     p: _Range = field(default_factory=_Range)
 
 
-@dataclass(frozen=True)
-class Kept:
-    """A sample that is extreme in something."""
-
-    run: int
-    step: int
-    timestep: float
-    sample: ParticleSample
-    id_n: npt.NDArray[Any]
-    first: bool = True
-
-
 class _Worst(NamedTuple):
     warns: bool
     measure: float
@@ -108,7 +96,9 @@ class Questions:
     stillness: Stillness = field(default_factory=Stillness)
     mistaken: bool = False  # whether LAMMPS takes commands of the deck for something else
     tilted: int = 0  # atoms of a 2D deck with neighbours above or below
-    _kept: dict[str, tuple[float, Kept]] = field(default_factory=dict)  # of one model and one time step, by measure
+    _kept: dict[str, tuple[float, TimedSample]] = field(
+        default_factory=dict
+    )  # of one model and one time step, by measure
     _worst: dict[str, _Worst] = field(default_factory=dict)  # by subject
     _margins: list[str] = field(default_factory=list)  # of systems before
     _ran_away: int | None = None  # run in which they last did
@@ -172,7 +162,7 @@ class Questions:
         history.rho.add(rho_n)
         history.p.add(p_n)
 
-    def look(self, kept: Kept) -> None:
+    def look(self, kept: TimedSample) -> None:
         """Keep a sample if it is extreme in something, and the first and the last one."""
         last = self._kept.get("last")
         if last is not None and (last[1].sample.model, last[1].timestep) != (kept.sample.model, kept.timestep):

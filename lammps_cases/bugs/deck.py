@@ -1,11 +1,18 @@
 """``in.lammps``: a job as a deck of LAMMPS' own commands that prints what it obtained, what is expected, and a verdict.
 
-The verdict is PASS or FAIL on a line of its own. A deck that LAMMPS must refuse passes if it stops there.
+The verdict is PASS or FAIL on a line of its own. A deck that LAMMPS must refuse passes if it stops there. LAMMPS' own
+program runs it, without this project: ``lmp -in in.lammps``.
 """
 
 from __future__ import annotations
 
+import importlib.metadata
 import math
+import os
+import re
+import signal
+import subprocess
+import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,14 +20,17 @@ from pathlib import Path
 import numpy as np
 
 from eos_ref import InputError
+from lammps_cases.engine import mpi
+from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.interlude import FOLDER, Interlude, rows
-from lammps_cases.engine.session import COMPONENTS, Array, Job
+from lammps_cases.engine.session import COMPONENTS, Array, EngineMissing, Job, package_directory
 from lammps_cases.records.files import write_atomically
 from lammps_cases.scene.fields import FIELDS
 
 DECK, DATA = "in.lammps", "data.lammps"
 MOST_SINGLE = 5  # particles that a deck creates one by one; more come in a data file
 _ARRAYS = {"x": ("x", "y", "z"), "v": ("vx", "vy", "vz"), "f": ("fx", "fy", "fz")}  # that variables read
+TIME_LIMIT = 120.0  # seconds; the decks take a fraction of one
 
 
 @dataclass(frozen=True)
@@ -71,7 +81,7 @@ class Check:
 
     @property
     def inside(self) -> str:
-        """Return the command that asks whether the number is inside the bound; what is no number is not."""
+        """Return the command that tests whether the number is inside the bound; NaN is not."""
         # Formulas see other variables with 15 digits: the number itself stands here, not a variable that holds it.
         return f"variable inside equal abs({self.obtained}-({self.expected}))<={self.bound!r}"
 
@@ -120,7 +130,7 @@ def of_outcome(given: Job | tuple[str, ...], refused: str) -> BugDeck:
     """Return the deck of an input that LAMMPS must run, or refuse with a text."""
     lines, data = ([*given], "") if isinstance(given, tuple) else _scene(given)
     if isinstance(given, Job):
-        if given.outputs:  # what is computed is asked for, as LAMMPS computes nothing else
+        if given.outputs:  # LAMMPS computes only what is read
             first, shape = next(iter(given.outputs.items()))
             lines += [f"variable asked equal {word(given, first, 1, (0,) * len(shape))}"]
             lines += ["thermo_style custom step v_asked"]
@@ -132,7 +142,7 @@ def of_outcome(given: Job | tuple[str, ...], refused: str) -> BugDeck:
 
 
 def _stretches(job: Job, last: int | None = None) -> list[str]:
-    """Return the commands of a job's runs up to a step, those between them included, files beside the deck.
+    """Return the commands of a job's runs up to a step, and those between them, with files in the folder of the deck.
 
     Raises
     ------
@@ -145,20 +155,23 @@ def _stretches(job: Job, last: int | None = None) -> list[str]:
     done = 0
     for stretch in job.runs:
         if isinstance(stretch, Interlude):
-            for action in stretch.actions:
-                if action.how == "given":
-                    lines.append(action.text.replace(FOLDER, "."))
-                elif action.how == "for each atom" and done:
-                    raise InputError("case", "has commands for each atom after steps, which no deck has", len(job.id_n))
-                elif action.how == "for each atom":
-                    lines += [action.text.format(**row) for row in rows(_given(job), action.last)]
+            lines += _between(job, stretch, done)
             continue
-        steps = int(stretch.command.split()[1])
-        if last is not None and done + steps > last:
+        done += int(stretch.command.split()[1])
+        if last is not None and done > last:
             break
-        done += steps
         lines.append(stretch.command)
     return lines
+
+
+def _between(job: Job, interlude: Interlude, done: int) -> Iterable[str]:
+    for action in interlude.actions:
+        if action.how == "given":
+            yield action.text.replace(FOLDER, ".")
+        elif action.how == "for each atom":
+            if done:
+                raise InputError("case", "has commands for each atom after steps, which no deck has", len(job.id_n))
+            yield from (action.text.format(**row) for row in rows(_given(job), action.last))
 
 
 def _given(job: Job) -> dict[str, Array]:
@@ -188,9 +201,6 @@ def word(job: Job, field: str, atom: int, axes: tuple[int, ...]) -> str:
     at = list(job.outputs).index(field)
     column = sum(map(math.prod, shapes[:at])) + (int(np.ravel_multi_index(axes, shapes[at])) if axes else 0)
     return f"C_q[{atom}]" + (f"[{column + 1}]" if sum(map(math.prod, shapes)) > 1 else "")
-
-
-# --- the particles
 
 
 def _scene(job: Job) -> tuple[list[str], str]:
@@ -251,3 +261,94 @@ def data_file(job: Job, mass_t: Sequence[float] = (), solid_n: Sequence[int] = (
         lines += ["", "Velocities", ""]
         lines += [" ".join([str(i), *(repr(float(v)) for v in v_c)]) for i, v_c in zip(job.id_n, job.v_nc, strict=True)]
     return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How LAMMPS ended: its exit code, negative for a signal, and all that it printed."""
+
+    code: int
+    output: str
+
+    @property
+    def version(self) -> str:
+        """Return the version that LAMMPS printed, with the number of its update."""
+        match = re.search(r"^LAMMPS \((.+)\)", self.output, re.M)
+        return match[1] if match else ""
+
+    @property
+    def error(self) -> str:
+        """Return LAMMPS' own error, the exception that it did not catch, or the signal that killed it."""
+        if self.code < 0:
+            return signal.Signals(-self.code).name
+        match = re.search(r"^(ERROR|Exception).*", self.output, re.M)
+        return match[0] if match else ""
+
+    def verdict(self, deck: BugDeck) -> str:
+        """Return PASS or FAIL: what the deck printed, or whether LAMMPS refused what it must refuse."""
+        lines = self.output.splitlines()
+        if deck.refused:
+            return "PASS" if self.code > 0 and deck.refused in self.error and "FAIL" not in lines else "FAIL"
+        return "PASS" if self.code == 0 and "PASS" in lines else "FAIL"
+
+    def printed(self, name: str) -> str:
+        """Return a number that the deck printed, empty if it did not come to that."""
+        match = re.search(rf"^{name} (\S+)", self.output, re.M)
+        return match[1] if match else ""
+
+
+def program(engine: Engine) -> Path:
+    """Return LAMMPS' program, in the folder of the library of an engine or near it.
+
+    Raises
+    ------
+    EngineMissing
+    """
+    folder = library_folder(engine)
+    places = (folder / "lmp", folder.parent / "bin" / "lmp", folder.parent / "lmp")
+    path = next((place for place in places if place.is_file()), None)
+    if path is None:
+        raise EngineMissing(f"there is no program lmp near the library in {folder}")
+    return path
+
+
+def library_folder(engine: Engine) -> Path:
+    """Return the folder of the library itself, not of a link to it."""
+    package = Path(engine.site) / "lammps" if engine.site else package_directory()
+    return (package / "liblammps.so").resolve().parent
+
+
+def run(deck: BugDeck, engine: Engine) -> Ending:
+    """Run a deck in a folder of its own, which goes with it."""
+    with tempfile.TemporaryDirectory() as folder:
+        deck.write(Path(folder))
+        # The start script of a wheel sets the place of its MPI: one word of the environment.
+        process = subprocess.Popen(
+            [program(engine), "-in", DECK, "-log", "none"],
+            cwd=folder,
+            env=environment(engine),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )
+        try:
+            printed, _ = process.communicate(timeout=TIME_LIMIT)
+        finally:
+            process.kill()
+            process.wait()
+            mpi.remove_shared_memory(process.pid)
+    return Ending(process.returncode, printed)
+
+
+def environment(engine: Engine) -> dict[str, str]:
+    """Return the environment in which the program of an engine finds its MPI."""
+    environment = dict(os.environ)
+    try:
+        library = mpi.file_of_mpich("libmpi.so.12", library_folder(engine).parent)
+    except (OSError, importlib.metadata.PackageNotFoundError):
+        return environment
+    environment["LD_LIBRARY_PATH"] = os.pathsep.join(
+        filter(None, [environment.get("LD_LIBRARY_PATH", ""), str(library.parent)])
+    )
+    return environment

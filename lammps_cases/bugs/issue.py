@@ -6,8 +6,7 @@ import platform
 import re
 from collections.abc import Iterable, Sequence
 
-from lammps_cases.bugs.bare import Ending
-from lammps_cases.bugs.deck import DATA, DECK
+from lammps_cases.bugs.deck import DATA, DECK, Ending
 from lammps_cases.bugs.report import Report
 from lammps_cases.comparison.pair_sums import ParticleValues, Sum
 from lammps_cases.findings import KNOWN, Finding

@@ -1,9 +1,16 @@
-"""A bug report of a finding, or of a case that is red: the deck, and what the text for LAMMPS' tracker needs."""
+"""A bug report of a finding, or of a case that is red: the deck, and what the text for LAMMPS' tracker needs.
+
+A finding is demonstrated by a scene as small as can be, and a number in it (``demonstrations.yaml`` of the findings),
+which formulas over the pairs of one particle give by hand. A finding about input has none: LAMMPS runs the first case
+or probe that it applies to, as it is or smaller.
+"""
 
 from __future__ import annotations
 
 import fnmatch
+import functools
 import math
+import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,14 +19,15 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict
 
 from eos_ref import InputError
 from eos_ref.errors import unknown
 from eos_ref.syntax.manual import FIRST, Manual
-from lammps_cases.bugs import deck, hand
+from lammps_cases import findings
+from lammps_cases.bugs import deck
 from lammps_cases.bugs.deck import BugDeck, Check
-from lammps_cases.bugs.demonstration import AtomNumber, case_of, demonstrations, smaller
-from lammps_cases.bugs.hand import Line
 from lammps_cases.claims.probes import manual
 from lammps_cases.claims.probes.manual import ManualProbe
 from lammps_cases.comparison import pair_sums
@@ -32,6 +40,7 @@ from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.findings.variants import combined
 from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.yaml_files import OfManual, read_yaml
 from lammps_cases.run import campaign, prepared_case, provenance
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
@@ -39,6 +48,113 @@ from lammps_cases.scene.fields import FIELDS
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.problems import problem_of
+
+FILE = Path(findings.__file__).with_name("demonstrations.yaml")
+
+
+class AtomNumber(BaseModel):
+    """A component of a field of an atom, after the last step of a scene or another."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    field: str
+    atom: int
+    axes: tuple[int, ...] = ()
+    step: int | None = None
+
+
+class Demonstration(OfManual, BaseModel):
+    """What a deck for a finding does.
+
+    Attributes
+    ----------
+    scene : the keys of a scene
+    number : what is looked at in it
+    hand : the same by hand: formulas of `symbols`, the last of them that of the number
+    other : what a second scene changes, which must give the same number
+    times : but for this factor
+    smaller : what is changed of the case that the finding applies to
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    scene: dict[str, Any] = {}
+    number: AtomNumber | None = None
+    hand: dict[str, str] = {}
+    other: dict[str, Any] = {}
+    times: float = 1.0
+    smaller: dict[str, Any] = {}
+
+
+@functools.cache
+def demonstrations() -> dict[str, Demonstration]:
+    """Return the demonstrations by finding."""
+    content = read_yaml(FILE, "demonstrations")
+    return {name: Demonstration.model_validate(one) for name, one in content.items()}
+
+
+def case_of(name: str, about: str, scene: Mapping[str, Any]) -> Case:
+    """Return a scene as a case, read as case files are.
+
+    Raises
+    ------
+    InputError
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"{name}.yaml"
+        file.write_text(yaml.safe_dump({"name": name, "about": about, "scene": dict(scene)}))
+        return casefile.load_file(file)[0]
+
+
+def smaller(case: Case, changes: Mapping[str, Any]) -> Case:
+    """Return a case with changes of its scene."""
+    if not changes:
+        return case
+    scene = case.scene.model_dump(mode="json", exclude_unset=True)
+    return case_of(case.name.split(".")[0], case.about, casefile.merge(scene, changes))
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the calculation: a name, its formula, the same with numbers for LAMMPS, the value."""
+
+    name: str
+    formula: str
+    numbers: str
+    value: float
+
+
+def symbols(given: Sum) -> dict[str, float]:
+    """Return what formulas may name, each with the id of its particle: m1, rho1, v1 by components, of pairs r2, W2.
+
+    ``gx2`` and ``gy2`` are the gradient of the kernel at the pair of the particle of the number with particle 2, ``x2``
+    and ``y2`` its distance vector.
+    """
+    numbers: dict[str, float] = {}
+    for one in (given.particle, *(pair.other for pair in given.pairs)):
+        values = {"m": one.mass, "rho": one.rho, "vx": one.v[0], "vy": one.v[1], **one.constants}
+        numbers |= {f"{name}{one.id}": number for name, number in values.items()}
+    for pair in given.pairs:
+        values = {"r": pair.r, "W": pair.w, "x": pair.x[0], "y": pair.x[1]}
+        values |= {"gx": pair.gradient[0], "gy": pair.gradient[1]}
+        numbers |= {f"{name}{pair.other.id}": number for name, number in values.items()}
+    return numbers
+
+
+def calculate(formulas: Mapping[str, str], given: Sum) -> tuple[Line, ...]:
+    """Evaluate formulas one after another, each of which may name those before it."""
+    numbers, lines = symbols(given), dict[str, Line]()
+    for name, formula in formulas.items():
+
+        def number(word: re.Match[str]) -> str:
+            if word[0] in lines:
+                return f"${{{word[0]}}}"
+            return repr(numbers[word[0]]) if numbers[word[0]] >= 0 else f"({numbers[word[0]]!r})"
+
+        scope = numbers | {line.name: line.value for line in lines.values()}
+        result = float(eval(formula.replace("^", "**"), {"__builtins__": {}}, scope))  # of this package's own data
+        lines[name] = Line(name, formula, re.sub(r"[A-Za-z]\w*", number, formula), result)
+    return tuple(lines.values())
 
 
 @dataclass(frozen=True)
@@ -74,7 +190,7 @@ class ExpectedNumber:
 
 
 def finding_named(name: str) -> Finding | None:
-    """Return the finding of a name."""
+    """Return the finding of a name; None without one."""
     return next((entry for entry in LEDGER if entry.id == name), None)
 
 
@@ -105,16 +221,10 @@ def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:
     InputError
         That version documents what LAMMPS does.
     """
-    shown = demonstrations().get(entry.id)
-    if shown is not None and not shown.made_in(manual):
-        raise InputError(
-            "finding", f"is not a bug by the manual of {manual}, which documents what LAMMPS does", entry.id
-        )
-    probe = _probe(entry)
-    if probe is not None and not probe.made_in(manual):
-        raise InputError(
-            "finding", f"is not a bug by the manual of {manual}, which does not promise otherwise", entry.id
-        )
+    shown, probe = demonstrations().get(entry.id), _probe(entry)
+    for demonstrated, why in ((shown, "which documents what LAMMPS does"), (probe, "which does not promise otherwise")):
+        if demonstrated is not None and not demonstrated.made_in(manual):
+            raise InputError("finding", f"is not a bug by the manual of {manual}, {why}", entry.id)
     if shown is None or shown.number is None:
         return Report(entry.id, entry.title, _of_input(entry), entry)
     case = case_of(entry.id, entry.title, shown.scene).by(manual)
@@ -123,7 +233,7 @@ def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:
         made = _of_two(case, other, shown.number, shown.times)
         return Report(entry.id, entry.title, made, entry, number=shown.number)
     made, terms = _of_number(case, shown.number, formulas=shown.hand)
-    lines = hand.calculate(shown.hand, terms)
+    lines = calculate(shown.hand, terms)
     return Report(entry.id, entry.title, made, entry, number=shown.number, sum=terms, lines=lines)
 
 
@@ -178,7 +288,7 @@ def _of_number(
     terms = pair_sums.terms(expected.problem, expected.step, number.atom)
     check = Check(obtained, repr(expected.value), expected.bound)
     if formulas:
-        check = _by_hand(obtained, expected, hand.calculate(formulas, terms))
+        check = _by_hand(obtained, expected, calculate(formulas, terms))
     return deck.of_number(lammps_job, expected.step, check), terms
 
 
@@ -212,7 +322,6 @@ def predicted(case: Case, number: AtomNumber, step: int | None = None) -> Expect
 
 
 def _fields(case: Case, field: str, step: int) -> tuple[Problem, Any, Any]:
-    """Return a field of the reference after a step, with its bound."""
     problem = problem_of(case.scene, prepared_case.prepare(case).atoms, case.where, (step,))
     problem = replace(problem, fields=(field,))
     prediction = Predictor().predict(problem)
@@ -226,7 +335,7 @@ def of_case(case: Case, engine: Engine) -> Report:
     Raises
     ------
     InputError
-        The case is not red, or what is wrong with it cannot be said in one deck.
+        The case is not red, or what is wrong with it does not fit into one deck.
     """
     if case.scene.twin:
         raise InputError("case", "must not be a twin, which is two runs: name its original", case.name)
@@ -260,7 +369,6 @@ def _changing(names: Sequence[str], expected: ExpectedNumber, number: AtomNumber
 
 
 def _first_outside(case: Case, record: CaseRecord) -> tuple[AtomNumber, int]:
-    """Return the first number outside its bound that a deck can read, and its step."""
     job = prepared_case.prepare(case).jobs[0]
     last = case.scene.snapshots[-1]
     outside = [(field.field, field.worst_id, field.worst_step) for field in record.fields if field.outside]

@@ -188,7 +188,7 @@ def mark_of(tag: str) -> str:
 
 
 def named(item: CaseItem, config: pytest.Config) -> bool:
-    """Return whether the command line names a case, or asks for long ones: by node id, -k or -m."""
+    """Return whether the command line names a case, or selects long ones: by node id, -k or -m."""
     words = re.findall(r"[^\s()]+", config.option.keyword)
     chosen = any(word in item.name for word in words if word not in ("and", "or", "not"))
     by_mark = re.search(r"\blong\b", config.option.markexpr) is not None

@@ -1,7 +1,7 @@
 """A session of ``pytest --eos-ref``: hooks of pytest and of pytest-xdist.
 
 One LAMMPS process lives as long as the session, or as a process of pytest-xdist. The record of a case travels with
-pytest's own report of it, so that the process that prints the summary has them all, whoever judged them.
+pytest's own report of it, so that the process that prints the summary has those of all processes.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class SessionPlugin:
         if file_path.suffix not in SUFFIXES:
             return None
         if not parent.session.isinitpath(file_path):
-            with suppress(OSError):  # what cannot be read is said when it is collected
+            with suppress(OSError):  # a file that cannot be read is reported when it is collected
                 if not OWN_KEY.search(file_path.read_text(encoding="utf-8", errors="replace")):
                     return None
         collector: pytest.Collector = CaseYaml.from_parent(parent, path=file_path)

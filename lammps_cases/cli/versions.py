@@ -244,8 +244,8 @@ def adopt_command(
     from lammps_cases.records.folders import folder_name
     from lammps_cases.records.run_record import read_run
     from lammps_cases.records.wording import lacks
-    from lammps_cases.versions.intake import adopt, page
-    from lammps_cases.versions.intake.record import DOCUMENT
+    from lammps_cases.versions import adopt
+    from lammps_cases.versions.adopt import DOCUMENT
 
     folder = out or Path("reports") / f"adopt-{folder_name(engine)}"
     shared.page_folder(folder)
@@ -253,7 +253,7 @@ def adopt_command(
         asked = adopt.everything(installations.resolve(engine), processes(jobs), folder, bar, resume)
         adoption = adopt.collect(asked, baselines)
     known = not adoption.faults
-    if html := part("page", adoption.faults, lambda: page.render(adoption), ""):
+    if html := part("page", adoption.faults, lambda: adopt.render(adoption), ""):
         write_atomically(folder / "adopt.html", html)
     changed = adopt.land(adoption, folder / "run", baselines) if known and not dry_run else []
     lacking = [*adoption.faults, *read_run(folder / "run").faults]

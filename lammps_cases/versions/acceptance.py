@@ -15,7 +15,7 @@ from lammps_cases.records import folders
 from lammps_cases.records.files import write_arrays, write_atomically
 from lammps_cases.records.outcome import CaseOutcome
 from lammps_cases.records.run_record import RunRecord, read_run
-from lammps_cases.versions import baseline, decks, outcomes
+from lammps_cases.versions import baseline, outcomes
 from lammps_cases.versions.baseline import ARRAYS, IDENTITY, REASONS, VERDICT_LINES, Identity
 from lammps_cases.versions.change import Policy
 from lammps_cases.versions.changes import Changes, compare
@@ -27,7 +27,7 @@ BUSY = "is being replaced by another program"
 
 @dataclass(frozen=True)
 class Accepted:
-    """What became of a baseline; ``changes`` is None if it is the first, ``written`` False if nothing changed."""
+    """An accepted baseline; ``changes`` is None if it is the first, ``written`` False if nothing changed."""
 
     folder: Path
     changes: Changes | None
@@ -88,7 +88,10 @@ def _take(run: RunRecord, folder: Path, reason: str, target: Path, command: str,
         kept = {} if old is None or prune else {n: c for n, c in old.cases.items() if n not in side.cases}
         if old is not None and kept:
             _compatible(run, old, target)
-        changes = None if old is None else _changes(old, side, set(kept))
+        changes = None
+        if old is not None:
+            held = {name: case for name, case in old.cases.items() if name not in kept}
+            changes = compare(replace(old, cases=held), side, Policy(bits=True, findings=True))
         dropped = () if old is None else tuple(sorted(old.cases.keys() - side.cases.keys() - kept.keys()))
         cases = {**kept, **side.cases}
         _arrays(partial, run, side, old, set(kept))
@@ -124,11 +127,6 @@ def _compatible(run: RunRecord, old: Side, target: Path) -> None:
         raise InputError("machine", rule, baseline.machine_of(run), str(target))
 
 
-def _changes(old: Side, side: Side, kept: set[str]) -> Changes:
-    held = {name: case for name, case in old.cases.items() if name not in kept}
-    return compare(replace(old, cases=held), side, Policy(bits=True, findings=True))
-
-
 def _write(folder: Path, run: RunRecord, cases: dict[str, CaseOutcome]) -> None:
     identity = Identity(
         engine=run.engine,
@@ -139,7 +137,7 @@ def _write(folder: Path, run: RunRecord, cases: dict[str, CaseOutcome]) -> None:
     )
     # What the engine was called, and where it lay, is not the baseline's.
     baseline.DOCUMENT.write(folder / IDENTITY, identity, {"engine": {"name", "library"}})
-    audited = {path.name for path in folder.glob(f"{decks.FOLDER}/*")}
+    audited = {path.name for path in folder.glob(f"{outcomes.DECKS}/*")}
     write_atomically(folder / VERDICT_LINES, baseline.lines(cases, audited))
 
 
@@ -147,7 +145,7 @@ def _arrays(folder: Path, run: RunRecord, side: Side, old: Side | None, kept: se
     """Write the arrays of the quick cases of the run; those of kept cases stay as they were."""
     for record in run.cases:
         if record.checks:
-            decks.write(folder / decks.FOLDER / record.case, side.cases[record.case], side.folder)
+            outcomes.write_deck(folder / outcomes.DECKS / record.case, side.cases[record.case], side.folder)
         samples, arrays = side.samples(record.case), {}
         for field in record.fields if QUICK in record.tags else ():
             sample = samples.of(field.field)
@@ -162,9 +160,9 @@ def _arrays(folder: Path, run: RunRecord, side: Side, old: Side | None, kept: se
     for path in sorted((old.folder / ARRAYS).glob("*.npz")) if old else ():
         if path.stem in kept:
             write_atomically(folder / ARRAYS / path.name, path.read_bytes())
-    for path in sorted((old.folder / decks.FOLDER).glob("*/*.tsv")) if old else ():
+    for path in sorted((old.folder / outcomes.DECKS).glob("*/*.tsv")) if old else ():
         if path.parent.name in kept:
-            write_atomically(folder / decks.FOLDER / path.parent.name / path.name, path.read_bytes())
+            write_atomically(folder / outcomes.DECKS / path.parent.name / path.name, path.read_bytes())
 
 
 def _reason(
@@ -176,7 +174,6 @@ def _reason(
     changes: Changes | None,
     dropped: tuple[str, ...],
 ) -> None:
-    """Add this reason to the earlier ones."""
     earlier = (target / REASONS).read_text(encoding="utf-8") if (target / REASONS).exists() else ""
     entry = {
         "date": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),

@@ -27,7 +27,7 @@ from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
 from lammps_cases.records.run_record import EngineRecord, RunRecord
 from lammps_cases.records.wording import finding_ids, listed
 from lammps_cases.scene import casefile
-from lammps_cases.versions import decks, outcomes
+from lammps_cases.versions import outcomes
 from lammps_cases.versions.change import Policy
 from lammps_cases.versions.changes import Changes, compare
 from lammps_cases.versions.outcomes import Samples, Side
@@ -118,8 +118,8 @@ def read(folder: Path, name: str = "") -> Side:
         raise InputError("baseline", f"must be a folder with {IDENTITY}", str(folder))
     identity = DOCUMENT.read(whole / IDENTITY)
     cases = _cases(whole / VERDICT_LINES)
-    audited = {name: whole / decks.FOLDER / name for name in cases if (whole / decks.FOLDER / name).is_dir()}
-    cases |= {name: decks.read(folder, cases[name]) for name, folder in audited.items()}
+    audited = {name: whole / outcomes.DECKS / name for name in cases if (whole / outcomes.DECKS / name).is_dir()}
+    cases |= {name: outcomes.read_deck(folder, cases[name]) for name, folder in audited.items()}
     counted = (len(cases), sum(len(case.fields) for case in cases.values()))
     if counted != (identity.cases, identity.fields):
         rule = f"must hold {identity.cases} cases with {identity.fields} fields, as {IDENTITY} says"
@@ -127,7 +127,7 @@ def read(folder: Path, name: str = "") -> Side:
 
     def samples(case: str) -> Samples:
         if case in audited:
-            return decks.of_baseline(audited[case])
+            return outcomes.of_baseline(audited[case])
         return Samples(whole / ARRAYS / f"{case}.npz")
 
     side = name or str(whole)

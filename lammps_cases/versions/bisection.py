@@ -10,9 +10,8 @@ from eos_ref import InputError
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.versions import pairs
-from lammps_cases.versions.change import Policy
+from lammps_cases.versions.change import Policy, groups
 from lammps_cases.versions.changes import Changes, compare
-from lammps_cases.versions.groups import groups
 from lammps_cases.versions.outcomes import Side
 
 SideOf = Callable[[int], Side]
@@ -56,7 +55,7 @@ def bisect(names: Sequence[str], side_of: SideOf, policy: Policy, fields: Sequen
     InputError
         A field that no case compares.
     EngineMissing
-        An engine that dies on every case: nothing can be said of it.
+        An engine that dies on every case.
     """
     sides: dict[int, Side] = {}
 

@@ -1,24 +1,39 @@
-"""What became of every case and field from one side, A, to another, B."""
+"""What changed of every case and field from one side, A, to another, B.
+
+Of a field the bits of LAMMPS' arrays are compared first, then its bounds.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Literal
 
+import numpy as np
+
+from lammps_cases.comparison.compare import excess
 from lammps_cases.records.case_wording import error_text
-from lammps_cases.records.outcome import CHANGE_KINDS, CRASHES, NEW, SAME, CaseOutcome, ChangeKind
+from lammps_cases.records.outcome import (
+    CHANGE_KINDS,
+    CRASHES,
+    NEW,
+    SAME,
+    CaseOutcome,
+    ChangeKind,
+    FieldOutcome,
+    StepOutcome,
+)
 from lammps_cases.records.run_record import HASH
 from lammps_cases.records.wording import INSIDE
-from lammps_cases.versions import decks
-from lammps_cases.versions.arrays import field_change
-from lammps_cases.versions.change import Policy, SideChange, closest
-from lammps_cases.versions.outcomes import Samples, Side
+from lammps_cases.versions import outcomes
+from lammps_cases.versions.change import Closer, Policy, SideChange, closest, judged
+from lammps_cases.versions.outcomes import Sample, Samples, Side, first_beyond
 
 
 @dataclass(frozen=True)
 class Changes:
-    """Two sides and everything that can be said of each case and field; ``notes`` concern the whole."""
+    """Two sides with the change of each case and field; ``notes`` concern the whole."""
 
     a: Side
     b: Side
@@ -38,7 +53,7 @@ class Changes:
 
     @property
     def different(self) -> list[SideChange]:
-        """All changes but those that are none."""
+        """All changes but those of kind `SAME`."""
         return [change for change in self.fields if change.kind not in SAME]
 
 
@@ -80,12 +95,12 @@ def _notes(a: Side, b: Side, changes: tuple[SideChange, ...]) -> Iterator[str]:
 
 
 def _environment(a: Side, b: Side) -> Iterator[tuple[str, str, str]]:
-    """Yield what both sides say of how LAMMPS was built and where it ran."""
+    """Yield how LAMMPS was built and where it ran, as far as both sides hold it."""
     sides = [
         {
             "library": side.engine.library_sha256[:HASH],
             "compiler": side.engine.compiler,
-            "MPI": side.engine.mpi.removeprefix("MPI") and side.engine.mpi,  # of which MPI was not always said
+            "MPI": side.engine.mpi.removeprefix("MPI") and side.engine.mpi,  # without its name in older runs
             "machine": side.machine,
         }
         for side in (a, b)
@@ -93,9 +108,6 @@ def _environment(a: Side, b: Side) -> Iterator[tuple[str, str, str]]:
     for name, one in sides[0].items():
         if one and sides[1][name]:
             yield name, one, sides[1][name]
-
-
-# --- a case as a whole
 
 
 def _without_numbers(one: CaseOutcome, other: CaseOutcome) -> SideChange:
@@ -136,7 +148,7 @@ def _other_words(one: CaseOutcome, other: CaseOutcome) -> bool:
 def _of_deck(
     one: CaseOutcome, other: CaseOutcome, kept: tuple[Samples, Samples], policy: Policy
 ) -> Iterator[SideChange]:
-    """Yield what changed of a deck beside its fields: its state, its thermo output, the findings that act on it."""
+    """Yield what changed of a deck apart from its fields: its state, its thermo output, the findings that act on it."""
     whole = SideChange(
         one.case,
         "",
@@ -146,20 +158,17 @@ def _of_deck(
         findings=(one.explained_by, other.explained_by),
         by_deck=not policy.drifts,
     )
-    for name in () if policy.drifts else decks.STATE:
-        if far := decks.first_beyond(*kept, name, every=True):
+    for name in () if policy.drifts else outcomes.STATE:
+        if far := outcomes.first_beyond(*kept, name, every=True):
             yield replace(whole, field=name, kind="changed", step=far.step, note=str(far))
     if one.thermo and other.thermo:
         kind: ChangeKind = "same bits"
-        step, note, shown = decks.thermo_parts(one, other) or (None, "", False)
+        step, note, shown = outcomes.thermo_parts(one, other) or (None, "", False)
         if note:
             kind = "changed" if shown else "within bounds"
-        yield replace(whole, field=decks.OUTPUT, kind=kind, step=step, note=note)
+        yield replace(whole, field=outcomes.OUTPUT, kind=kind, step=step, note=note)
     if one.explained_by != other.explained_by:
         yield whole
-
-
-# --- a field
 
 
 def _fields(one: CaseOutcome, other: CaseOutcome, a: Side, b: Side, policy: Policy) -> Iterator[SideChange]:
@@ -173,3 +182,90 @@ def _fields(one: CaseOutcome, other: CaseOutcome, a: Side, b: Side, policy: Poli
             verdicts = mine.verdict if mine else "", theirs.verdict if theirs else ""
             closer = closest(verdicts[0] in INSIDE, verdicts[1] in INSIDE)
             yield SideChange(one.case, name, kind, closer, only.stage, verdicts)
+
+
+def field_change(
+    case: str, one: FieldOutcome, other: FieldOutcome, kept: tuple[Samples, Samples], policy: Policy
+) -> SideChange:
+    """Return the change of a field that both sides have; ``kept`` are their arrays."""
+    change = SideChange(
+        case,
+        one.name,
+        "same bits",
+        closer(one, other),
+        other.stage,
+        (one.verdict, other.verdict),
+        (one.explained_by, other.explained_by),
+        (one.max_over_bound, other.max_over_bound),
+    )
+    if not one.digest or one.digest != other.digest:
+        mine, theirs = kept[0].of(one.name), kept[1].of(other.name)
+        same = mine and theirs and (mine.step, mine.values_n.shape) == (theirs.step, theirs.values_n.shape)
+        samples = (mine, theirs) if mine and theirs and same else None
+        difference = _difference(*samples) if samples else None
+        kind, step, note = _parted(one, other, samples, difference)
+        far = first_beyond(*kept, one.name, every=not policy.drifts)
+        if far is not None and (not policy.drifts or {one.verdict, other.verdict} <= {*INSIDE}):
+            kind = "changed"
+        note = "; ".join(filter(None, [note, str(far or "")]))
+        by_deck = far is not None and not policy.drifts
+        change = replace(change, kind=kind, step=step, difference=difference, note=note, by_deck=by_deck)
+        if kind == "within bounds" and change.by_chance:
+            note = f"values without a bound, which depend on what memory held before: {', '.join(change.by_chance)}"
+            change = replace(change, note=note)
+    alike = change.kind != "same bits" or policy.alike(one, other)
+    return change if alike else replace(change, kind="judged otherwise")
+
+
+def closer(one: FieldOutcome, other: FieldOutcome) -> Closer:
+    """Return the side that agrees with the reference; if none does, the one whose worst atom is fewer bounds away."""
+    agreeing = closest(one.verdict in INSIDE, other.verdict in INSIDE)
+    ours, theirs = one.max_over_bound, other.max_over_bound
+    # A baseline keeps three digits of them; more would say nothing of which side is better.
+    if agreeing != "neither" or ours is None or theirs is None or f"{ours:.2e}" == f"{theirs:.2e}":
+        return agreeing
+    return "A" if ours < theirs else "B"
+
+
+def _parted(
+    one: FieldOutcome, other: FieldOutcome, samples: tuple[Sample, Sample] | None, difference: float | None
+) -> tuple[ChangeKind, int | None, str]:
+    """Return the kind of change of a field, the first step at which its bits part, and a remark."""
+    ours, theirs = ({at.step: at for at in field.steps} for field in (one, other))
+    if ours.keys() != theirs.keys():
+        return "changed", None, "compared at different steps"
+    bits = {step: _bits(at, theirs[step], samples) for step, at in ours.items()}
+    parted = [step for step in bits if bits[step] != "same"]
+    if not parted:
+        return "same bits", None, ""
+    recorded = [step for step in parted if bits[step] == "other"]
+    first = recorded[0] if recorded else None
+    note = "" if recorded else "bits unknown: the run predates digests"
+    # Two arrays that the same findings explain lie within the bound of the same variant at every step.
+    good = (*INSIDE, "explained") if one.verdict == "explained" else INSIDE
+    inside = {step for step in parted if ours[step].verdict in good and theirs[step].verdict in good}
+    if samples is not None and difference is not None and difference <= 1:
+        inside.add(samples[0].step)
+    outside = [step for step in parted if step not in inside]
+    alike = judged(one) == judged(other)
+    if alike and not outside:
+        return "within bounds", first, note
+    unknown = alike and not set(outside) & set(recorded) and one.max_over_bound == other.max_over_bound
+    return "cannot tell" if unknown else "changed", first, note
+
+
+def _bits(
+    one: StepOutcome, other: StepOutcome, samples: tuple[Sample, Sample] | None
+) -> Literal["same", "other", "unknown"]:
+    """Compare the bits at a step by their digests, or else by the arrays if they are of this step."""
+    if one.digest and other.digest:
+        return "same" if one.digest == other.digest else "other"
+    if samples is not None and samples[0].step == one.step:
+        return "same" if samples[0].values_n.tobytes() == samples[1].values_n.tobytes() else "other"
+    return "unknown"
+
+
+def _difference(one: Sample, other: Sample) -> float:
+    bound_n = np.minimum(one.bound_n, other.bound_n).astype(float)
+    ratio_n = excess(one.values_n.astype(float), other.values_n.astype(float), bound_n)[1]
+    return float(ratio_n.max(initial=0.0))

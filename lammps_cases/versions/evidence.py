@@ -102,7 +102,6 @@ def page(entry: Finding, evidence: AcceptedEvidence) -> str:
 
 
 def _versions(seen_on: Sequence[str], tried: Sequence[str]) -> str:
-    """Say on which versions a finding was seen, and on which not."""
     others = [version for version in tried if version not in seen_on]
     if not others:
         return f"Seen on every version tried: {', '.join(tried)}."

@@ -14,15 +14,14 @@ from lammps_cases.records.headline import Headline, headline
 from lammps_cases.records.levels import FailOn, Severity
 from lammps_cases.records.wording import counted, plain
 from lammps_cases.report import markdown
-from lammps_cases.versions.change import Policy, SideChange
+from lammps_cases.versions.change import ChangeGroup, Policy, SideChange, groups
 from lammps_cases.versions.changes import Changes, compare
-from lammps_cases.versions.groups import ChangeGroup, groups
 from lammps_cases.versions.outcomes import Side
 from lammps_cases.versions.sources import LABELS
 from lammps_cases.versions.timing import Speed, Turns, of_saved
 
 LISTED = 100  # rows of the table of changed fields in the summary
-SAID = 10  # faults listed on a terminal
+PRINTED = 10  # faults listed on a terminal
 
 
 @dataclass(frozen=True)
@@ -230,10 +229,10 @@ def lines(changes: Changes, a: str = "A", b: str = "B") -> Iterator[str]:
 def faults(changes: Changes) -> Iterator[str]:
     """Yield the first of the changes that count, each in a line."""
     listed = changes.faults
-    for change in listed[:SAID]:
+    for change in listed[:PRINTED]:
         yield f"  {fault(change)}"
-    if len(listed) > SAID:
-        yield f"  ... and {len(listed) - SAID} more"
+    if len(listed) > PRINTED:
+        yield f"  ... and {len(listed) - PRINTED} more"
 
 
 def checked(changes: Changes, accept: str) -> Iterator[str]:

@@ -160,7 +160,7 @@ def select(
 
 
 def output(folder: Path) -> Path:
-    """Return the folder of a comparison, cleared of what an earlier one wrote beside its runs.
+    """Return the folder of a comparison, cleared of what an earlier one wrote in addition to its runs.
 
     Raises
     ------

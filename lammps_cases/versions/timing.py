@@ -32,7 +32,7 @@ class Speed:
     ----------
     how : measured in turns, or each case called once on each side
     count : rounds, or cases
-    answer : what that says of B; of a single scene only if all rounds say it, as one of so many intervals of 95 %
+    answer : whether B is slower; of a single scene only if all rounds agree, as one of so many intervals of 95 %
         misses 1 now and then by chance (all of nine rounds on one side of the median: 0.4 %)
     """
 

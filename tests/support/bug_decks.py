@@ -8,8 +8,7 @@ from importlib.metadata import version
 
 from eos_ref.syntax.manual import MANUALS, Manual
 from lammps_cases.bugs import report
-from lammps_cases.bugs.demonstration import demonstrations
-from lammps_cases.bugs.report import Report
+from lammps_cases.bugs.report import Report, demonstrations
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Workers

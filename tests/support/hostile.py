@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref import InputError, parse_fix_rheo, parse_fix_rheo_pressure
-from lammps_cases.audit import guard, messages
+from lammps_cases.audit import place, supervise
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import read_run
 from lammps_cases.report.history.store import History
@@ -162,8 +162,8 @@ def _message(path: Path) -> None:
             return path.read_bytes()
 
     try:
-        messages.received(Connection())
-    except (messages.Foreign, EOFError) as error:
+        supervise.received(Connection())
+    except (supervise.Foreign, EOFError) as error:
         raise InputError("message", str(error)) from None
 
 
@@ -193,7 +193,7 @@ def readers() -> dict[str, Reader]:
         "fix rheo": Reader(_fix, "line", (FIX,)),
         "fix rheo/pressure": Reader(_pressure, "line", (PRESSURE,)),
         "shard": Reader(_shard, "shard", (b"1/2",)),
-        "deck": Reader(guard.check_script, "in.deck", (DECK,)),
+        "deck": Reader(place.check_script, "in.deck", (DECK,)),
         "run.json": Reader(lambda path: read_run(path.parent), "run.json", (run,)),
         "npz": Reader(read_arrays, "a.npz", (_arrays(False), _arrays(True))),
         "baseline": Reader(baseline._cases, "verdicts.tsv", (LINES,)),

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from lammps_cases.audit.follow import Follower
 from lammps_cases.audit.options import AuditOptions
-from lammps_cases.audit.scratch import copy_folder
+from lammps_cases.audit.place import copy_folder
 from lammps_cases.audit.watch import DeckWatch
 from lammps_cases.engine.session import describe, open_lammps
 

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from lammps_cases.audit import balance
-from lammps_cases.audit.examples.collect import DOCUMENT, NAME, Examples
+from lammps_cases.audit import budgets
+from lammps_cases.audit.examples import DOCUMENT, NAME, Examples
 from lammps_cases.records.files import write_atomically
 
 FILE = Path(__file__).with_suffix(".json")
@@ -27,10 +27,10 @@ def rows(examples: Examples) -> list[dict[str, Any]]:
         own = {"deck": example.name, "lammps": examples.engine.distribution}
         deviations.extend(
             own | {"run": part.name, "step": part.step, "away": part.deviation, "adds": part.contribution}
-            for part in balance.parts(example.case)
+            for part in budgets.parts(example.case)
         )
         for log in example.logs:
-            away = balance.log_deviation(example.case.closed, log.columns)
+            away = budgets.log_deviation(example.case.closed, log.columns)
             if away is not None:
                 deviations.append(
                     own | {"run": f"log of {log.version}", "step": away[0], "away": away[1], "adds": None}
@@ -42,8 +42,8 @@ def table(measured: Iterable[dict[str, Any]]) -> str:
     """Return rows as a table of Markdown."""
     lines = ["| deck | run | step | difference | what this adds |", "|---|---|---|---|---|"]
     for of in measured:
-        who = f"LAMMPS {of['lammps']}" if of["run"] == balance.LAMMPS else of["run"]
-        shown = [of["deck"], who, str(of["step"]), balance.percent(of["away"]), balance.percent(of["adds"])]
+        who = f"LAMMPS {of['lammps']}" if of["run"] == budgets.LAMMPS else of["run"]
+        shown = [of["deck"], who, str(of["step"]), budgets.percent(of["away"]), budgets.percent(of["adds"])]
         lines.append(f"| {' | '.join(shown)} |".replace("|  |", "| |"))
     return "\n".join(lines)
 

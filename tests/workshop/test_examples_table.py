@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from lammps_cases.audit import balance
+from lammps_cases.audit import budgets
 from tests.workshop import examples_table as measured
 
 
@@ -16,7 +16,7 @@ def test_the_document_has_what_was_measured() -> None:
     by_run = {row["run"]: row["away"] for row in rows if row["deck"] == "taylor-green"}
     log = next(away for run, away in by_run.items() if run.startswith("log of"))
     # What the document says in words, of the numbers as the table shows them.
-    assert balance.percent(by_run[balance.LAMMPS]) == balance.percent(by_run["as it is"]) == balance.percent(log)
+    assert budgets.percent(by_run[budgets.LAMMPS]) == budgets.percent(by_run["as it is"]) == budgets.percent(log)
     adds = {row["run"]: row["adds"] for row in rows if row["deck"] == "taylor-green"}
     assert adds["no artificial viscosity"] > by_run["as it is"] > 0 > adds["no density diffusion"]
     plates = {row["run"]: row["away"] for row in rows if row["deck"] == "poiseuille"}

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from eos_ref import InputError
-from lammps_cases.bugs.shrink.content import (
+from lammps_cases.bugs.shrink.candidate import (
     VALUES,
     Content,
+    FailureMode,
     Path,
     at,
     digits,
@@ -26,7 +27,6 @@ from lammps_cases.bugs.shrink.content import (
     types_of,
     without,
 )
-from lammps_cases.bugs.shrink.failure import FailureMode
 
 Fails = Callable[[Content], FailureMode | None]  # how a content fails, if it does so the same way
 KEPT: tuple[Path, ...] = (("positions",), ("types",))  # parts of which no key is dropped whole
@@ -117,7 +117,6 @@ def _with_lower_counts(content: Content, particles: int) -> Iterator[Content]:
 
 
 def _holds(content: Content, path: Path) -> bool:
-    """Return whether there is a part at some place."""
     part: Any = content
     for key in path:
         if not isinstance(part, dict) or key not in part:
@@ -127,7 +126,6 @@ def _holds(content: Content, path: Path) -> bool:
 
 
 def _nearest(content: Content, atom: int) -> list[int]:
-    """Return all rows by their distance from a particle."""
     positions = content["positions"]
     x_nc = np.array(positions["x"], float)
     edge_c = np.array(positions["high"], float) - np.array(positions["low"], float)
@@ -202,7 +200,7 @@ def _may_go(path: Path) -> bool:
 
 
 def _plainer_values(content: Content, fails: Fails) -> Content:
-    """Say the same with less: one value for all particles, one linear law for all types."""
+    """Write one value for all particles, one linear law for all types."""
     linear = [{"types": "*", "style": "linear"}]
     candidates: list[tuple[Path, Any]] = [(("pressure",), linear)] if content["pressure"] != linear else []
     for name in VALUES:

@@ -11,8 +11,18 @@ from pathlib import Path
 from typing import Any
 
 from eos_ref import InputError
-from lammps_cases.bugs.shrink.content import Content, Size, apart_from_particles, as_case, document, size, written_out
-from lammps_cases.bugs.shrink.failure import FailureMode, failure_mode, rule_broken
+from lammps_cases.bugs.shrink.candidate import (
+    Content,
+    FailureMode,
+    Size,
+    apart_from_particles,
+    as_case,
+    document,
+    failure_mode,
+    rule_broken,
+    size,
+    written_out,
+)
 from lammps_cases.bugs.shrink.reductions import REDUCTIONS
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing, Job
@@ -89,7 +99,7 @@ class Trials:
 
     def _judged(self, content: Content) -> FailureMode | None:
         candidate = as_case(content, self.case)
-        if candidate is None or not self._to_be_refused_alike(content, candidate):
+        if candidate is None or not self._refused_as_before(content, candidate):
             return None
         if self.count >= CANDIDATES:
             self.complete = False
@@ -103,8 +113,8 @@ class Trials:
         failure = failure_mode(record, self.finding)
         return failure if failure == self.wanted else None
 
-    def _to_be_refused_alike(self, content: Content, candidate: Case) -> bool:
-        """Return whether a scene that LAMMPS is to refuse is still to be refused, and for the same reason."""
+    def _refused_as_before(self, content: Content, candidate: Case) -> bool:
+        """Return whether a scene that LAMMPS is to refuse is still to be refused for the same reason."""
         if self.case.scene.expect is None:
             return True
         if rule := rule_broken(self.case.scene):

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 from eos_ref.syntax.words import number
 from lammps_cases.claims.probes.probe import Commands
-from lammps_cases.versions.inputs import malformed
-from lammps_cases.versions.inputs.reading import refusal
+from lammps_cases.versions.inputs import syntax
+from lammps_cases.versions.inputs.refusals import refusal
 from lammps_cases.versions.inputs.syntax import Form, FormWord, forms, text
 
 EXTRA = "9.75"  # a word too many, which stands in no form
@@ -21,7 +21,7 @@ Groups = tuple[tuple[FormWord, ...], ...]
 
 @dataclass(frozen=True)
 class Generated:
-    """A command that is put to LAMMPS and to the reference.
+    """A command that LAMMPS and the reference are given.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Generated:
 
     @property
     def words(self) -> str:
-        """Return the line, or what has become of it."""
+        """Return the line, or that it is left out."""
         return self.line or f"without {self.form.line}"
 
     @property
@@ -66,11 +66,11 @@ class Generated:
 
     @property
     def promise(self) -> str:
-        """Return what the manual says: the syntax, but of a number out of its range only what a page says of that."""
+        """Return the manual's syntax; of a number out of its range only what a page has on that."""
         if self.mutation == "left-out" and self.kind == "command":
             return self.form.command.needed
         of = self.form.command.arguments.get(self.about)
-        if of is not None and of.only and self.word in malformed.LEGAL_TYPES.values():
+        if of is not None and of.only and self.word in syntax.LEGAL_TYPES.values():
             return ""
         value = number(self.word) if self.kind in ("number", "integer") else None
         if of is None or value is None or not math.isfinite(value):
@@ -163,10 +163,10 @@ def _values(form: Form) -> Iterator[Generated]:
     for g, k, word in _places(form):
         group = form.groups[g]
         if word.keyword:
-            kind, words = "keyword", malformed.keyword(word.text)
+            kind, words = "keyword", syntax.words_for_keyword(word.text)
         else:
             of = form.command.arguments[word.argument]
-            kind, words = of.kind, malformed.words(of, word.text)
+            kind, words = of.kind, syntax.words_for(of, word.text)
         for mutation, other in words.items():
             groups = _with(form.groups, g, *group[:k], replace(word, text=other), *group[k + 1 :])
             yield _changed(form, groups, word, kind, mutation, other)
@@ -203,7 +203,6 @@ def _arrangements(form: Form) -> Iterator[Generated]:
 
 
 def _scaled(word: FormWord) -> str:
-    """Return another number in the place of one."""
     if not word.argument or not re.fullmatch(r"\d+\.\d+", word.text):
         return word.text
     return repr(float(word.text) * OTHER)

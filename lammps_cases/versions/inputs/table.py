@@ -1,12 +1,15 @@
-"""A table of what LAMMPS does with bad input, each in a process of its own, beside what the reference says of it."""
+"""What LAMMPS and the reference do with bad input, each in a process of its own: measured, on disk, on a page."""
 
 from __future__ import annotations
 
 import fnmatch
 import functools
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal, Protocol
 
 import numpy as np
@@ -14,22 +17,42 @@ import numpy as np
 from eos_ref.errors import unknown
 from lammps_cases.claims.probes import run
 from lammps_cases.claims.probes.probe import Input
-from lammps_cases.claims.probes.reaction import ERRORS, Reaction, reaction
+from lammps_cases.claims.probes.reaction import ERRORS, REACTIONS, Reaction, reaction
 from lammps_cases.claims.probes.run import Reply
-from lammps_cases.engine.workers import Workers
+from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import OutcomeFinding
+from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.records.progress import SILENT, Progress
+from lammps_cases.report.pages import frame
+from lammps_cases.report.pages.frame import TableCell, TableRow
 from lammps_cases.versions.inputs.generate import generated
-from lammps_cases.versions.inputs.scenes import bad_inputs
+from lammps_cases.versions.inputs.refusals import bad_inputs
 
 TIME_LIMIT = 10.0  # seconds that LAMMPS has for an input; the decks take 0.01
-
 Agreement = Literal["both refuse", "both take it", "the reference alone refuses it", "LAMMPS alone refuses it"]
+COLUMNS = (
+    *("id", "area", "about", "kind", "mutation", "words", "refusal", "reaction", "text", "taken_for"),
+    *("promise", "candidate", "ledger"),
+)
+ASSETS = Path(__file__).parent / "assets"
+ALONE = "LAMMPS alone refuses it"
+ABOUT = {
+    "clear error": "an error that names the argument, its keyword or the value",
+    "vague error": "an error that names none of the words",
+    "misleading error": "an error that names other words of the command",
+    "warning": "continues, with a warning in the log",
+    "no effect": "continues silently; results are bit-identical to those without the bad argument",
+    "silent acceptance": "continues silently, with different numbers",
+    "silent NaN": "continues silently, to numbers that are not finite",
+    "crash": "the process crashes",
+    "hang": "the process does not end",
+}
 
 
 class BadWords(Protocol):
-    """What is put to LAMMPS and to the reference; see `Generated` and `BadInput`."""
+    """An input that LAMMPS and the reference are given; see `Generated` and `BadInput`."""
 
     @property
     def id(self) -> str:
@@ -57,7 +80,7 @@ class BadWords(Protocol):
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Words by which an error speaks of something else."""
+        """Words by which an error names something else."""
 
     @property
     def input(self) -> Input:
@@ -85,9 +108,7 @@ def select(patterns: Sequence[str]) -> tuple[BadWords, ...]:
     for pattern in patterns:
         if not any(fnmatch.fnmatchcase(one.id, pattern) for one in every()):
             raise unknown("input", pattern, (one.id for one in every()))
-    return tuple(
-        one for one in every() if not patterns or any(fnmatch.fnmatchcase(one.id, pattern) for pattern in patterns)
-    )
+    return tuple(one for one in every() if not patterns or any(fnmatch.fnmatchcase(one.id, of) for of in patterns))
 
 
 @dataclass(frozen=True)
@@ -97,7 +118,7 @@ class InputRow:
     Attributes
     ----------
     area, about : command (or part of a scene), and its argument or keyword
-    kind, mutation : what kind of argument, and what became of it
+    kind, mutation : what kind of argument, and how it was changed
     words : the input as a deck would hold it
     refusal : error message of the reference; empty if it takes the input
     reaction, text : what LAMMPS does, and its message, or the numbers with which it goes on
@@ -133,9 +154,15 @@ class InputRow:
 def row(bad: BadWords, reply: Reply, control: Reply | None = None) -> InputRow:
     """Return the row of an input from LAMMPS' reply, and that to the same without what is wrong."""
     kind, text = reaction(reply, bad.clear, bad.others, control)
-    # A pattern speaks of what LAMMPS takes or dies of, an id of whatever becomes of the input.
-    named = (pattern for pattern in _expected() if pattern == bad.id or (kind not in ERRORS and _fits(bad.id, pattern)))
-    finding = next((_expected()[pattern] for pattern in named), "")
+    # A pattern is of inputs that LAMMPS takes or dies of, an id of an input however it ends.
+    finding = next(
+        (
+            finding
+            for pattern, finding in _expected().items()
+            if pattern == bad.id or (kind not in ERRORS and fnmatch.fnmatchcase(bad.id, pattern))
+        ),
+        "",
+    )
     refusal = bad.refusal
     return InputRow(
         bad.id,
@@ -160,10 +187,6 @@ def _expected() -> Mapping[str, str]:
     return {pattern: entry.id for entry in of_inputs for pattern in entry.expected_inputs}
 
 
-def _fits(id: str, pattern: str) -> bool:
-    return fnmatch.fnmatchcase(id, pattern)
-
-
 def table(
     workers: Workers, progress: Progress = SILENT, inputs: Sequence[BadWords] = (), time_limit: float = TIME_LIMIT
 ) -> list[InputRow]:
@@ -179,33 +202,18 @@ def table(
         Seconds that LAMMPS has for each.
     """
     chosen = tuple(inputs) or every()
-    controls = [Hashed(one.control) for one in chosen]
-    distinct = list(dict.fromkeys(controls))
-    replies = run.put(workers, [*(c.given for c in distinct), *(one.input for one in chosen)], time_limit, alone=True)
-    of_control = {control: next(replies) for control in distinct}
+    controls = [one.control for one in chosen]
+    keys = [one if isinstance(one, tuple) else id(one) for one in controls]  # jobs hold arrays, which have no hash
+    distinct = dict(zip(keys, controls, strict=True))
+    replies = run.put(workers, [*distinct.values(), *(one.input for one in chosen)], time_limit, alone=True)
+    of_control = {key: next(replies) for key in distinct}
     rows: list[InputRow] = []
     results: list[str] = []
-    for k, (bad, control, reply) in enumerate(zip(chosen, controls, replies, strict=True), 1):
-        rows.append(row(bad, reply, of_control[control]))
+    for k, (bad, key, reply) in enumerate(zip(chosen, keys, replies, strict=True), 1):
+        rows.append(row(bad, reply, of_control[key]))
         results.append(digest(reply))
         progress.advance(k, len(chosen), "bad inputs")
     return _with_readings(rows, results)
-
-
-class Hashed:
-    """An input by identity, or by its words: jobs hold arrays, which have no hash."""
-
-    def __init__(self, given: Input) -> None:
-        self.given = given
-        self._key: object = given if isinstance(given, tuple) else id(given)
-
-    def __hash__(self) -> int:
-        """Return the hash of the words."""
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        """Return whether two are the same."""
-        return isinstance(other, Hashed) and self._key == other._key
 
 
 def digest(reply: Reply) -> str:
@@ -220,22 +228,13 @@ def digest(reply: Reply) -> str:
 
 
 def _with_readings(rows: Sequence[InputRow], results: Iterable[str]) -> list[InputRow]:
-    """Say of every bad input that LAMMPS takes which legal one of the same form has its numbers."""
-    from dataclasses import replace
-
-    pairs = list(zip(rows, results, strict=True))
+    """Name for every bad input that LAMMPS takes the legal one of the same form with the same numbers."""
+    of_form = [(one, (".".join(one.id.split(".")[:2]), result)) for one, result in zip(rows, results, strict=True)]
     legal: dict[tuple[str, str], str] = {}
-    for one, result in pairs:
-        if result and not one.refusal:
-            legal.setdefault((_form(one), result), one.words)
-    return [
-        replace(one, taken_for=legal.get((_form(one), result), "")) if result and one.refusal else one
-        for one, result in pairs
-    ]
-
-
-def _form(one: InputRow) -> str:
-    return ".".join(one.id.split(".")[:2])
+    for one, key in of_form:
+        if not one.refusal:
+            legal.setdefault(key, one.words)
+    return [replace(one, taken_for=legal.get(key, "")) if key[1] and one.refusal else one for one, key in of_form]
 
 
 def counts(rows: Sequence[InputRow]) -> Mapping[tuple[str, str], Mapping[str, int]]:
@@ -246,3 +245,101 @@ def counts(rows: Sequence[InputRow]) -> Mapping[tuple[str, str], Mapping[str, in
         kind = one.reaction if one.refusal else one.agreement
         of[kind] = of.get(kind, 0) + 1
     return by_argument
+
+
+@dataclass(frozen=True)
+class InputTable:
+    """All rows, and the LAMMPS that they are of."""
+
+    command: str
+    engine: dict[str, str]
+    seconds: float
+    rows: tuple[InputRow, ...]
+    schema: str = SCHEMAS["inputs"]
+
+    @property
+    def reactions(self) -> Mapping[str, int]:
+        """How many of the inputs that the reference refuses end in each way, the best first."""
+        ends = Counter(row.reaction for row in self.rows if row.refusal)
+        return {kind: ends[kind] for kind in REACTIONS if ends[kind]}
+
+    @property
+    def agreements(self) -> Mapping[str, int]:
+        """How many inputs both sides take, one alone, or neither."""
+        return dict(Counter(row.agreement for row in self.rows).most_common())
+
+    @property
+    def unexplained(self) -> tuple[InputRow, ...]:
+        """Those that the manual rules out, without a finding."""
+        return tuple(row for row in self.rows if row.candidate and not row.ledger)
+
+
+DOCUMENT = Document("inputs", InputTable)
+
+
+def write(table: InputTable, folder: Path) -> None:
+    """Write ``inputs.json``, ``inputs.csv`` and ``report.html``, one file that opens offline."""
+    rows = ([getattr(row, name) for name in COLUMNS] for row in table.rows)
+    write_atomically(folder / "inputs.csv", csv_text([COLUMNS, *rows]))
+    DOCUMENT.write(folder / "inputs.json", table)
+    write_atomically(folder / "report.html", _page(table))
+
+
+def read(folder: Path) -> InputTable:
+    """Return the table of a folder.
+
+    Raises
+    ------
+    InputError
+        There is none, or it is of another schema.
+    """
+    return DOCUMENT.read(folder / "inputs.json")
+
+
+def changes(before: Sequence[InputRow], after: Sequence[InputRow]) -> list[tuple[InputRow, InputRow]]:
+    """Return the inputs that both tables have and that end in another way, or with another reading."""
+    old = {row.id: row for row in before}
+    pairs = [(old[row.id], row) for row in after if row.id in old]
+    return [(a, b) for a, b in pairs if (a.reaction, a.taken_for) != (b.reaction, b.taken_for)]
+
+
+def measure(
+    chosen: Sequence[BadWords], site: str | None, jobs: int, command: str, progress: Progress = SILENT
+) -> InputTable:
+    """Give inputs to a LAMMPS (folder ``site``; None: of this environment) and to the reference."""
+    begin = time.perf_counter()
+    with Workers(site, jobs) as workers:
+        who = workers.outcome(workers.identify())
+        rows = table(workers, progress, chosen)
+    seconds = round(time.perf_counter() - begin, 1)
+    return InputTable(command, {} if isinstance(who, Failure) else who, seconds, tuple(rows))
+
+
+def _page(table: InputTable) -> str:
+    kinds = [kind for kind in REACTIONS if kind in table.reactions]
+    return frame.page(
+        ASSETS,
+        "inputs",
+        "bad" if table.unexplained else "good",
+        engine=table.engine.get("distribution", ""),
+        scripts=[frame.FILTER],
+        table=table,
+        about=ABOUT,
+        facts=[
+            ("LAMMPS", table.engine.get("distribution") or table.engine.get("version_string", "")),
+            ("inputs", len(table.rows)),
+            ("took", f"{table.seconds:.0f} s"),
+        ],
+        columns=["argument", *(f"#{kind}" for kind in kinds), f"#{ALONE}"],
+        arguments=list(_arguments(table, kinds)),
+        # Left out are ordinary rows: refused by both with a clear error, or taken by both.
+        rows=[row for row in table.rows if not (row.agreement == "both take it" or row.reaction == "clear error")]
+        + [row for row in table.rows if row.agreement == ALONE and row.reaction == "clear error"],
+    )
+
+
+def _arguments(table: InputTable, kinds: Sequence[str]) -> Iterator[TableRow]:
+    """Yield a row for every argument: how its bad inputs end."""
+    for (area, about), ends in counts(table.rows).items():
+        cells = [TableCell(ends.get(kind, ""), "number") for kind in (*kinds, ALONE)]
+        yield TableRow(f"{area}: {about}" if about and about != area else area, cells)

@@ -20,9 +20,10 @@ import pytest
 from click.testing import CliRunner
 
 from eos_ref import EOSTable, InputError
-from lammps_cases.audit import scratch, supervise
+from lammps_cases.audit import place, supervise
 from lammps_cases.audit.fields import PRESSURE
-from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask, CommandPlace
+from lammps_cases.audit.messages import CommandPlace
+from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.progress import Progress
@@ -374,12 +375,12 @@ def test_copy_is_bounded_and_writable(tmp_path: Path) -> None:
     (source / "sub" / "back").symlink_to(source)
     (source / "link").symlink_to(source / "sub" / "data")
     os.mkfifo(source / "fifo")
-    scratch.copy_folder(source, tmp_path / "copy")
+    place.copy_folder(source, tmp_path / "copy")
     found = sorted(str(path.relative_to(tmp_path / "copy")) for path in (tmp_path / "copy").rglob("*"))
     assert found == ["link", "sub", "sub/data"]
     assert (tmp_path / "copy" / "sub" / "data").stat().st_mode & 0o200
     with pytest.raises(InputError, match="must hold at most"):
-        scratch.copy_folder(source, tmp_path / "other", largest=150)
+        place.copy_folder(source, tmp_path / "other", largest=150)
 
 
 def test_command_line(tmp_path: Path) -> None:

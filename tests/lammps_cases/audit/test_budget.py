@@ -13,12 +13,11 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.model.box import Box
 from eos_ref.numbers.columns import axes, summed
 from eos_ref.numbers.rounded import error, value
-from lammps_cases.audit import balance, rerun
-from lammps_cases.audit.budget import Rates, budget
-from lammps_cases.audit.closed import closed, deviation
+from lammps_cases.audit import budgets, rerun
+from lammps_cases.audit.budgets import Rates, budget
 from lammps_cases.audit.deck import Action
-from lammps_cases.audit.evaluation import ParticleSample
-from lammps_cases.audit.outlook import Good
+from lammps_cases.audit.evaluation import ParticleSample, TimedSample
+from lammps_cases.audit.rerun import closed, deviation
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.records.case_parts import ClosedRecord, SeriesRecord
@@ -124,14 +123,14 @@ def test_finer_particles_are_the_same_fluid(name: str) -> None:
 
 def test_runs_that_run_away_say_so() -> None:
     sample = sample_of(FORCES)
-    series = rerun.reruns(Good(sample, 50.0, 1, 0, np.arange(len(sample.mass_n))), 40, 10, ())
+    series = rerun.reruns(TimedSample(sample, 50.0, 1, 0, np.arange(len(sample.mass_n))), 40, 10, ())
     assert series[0].name == rerun.AS_IT_IS and all(of.ended for of in series)
 
 
 # --- closed solutions
 
 
-def vortices(**changes: object) -> Good:
+def vortices(**changes: object) -> TimedSample:
     n, edge = 12, 12.0
     x_nc = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1).reshape(-1, 2) + 0.25
     k = 2 * np.pi / edge
@@ -150,7 +149,9 @@ def vortices(**changes: object) -> Good:
         solid_n=np.zeros(count, bool), energy_n=None, mass_n=None,
     )  # fmt: skip
     box = Box((0.0, 0.0), (edge, edge), (True, True))
-    return Good(ParticleSample(one, box, replace(state, **changes), np.full(count, 2.0)), 0.5, 1, 0, np.arange(count))
+    return TimedSample(
+        ParticleSample(one, box, replace(state, **changes), np.full(count, 2.0)), 0.5, 1, 0, np.arange(count)
+    )
 
 
 def test_vortices_are_recognised_by_their_velocities() -> None:
@@ -191,7 +192,7 @@ def test_what_a_finding_adds_is_what_the_run_with_it_has_more() -> None:
             ],
         }
     )
-    _, _, silent, wrong = balance.parts(case)
+    _, _, silent, wrong = budgets.parts(case)
     assert silent.contribution == -1.0, "without it the decay is faster"
     assert wrong.contribution == 1.0, "with it the decay is faster"
 

@@ -19,9 +19,10 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import guard, supervise
+from lammps_cases.audit import place, supervise
 from lammps_cases.audit.fields import PRESSURE
-from lammps_cases.audit.options import TRUST, AuditOptions, AuditTask, CommandPlace
+from lammps_cases.audit.messages import CommandPlace
+from lammps_cases.audit.options import TRUST, AuditOptions, AuditTask
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import containment, mpi
 from lammps_cases.engine.session import package_directory
@@ -242,7 +243,7 @@ def test_deck_is_refused_where_nothing_contains_it(
 
 RANK = """
 import sys
-from lammps_cases.audit import child, launch
+from lammps_cases.audit import child
 from lammps_cases.audit.options import AuditOptions, AuditTask
 lmp, _ = child.start(AuditTask("", sys.argv[1], AuditOptions(trust=False), sys.argv[3], sys.argv[2]))
 for command in sys.argv[4].split("; "):
@@ -319,7 +320,7 @@ def test_texts_of_any_kind_end_in_a_line(content: bytes, rule: str, deck: Path) 
     deck.write_bytes(content)
     begin = time.monotonic()
     try:
-        guard.check_script(deck)  # of a trusted deck it is not asked
+        place.check_script(deck)  # of a trusted deck it is not asked
         told = case_of(audit_deck(deck, AuditOptions(timeout=60.0))).message
     except InputError as error:
         told = str(error)

@@ -8,8 +8,8 @@ import pytest
 
 from eos_ref import InputError
 from eos_ref.syntax.manual import manual_of
-from lammps_cases.audit.acting import Acting
 from lammps_cases.audit.deck import Deck
+from lammps_cases.audit.effects import Acting
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.bugs.deck import DECK

@@ -10,7 +10,8 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases.audit import finished, supervise
-from lammps_cases.audit.options import AuditOptions, DeckSetups
+from lammps_cases.audit.messages import DeckSetups
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.audited_decks import DECKS, run_plain

@@ -263,7 +263,7 @@ def test_wrong_share_of_pair_rheo_is_found(monkeypatch: pytest.MonkeyPatch) -> N
     ],
 )
 def test_when_the_share_of_pair_rheo_can_be_asked_for(commands: str, asked: bool) -> None:
-    assert share.can_be_asked(followed(MODEL + commands)) is asked
+    assert share.can_be_had(followed(MODEL + commands)) is asked
 
 
 def test_words_of_pair_rheo_among_others() -> None:

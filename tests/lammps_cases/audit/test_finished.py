@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import fields, finished, restart, supervise
-from lammps_cases.audit.options import AuditOptions, DeckSetups
-from lammps_cases.audit.printed import number
+from lammps_cases.audit import command, fields, finished, supervise
+from lammps_cases.audit.dumps import number
+from lammps_cases.audit.messages import DeckSetups
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.case_parts import worst
 from lammps_cases.records.run_record import CaseRecord
@@ -395,8 +396,9 @@ def test_fixes_that_move_particles_after_the_forces(
 ) -> None:
     folder = written("box")
     who, setups = described(folder / "in.deck")
+    fixes = {"9": ["fix", "9", "all", "momentum", "1", "linear", "1", "1", "1"]}
     moved = [
-        dataclasses.replace(run, fixes=run.fixes | {"9": ["fix", "9", "all", "momentum", "1", "linear", "1", "1", "1"]})
+        dataclasses.replace(run, deck=dataclasses.replace(run.deck, fixes=run.deck.fixes | fixes))
         for run in setups.runs
     ]
     changed = dataclasses.replace(setups, runs=moved)
@@ -458,7 +460,7 @@ def test_what_is_no_number_leaves_particles_out(
 
 def test_restart_is_judged_by_field(written: Callable[[str], Path]) -> None:
     folder = written("box")
-    case = restart.audit_restart(folder / "kept.5", folder / "in.deck", AuditOptions()).record.cases[0]
+    case = command.audit_restart(folder / "kept.5", folder / "in.deck", AuditOptions()).record.cases[0]
     assert case.case == "kept.5" and {check.step for check in case.checks} == {5}
     assert verdicts(case) == dict.fromkeys(verdicts(case), "pass") | {
         field: verdict for field, verdict in verdicts(case).items() if verdict in ("exact", "explained")
@@ -471,7 +473,7 @@ def test_restart_with_fixes_of_its_own_run(written: Callable[[str], Path], tmp_p
     text = (written("box") / "in.deck").read_text().splitlines()
     (tmp_path / "in.deck").write_text("\n".join([*text, "unfix 3", "fix 3 all rheo/pressure * linear", "run 5", ""]))
     shutil.copy(written("box") / "kept.5", tmp_path)
-    case = restart.audit_restart(tmp_path / "kept.5", tmp_path / "in.deck", AuditOptions()).record.cases[0]
+    case = command.audit_restart(tmp_path / "kept.5", tmp_path / "in.deck", AuditOptions()).record.cases[0]
     assert [law.style for law in case.laws] == ["cubic"]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eos_ref.numbers.rounded import value
-from lammps_cases.audit import effects as audit_effects
+from lammps_cases.audit import effects
 from lammps_cases.audit.effects import compare, worst
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.options import AuditOptions
@@ -82,10 +82,10 @@ def sample_of_vortices() -> ParticleSample:
 
 def test_of_many_particles_some_show_what_a_finding_does(monkeypatch: pytest.MonkeyPatch) -> None:
     sample = sample_of_vortices()
-    (whole,) = audit_effects.effects(sample, ENGINE, 1, 0)
-    monkeypatch.setattr(audit_effects, "MOST", 900)
-    monkeypatch.setattr(audit_effects, "FEW", 600)
-    (some,) = audit_effects.effects(sample, ENGINE, 1, 0)
+    (whole,) = effects.effects(sample, ENGINE, 1, 0)
+    monkeypatch.setattr(effects, "MOST", 900)
+    monkeypatch.setattr(effects, "FEW", 600)
+    (some,) = effects.effects(sample, ENGINE, 1, 0)
     assert whole.of == EDGE**2 and 0 < some.of < 600
     assert some.finding == whole.finding == "force-per-volume"
     assert some.factor == pytest.approx(whole.factor, rel=1e-12) and number(some.factor) == "100"

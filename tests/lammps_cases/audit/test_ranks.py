@@ -17,8 +17,8 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases.audit import supervise
+from lammps_cases.audit.command import audit_restart
 from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask
-from lammps_cases.audit.restart import audit_restart
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import containment, mpi, ranks
 from lammps_cases.engine.session import EngineLacks, package_directory

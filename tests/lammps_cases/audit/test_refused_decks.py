@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import guard, supervise, text
+from lammps_cases.audit import place, supervise, text
 from lammps_cases.audit.fields import PRESSURE
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.place import DeckPlace
@@ -71,7 +71,7 @@ def test_shell_is_run_if_allowed(tmp_path: Path) -> None:
 )
 def test_commands_that_reach_outside(command: str) -> None:
     with pytest.raises(InputError):
-        guard.check(text.words(text.without_comment(command)), "here", DeckPlace())
+        place.check_command(text.words(text.without_comment(command)), "here", DeckPlace())
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_commands_that_reach_outside(command: str) -> None:
     ],
 )
 def test_commands_that_do_not(command: str) -> None:
-    guard.check(text.words(text.without_comment(command)), "here", DeckPlace())
+    place.check_command(text.words(text.without_comment(command)), "here", DeckPlace())
 
 
 def test_includes_are_judged(tmp_path: Path) -> None:

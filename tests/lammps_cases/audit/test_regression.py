@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import settings
+from lammps_cases.audit import command
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.records.run_record import read_run
-from lammps_cases.versions import baseline, decks
+from lammps_cases.versions import baseline, outcomes
 from lammps_cases.versions.outcomes import Sample, read
 from tests.support.audited_decks import FIXES, write_deck
 from tests.support.outcome import Outcome
@@ -156,7 +156,7 @@ Found = tuple[int, float, float] | None
     ],
 )
 def test_values_part_beyond_the_bounds_of_both(now: list[float], step: int, found: Found) -> None:
-    far = decks.beyond(sample([1.0, 2.0], 0.1), sample(now, 0.1 + 1e-9, step))
+    far = outcomes.beyond(sample([1.0, 2.0], 0.1), sample(now, 0.1 + 1e-9, step))
     assert repr(far and (far.atom, far.was, far.now)) == repr(found)
 
 
@@ -174,7 +174,7 @@ def test_a_folder_of_decks(deck: Path, eos_ref_command: Run) -> None:
         shutil.copy("fluid.inc", place)
     (folder / "in.shell").write_text("units lj\nshell ls\n")
     (folder / "data.lmp").write_text("particles\n\n10 atoms\n")
-    toml = folder / settings.FILE
+    toml = folder / command.SETTINGS
     toml.write_text(
         'steps = 10\ndecks = ["sub/start.txt"]\nskip = ["*skipped"]\n[deck."b.in"]\nevery = 5\n[allow]\n'
         'force-per-volume = "until 2999-03, waiting for upstream"\ncubic-unit = "until 2026-01-31, old"\n'
@@ -206,7 +206,7 @@ def test_a_folder_of_decks(deck: Path, eos_ref_command: Run) -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("every = 0", "every: Input should be greater than or equal to 1, found 0"),
+        ("every = 0", "every: must be 1 to 2147483647 time steps, found 0"),
         ('every = "5"', "every: Input should be a valid integer, found '5'"),
         ("steps = 5\nstep = 5", "step: Extra inputs are not permitted, found 5"),
         ('fields = ["presure"]', "field: must be one of all"),
@@ -221,24 +221,24 @@ def test_a_folder_of_decks(deck: Path, eos_ref_command: Run) -> None:
     ],
 )
 def test_settings_that_are_refused(text: str, line: str, tmp_path: Path) -> None:
-    (tmp_path / settings.FILE).write_text(text)
+    (tmp_path / command.SETTINGS).write_text(text)
     with pytest.raises(InputError) as raised:
-        settings.read(tmp_path)
+        command.read_settings(tmp_path)
     said = str(raised.value)
-    assert said.startswith(line) and said.endswith(f"({tmp_path / settings.FILE})") and "\n" not in said
+    assert said.startswith(line) and said.endswith(f"({tmp_path / command.SETTINGS})") and "\n" not in said
 
 
 def test_the_documented_settings_are_read(tmp_path: Path) -> None:
     documented = (Path(__file__).parents[3] / "docs" / "audit.md").read_text()
-    (tmp_path / settings.FILE).write_text(documented.split("```toml\n")[1].split("```")[0])
-    of_file = settings.read(tmp_path)
-    assert set(settings.Settings.model_fields) - {"fields"} == of_file.model_fields_set
+    (tmp_path / command.SETTINGS).write_text(documented.split("```toml\n")[1].split("```")[0])
+    of_file = command.read_settings(tmp_path)
+    assert set(command.Settings.model_fields) - {"fields"} == of_file.model_fields_set
     assert of_file.options("in.tank.2", AuditOptions()).fields == ("pressure", "f")
 
 
 def test_options_of_the_command_go_before_the_file(tmp_path: Path) -> None:
-    (tmp_path / settings.FILE).write_text('every = 5\nsteps = 100\n[deck."in.t*"]\nsteps = 7\nfields = ["f"]')
-    read_settings = settings.read(tmp_path)
+    (tmp_path / command.SETTINGS).write_text('every = 5\nsteps = 100\n[deck."in.t*"]\nsteps = 7\nfields = ["f"]')
+    read_settings = command.read_settings(tmp_path)
     of_tank = read_settings.options("in.tank", AuditOptions())
     assert (of_tank.every, of_tank.steps, of_tank.fields) == (5, 7, ("f",))
     other = read_settings.options("in.other", AuditOptions(every=3))
@@ -255,6 +255,6 @@ def test_options_of_the_command_go_before_the_file(tmp_path: Path) -> None:
     ],
 )
 def test_an_allowance_holds_until_the_end_of_its_day_or_month(until: str, today: date, holds: bool) -> None:
-    allowances = settings.Settings(allow={"force-per-volume": f"until {until}, x"})
+    allowances = command.Settings(allow={"force-per-volume": f"until {until}, x"})
     held, notes = allowances.allowed({"force-per-volume"}, today)
     assert (bool(held), bool(notes)) == (holds, not holds)

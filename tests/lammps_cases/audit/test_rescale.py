@@ -12,7 +12,8 @@ from eos_ref.errors import InputError
 from eos_ref.syntax.manual import FIRST
 from lammps_cases.audit import rescale as module
 from lammps_cases.audit import scaling
-from lammps_cases.audit.options import AuditOptions, ScriptCommand, StartState
+from lammps_cases.audit.messages import ScriptCommand, StartState
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.rescale import REPULSION, rescale
 from lammps_cases.audit.scaling import Scaling
 from lammps_cases.audit.supervise import described

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.audit.options import AuditOptions, DeckSetups
-from lammps_cases.audit.setups import ENDLESS, SetupWatch
+from lammps_cases.audit.follow import ENDLESS, SetupWatch
+from lammps_cases.audit.messages import DeckSetups
+from lammps_cases.audit.options import AuditOptions
 
 
 def lammps() -> Any:
@@ -52,7 +53,7 @@ def test_a_run_knows_the_commands_before_it(watch: SetupWatch) -> None:
     lines = ["timestep 0.01", "print hello", "compute p all pressure", "run 1", "uncompute p", "fix 1 all nve", "run 1"]
     kept = followed(watch, *lines)
     assert kept.commands == ["timestep 0.01", "compute p all pressure", "uncompute p", "fix 1 all nve"]
-    assert [run.said for run in kept.runs] == [2, 4]
+    assert [run.before for run in kept.runs] == [2, 4]
     assert [list(run.computes) for run in kept.runs] == [["p"], []]
     watch.note(["variable", "v", "equal", "1 + 1"])
     assert watch.setups().commands[-1] == 'variable v equal """1 + 1"""'

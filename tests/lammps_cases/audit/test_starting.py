@@ -13,7 +13,7 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases import audit
-from lammps_cases.audit import guard, place, restart, scratch
+from lammps_cases.audit import command, place
 from lammps_cases.audit.fields import PRESSURE
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.place import DeckPlace
@@ -232,8 +232,8 @@ def test_paths_out_of_the_copy_are_refused(
 def test_what_is_typed_is_what_helps(project: Path) -> None:
     deck, decks = project / "decks" / "in.above", project / "decks"
     with pytest.raises(InputError, match="must not leave"):
-        guard.check_script(deck, DeckPlace(decks, decks))
-    guard.check_script(deck, DeckPlace(project, decks))
+        place.check_script(deck, DeckPlace(decks, decks))
+    place.check_script(deck, DeckPlace(project, decks))
 
 
 @pytest.mark.lammps
@@ -278,7 +278,7 @@ def test_restart_of_a_project(project: Path, monkeypatch: pytest.MonkeyPatch) ->
     deck = project / "decks" / "in.tank"
     deck.write_text(deck.read_text().replace("run  ", "restart 5 kept.*\nrun  "))
     audit_deck(deck, AuditOptions(keep=project.parent / "kept", fields=PRESSURE))
-    case = restart.audit_restart(project.parent / "kept" / "kept.5", deck, AuditOptions(fields=PRESSURE)).record.cases[
+    case = command.audit_restart(project.parent / "kept" / "kept.5", deck, AuditOptions(fields=PRESSURE)).record.cases[
         0
     ]
     assert {check.step for check in case.checks} == {5}
@@ -289,7 +289,7 @@ def test_folders_beside_the_copy_are_links(tmp_path: Path) -> None:
         (tmp_path / "disk" / name).mkdir(parents=True)
     source = (tmp_path / "disk" / "a" / "b").resolve()
     (tmp_path / "target").mkdir()
-    copy = scratch.beside(source, tmp_path / "target")
+    copy = place.nested_folder(source, tmp_path / "target")
     assert copy == tmp_path / "target" / source.relative_to("/") and not list(copy.iterdir())
     assert (copy / ".." / "other").resolve() == source.parent / "other"
     assert (copy / ".." / ".." / "x").resolve() == source.parents[1] / "x"

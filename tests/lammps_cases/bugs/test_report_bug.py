@@ -12,10 +12,9 @@ import pytest
 
 from eos_ref import InputError
 from eos_ref.syntax.manual import manual_of
-from lammps_cases.bugs import bare, deck, issue, report
-from lammps_cases.bugs.bare import Ending
-from lammps_cases.bugs.deck import BugDeck, Check
-from lammps_cases.bugs.demonstration import case_of, demonstrations
+from lammps_cases.bugs import deck, issue, report
+from lammps_cases.bugs.deck import BugDeck, Check, Ending
+from lammps_cases.bugs.report import case_of, demonstrations
 from lammps_cases.engine.installations import Engine
 from lammps_cases.findings import KNOWN, LEDGER, Finding
 from lammps_cases.run import campaign, prepared_case
@@ -51,7 +50,7 @@ def test_a_deck_fails_where_the_finding_is_known_and_passes_elsewhere(name: str,
             report.of_finding(finding_of(name), manual)
         return
     made = report_of(name, manual)
-    ending = bare.run(made.deck, engine_of(engine))
+    ending = deck.run(made.deck, engine_of(engine))
     if "package which is not enabled in this LAMMPS binary" in ending.output:
         assert not finding_of(name).listed(version_of(engine)), "seen without the package that it needs"
         return
@@ -66,7 +65,7 @@ def test_a_deck_fails_where_the_finding_is_known_and_passes_elsewhere(name: str,
 @pytest.mark.parametrize("name", [entry.id for entry in LEDGER if entry.outcome == "crashed"])
 def test_a_deck_of_a_crash_ends_without_an_error_of_lammps(name: str) -> None:
     """By the signal of the finding, or with an exception that only LAMMPS' own program catches."""
-    ending = bare.run(report_of(name).deck, engine_of(_having(finding_of(name))))
+    ending = deck.run(report_of(name).deck, engine_of(_having(finding_of(name))))
     assert ending.code
     assert "ERROR" not in ending.output
     signal = finding_of(name).engine_error
@@ -91,7 +90,7 @@ def test_the_number_misses_by_this_finding_alone_and_by_far(name: str, tmp_path:
     made = report_of(name)
     assert made.number is not None
     expected = report.predicted(case, made.number)
-    ending = bare.run(made.deck, engine_of(_having(entry)))
+    ending = deck.run(made.deck, engine_of(_having(entry)))
     missed = abs(float(ending.printed("obtained")) - expected.value)
     assert not missed <= FAR * expected.bound  # NaN is far from everything
     assert not missed <= 1e-3 * abs(expected.value)
@@ -104,7 +103,7 @@ def test_without_the_cause_the_deck_of_walls_after_rebuild_passes() -> None:
     assert shown.number is not None
     scene = casefile.merge(shown.scene, {"engine": {"every": 100, "delay": 100}})
     made, _ = report._of_number(case_of("kept", "x", scene), shown.number)
-    assert bare.run(made, engine_of("env")).verdict(made) == "PASS"
+    assert deck.run(made, engine_of("env")).verdict(made) == "PASS"
 
 
 @pytest.mark.lammps
@@ -118,7 +117,7 @@ def test_a_deck_sees_three_bounds(moved: float) -> None:
     bound = float(found[3])
     check = Check(found[1], f"{found[2]}+({moved * bound!r})", bound)
     changed = replace(made, lines=(*made.lines[:at], check.inside, *made.lines[at + 1 :]))
-    assert bare.run(changed, engine_of("env")).verdict(changed) == ("FAIL" if moved else "PASS")
+    assert deck.run(changed, engine_of("env")).verdict(changed) == ("FAIL" if moved else "PASS")
 
 
 # --- the decks
@@ -155,11 +154,11 @@ def test_particles_of_a_file_are_those_of_commands(name: str, monkeypatch: pytes
 @pytest.mark.lammps
 @pytest.mark.parametrize("name", ["force-per-volume", "wall-velocity-lost", "heat-over-density"])
 def test_a_deck_with_a_file_obtains_the_same_number(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = bare.run(report_of(name).deck, engine_of("env")).printed("obtained")
+    plain = deck.run(report_of(name).deck, engine_of("env")).printed("obtained")
     monkeypatch.setattr(deck, "MOST_SINGLE", 0)
     made = report.of_finding(finding_of(name)).deck
     assert made.data
-    assert plain == bare.run(made, engine_of("env")).printed("obtained") != ""
+    assert plain == deck.run(made, engine_of("env")).printed("obtained") != ""
 
 
 @pytest.mark.parametrize(
@@ -290,7 +289,7 @@ def test_report_of_a_red_case(eos_ref_command: Run, tmp_path: Path) -> None:
 def test_report_of_a_refused_case() -> None:
     made = report.make("undocumented.exclude-list", engine_of("env"))
     assert made.finding is not None and made.finding.id == "exclude-takes-one-range"
-    assert bare.run(made.deck, engine_of("env")).verdict(made.deck) == "FAIL"
+    assert deck.run(made.deck, engine_of("env")).verdict(made.deck) == "FAIL"
 
 
 def test_unknown_names_are_refused(eos_ref_command: Run, tmp_path: Path) -> None:

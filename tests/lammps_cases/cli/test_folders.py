@@ -20,7 +20,7 @@ def interrupted(*arguments: object, **named: object) -> None:
         (("validate", "--quick"), "lammps_cases.studies.flows.run.validate"),
         (("chart", "--quick"), "lammps_cases.studies.chart.collect.collect"),
         (("stability", "--quick"), "lammps_cases.studies.stability.atlas.measure"),
-        (("examples", "--from", "{decks}"), "lammps_cases.audit.examples.collect.collect"),
+        (("examples", "--from", "{decks}"), "lammps_cases.audit.examples.collect"),
     ],
 )
 def test_an_empty_folder_goes(

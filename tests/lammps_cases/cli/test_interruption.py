@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from lammps_cases.audit.examples import collect as examples_collect
+from lammps_cases.audit import examples
 from lammps_cases.engine import session
 from lammps_cases.studies.chart import collect as chart_collect
 from lammps_cases.studies.chart.record import DOCUMENT, Section
@@ -20,7 +20,7 @@ COMMANDS = {
     "stability": (atlas, "measure", "cells.jsonl"),
     "validate": (run, "validate", "runs.jsonl"),
     "chart": (chart_collect, "collect", "sections.jsonl"),
-    "examples": (examples_collect, "collect", "decks.jsonl"),
+    "examples": (examples, "collect", "decks.jsonl"),
 }
 
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from lammps_cases.bugs import bare
-from lammps_cases.bugs.demonstration import case_of, demonstrations
+from lammps_cases.bugs import deck
+from lammps_cases.bugs.report import case_of, demonstrations
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.document import FOLDER
 from lammps_cases.run import prepared_case
@@ -86,7 +86,7 @@ def judged(name: str, *edits: tuple[str, str]) -> tuple[int, str]:
     for old, new in edits:
         assert text.count(old) == 1, old
         text = text.replace(old, new)
-    ending = bare.run(replace(made, lines=tuple(text.splitlines())), engine_of("env"))
+    ending = deck.run(replace(made, lines=tuple(text.splitlines())), engine_of("env"))
     return ending.code, ending.verdict(made)
 
 

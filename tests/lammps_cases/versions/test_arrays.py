@@ -10,8 +10,8 @@ import pytest
 
 from lammps_cases.records.case_parts import Verdict
 from lammps_cases.records.outcome import ChangeKind, FieldOutcome
-from lammps_cases.versions.arrays import closer, field_change
 from lammps_cases.versions.change import Policy, left_to_chance
+from lammps_cases.versions.changes import closer, field_change
 from lammps_cases.versions.outcomes import Sample
 from tests.support.made_sides import Kept, field, sample
 

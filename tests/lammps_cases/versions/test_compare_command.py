@@ -16,7 +16,7 @@ from eos_ref import InputError
 from lammps_cases.records.headline import LOOKS, State
 from lammps_cases.records.outcome import CHANGE_KINDS
 from lammps_cases.records.run_record import read_run
-from lammps_cases.versions import page, pairs
+from lammps_cases.versions import command, pairs
 from lammps_cases.versions.change import Policy
 from lammps_cases.versions.outcomes import of_run, read
 from tests.support.edited_runs import NAMES, of_field
@@ -135,7 +135,7 @@ def test_the_page_needs_nothing_from_elsewhere_and_escapes_what_it_shows(small_r
         lambda r: r.update(verdict="crashed", ended="crashed", message=evil, fields=[]), "defaults.linear"
     )
     found = pairs.compared([read(small_run), read(other)], Policy(), None, True, "")
-    text = page.render(found)
+    text = command.render(found)
     assert evil not in text
     assert "&lt;script&gt;alert" in text
     assert not re.search(r"(src|href)=\"(?!#)", text)
@@ -157,7 +157,7 @@ def test_the_index_has_a_comparison_with_its_sentence(
 
 
 def test_every_kind_of_change_has_a_colour_on_the_page() -> None:
-    style = (page.ASSETS / "compare.css").read_text()
+    style = (command.ASSETS / "compare.css").read_text()
     assert [
         kind for kind in CHANGE_KINDS if f".k-{kind.replace(' ', '-')}" not in style and kind != "same outcome"
     ] == []
@@ -208,7 +208,7 @@ def test_more_sides_than_two_are_called_by_their_letters(small_run: Path, change
     assert [(pair.name, len(pair.changes.faults)) for pair in found.pairs] == [("A-B", 0), ("A-C", 1), ("B-C", 1)]
     (row,) = (row for row in pairs.document(found)["fields"] if row["pair"] == "B-C")
     assert row["verdicts"] == {"B": "explained", "C": "differs"}
-    text = page.render(found)
+    text = command.render(found)
     assert "C: unexplained" in text
     assert "unexplained in B only" not in text
     assert '<b class="mark">C</b> changed, closer: C' in text
@@ -295,7 +295,7 @@ def test_a_folder_of_baselines_is_told_from_a_baseline(small_run: Path, eos_ref_
 def test_columns_are_input_then_fields_then_what_stops_carried() -> None:
     of_input = [replace(field(name), stage="input") for name in ("type", "rho (given)", "x (restart at 2)")]
     both = side(case("whole", *of_input, field("f"), field("rho")), case("law", replace(field("esph"), stage="input")))
-    (view,) = [page._view(pair) for pair in pairs.compared([both, both], Policy(), None, False, "").pairs]
+    (view,) = [command._view(pair) for pair in pairs.compared([both, both], Policy(), None, False, "").pairs]
     assert view.columns == ["esph", "rho (given)", "type", "f", "rho", "x (restart at 2)"]
 
 
@@ -307,7 +307,7 @@ def _hidden(text: str) -> list[bool]:
 def test_a_page_shows_what_counts_or_what_differs_at_all_or_says_that_nothing_does() -> None:
     def shown(other: str, strict: bool = False) -> str:
         sides = [side(case("one", field("f", bits=bits), field("v"))) for bits in ("aa", other)]
-        return page.render(pairs.compared(sides, Policy(bits=strict), None, False, ""))
+        return command.render(pairs.compared(sides, Policy(bits=strict), None, False, ""))
 
     same, within, strict = shown("aa"), shown("bb"), shown("bb", strict=True)
     assert "Nothing changed: every field has the same bits" in same

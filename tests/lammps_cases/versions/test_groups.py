@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from lammps_cases.versions.change import Policy
+from lammps_cases.versions.change import Policy, groups
 from lammps_cases.versions.changes import compare
-from lammps_cases.versions.groups import groups
 from lammps_cases.versions.outcomes import Side
 from lammps_cases.versions.timing import TOTAL, Turns, of_saved
 from tests.support.made_sides import case, ended, field, side

@@ -16,7 +16,7 @@ import numpy as np
 from eos_ref import InputError
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
-from lammps_cases.bugs.shrink.failure import FailureMode, failure_mode
+from lammps_cases.bugs.shrink.candidate import FailureMode, failure_mode
 from lammps_cases.bugs.shrink.shrink import WorkerJudge, shrink
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine.installations import Engine

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import balance
-from lammps_cases.audit.examples import collect, decks, page
+from lammps_cases.audit import budgets, examples
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import installations
@@ -47,19 +46,19 @@ def test_decks_go_by_the_names_of_their_folders(tmp_path: Path) -> None:
     folder = examples_of(tmp_path, "vortices", "plates")
     (folder / "vortices" / "log.17Apr2024.vortices.g++.4").write_text(LOG)
     (folder / "in.loose").write_text("run 0\n")
-    found = decks.decks(Engine(), folder)
+    found = examples.decks(Engine(), folder)
     assert [deck.name for deck in found] == ["loose", "plates", "vortices"]
     assert [len(deck.logs) for deck in found] == [0, 0, 1]
-    assert [deck.name for deck in decks.decks(Engine(), folder, ["plates"])] == ["plates"]
+    assert [deck.name for deck in examples.decks(Engine(), folder, ["plates"])] == ["plates"]
 
 
 def test_decks_that_are_not_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"not installed with this LAMMPS.*--from DIR"):
-        decks.decks(Engine(), None)
+        examples.decks(Engine(), None)
     with pytest.raises(InputError, match="must lie as in"):
-        decks.decks(Engine(), tmp_path)
+        examples.decks(Engine(), tmp_path)
     with pytest.raises(InputError, match=r"must be one of plates.*did you mean"):
-        decks.decks(Engine(), examples_of(tmp_path, "plates"), ["plate"])
+        examples.decks(Engine(), examples_of(tmp_path, "plates"), ["plate"])
 
 
 def test_examples_lie_in_the_tree_of_a_build(tmp_path: Path) -> None:
@@ -78,11 +77,11 @@ def test_examples_lie_in_the_tree_of_a_build(tmp_path: Path) -> None:
 def test_a_log_is_read_past_warnings(tmp_path: Path) -> None:
     path = tmp_path / "log.17Apr2024.x.g++.4"
     path.write_text(LOG)
-    log = decks.shipped_log(path)
+    log = examples.shipped_log(path)
     assert log is not None and (log.version, log.ranks) == ("17 Apr 2024", 4)
     assert log.columns == {"Step": [0, 100], "Time": [0, 10], "KinEng": [0.5, 0.25], "Press": [0.25, 0.125]}
     path.write_text(LOG.replace("Loop time", "Time"))
-    assert decks.shipped_log(path) is None, "broken off"
+    assert examples.shipped_log(path) is None, "broken off"
 
 
 # --- what numbers say
@@ -98,18 +97,18 @@ def budget(momentum: float, finding: float, bound: float = 1e-12) -> BudgetRecor
 
 
 def test_what_is_conserved_is_told_by_its_bound() -> None:
-    (kept,) = balance.conserved([budget(5e-13, 5e-13), budget(0.0, 0.5e-12)])
+    (kept,) = budgets.conserved([budget(5e-13, 5e-13), budget(0.0, 0.5e-12)])
     assert kept.kept and kept.broken_by == {}
-    (broken,) = balance.conserved([budget(5e-13, 2.0), budget(0.0, 1.0)])
+    (broken,) = budgets.conserved([budget(5e-13, 2.0), budget(0.0, 1.0)])
     assert broken.kept and broken.broken_by == {"some-finding": (2.0 - 5e-13) / 4}
-    (lost,) = balance.conserved([budget(0.0, 0.0), budget(1.0, 1.0)])
+    (lost,) = budgets.conserved([budget(0.0, 0.0), budget(1.0, 1.0)])
     assert not lost.kept and lost.share == 0.25 and lost.broken_by == {}
-    assert list(balance.conserved([])) == []
+    assert list(budgets.conserved([])) == []
 
 
 @pytest.mark.parametrize(("of", "words"), [(-0.00001, "0.00 %"), (-0.0255, "−2.55 %"), (0.0255, "+2.55 %"), (None, "")])
 def test_nothing_has_no_sign(of: float | None, words: str) -> None:
-    assert balance.percent(of) == words
+    assert budgets.percent(of) == words
 
 
 @pytest.mark.parametrize(("power", "shown"), [(-4e-23, 0.0), (-2e-12, -2e-12)])
@@ -117,7 +116,7 @@ def test_a_power_of_pressure_within_its_rounding_is_none(power: float, shown: fl
     bound = {"energy of pressure": 1e-12}
     of = budget(0.0, 0.0).model_copy(update={"bound": bound, "parts": [BudgetPart(name="pressure", power=power)]})
     case = CaseRecord(case="made", verdict="pass", budgets=[of])
-    assert page.View(collect.Example("", "", case)).powers == {"pressure": shown}
+    assert examples.View(examples.Example("", "", case)).powers == {"pressure": shown}
 
 
 # --- with LAMMPS
@@ -132,8 +131,8 @@ def case_of(name: str) -> CaseRecord:
 @pytest.mark.parametrize("name", ["vortices", "plates"])
 def test_lammps_is_nearer_to_the_reference_than_any_change_takes_that(name: str) -> None:
     case = case_of(name)
-    own, right, *changed = balance.parts(case)
-    assert own.name == balance.LAMMPS and own.deviation is not None and right.deviation is not None
+    own, right, *changed = budgets.parts(case)
+    assert own.name == budgets.LAMMPS and own.deviation is not None and right.deviation is not None
     apart = abs(own.deviation - right.deviation)
     terms = [part for part in changed if part.name.startswith("no ")]
     assert [part.name for part in terms] == ["no artificial viscosity", "no density diffusion", "no shifting"]
@@ -175,7 +174,7 @@ def test_of_several_runs_the_last_one_is_run_again(tmp_path: Path) -> None:
     text = (DECKS / "in.plates").read_text().replace("run             200", "run 20\nrun 40")
     (tmp_path / "in.deck").write_text(text)
     case = audit_deck(tmp_path / "in.deck", AuditOptions(every=20, budgets=True, trust=True)).record.cases[0]
-    own, right = balance.measured(case), case.series[0]
+    own, right = budgets.measured(case), case.series[0]
     assert own.steps == right.steps == [0, 20, 40] and case.closed is None, "the fluid moves when the second run begins"
     assert right.kinetic[0] == own.kinetic[0] > 0
 
@@ -209,17 +208,17 @@ def test_the_command_leaves_a_page(tmp_path: Path, eos_ref_command: Callable[...
     assert (
         'id="deck-plates"' in html and "Against the closed solution" in html and (out / "plates" / "run.json").is_file()
     )
-    document = collect.DOCUMENT.read(out / collect.NAME)
+    document = examples.DOCUMENT.read(out / examples.NAME)
     assert [example.name for example in document.examples] == ["bonds", "plates"]
-    assert list(page.lines(document)) == outcome.out.splitlines()[: len(list(page.lines(document)))]
-    assert json.loads((out / collect.NAME).read_text())["schema"] == "eos-ref/examples/1"
+    assert list(examples.lines(document)) == outcome.out.splitlines()[: len(list(examples.lines(document)))]
+    assert json.loads((out / examples.NAME).read_text())["schema"] == "eos-ref/examples/1"
 
     (folder / "plates" / "in.plates").write_text((folder / "plates" / "in.plates").read_text() + "# changed\n")
     before = {name: (out / name / "run.json").stat().st_mtime_ns for name in ("bonds", "plates")}
     eos_ref_command("examples", "--from", str(folder), "--trust", "--out", str(out))
-    again = collect.DOCUMENT.read(out / collect.NAME)
+    again = examples.DOCUMENT.read(out / examples.NAME)
     assert again.examples[0] == document.examples[0]
-    assert again.seconds > sum(part.seconds for part in collect.judged(out).journal.entries()[::2])
+    assert again.seconds > sum(part.seconds for part in examples.judged(out).journal.entries()[::2])
     assert {name: (out / name / "run.json").stat().st_mtime_ns > at for name, at in before.items()} == {
         "bonds": False,
         "plates": True,

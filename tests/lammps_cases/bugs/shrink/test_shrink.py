@@ -12,9 +12,16 @@ import pytest
 import yaml
 
 from eos_ref import InputError
-from lammps_cases.bugs.shrink import content as contents
-from lammps_cases.bugs.shrink.content import Content, as_case, size, written_out
-from lammps_cases.bugs.shrink.failure import FailureMode, failure_mode, rule_broken
+from lammps_cases.bugs.shrink import candidate
+from lammps_cases.bugs.shrink.candidate import (
+    Content,
+    FailureMode,
+    as_case,
+    failure_mode,
+    rule_broken,
+    size,
+    written_out,
+)
 from lammps_cases.bugs.shrink.reductions import fewer_digits, fewer_particles, fewer_steps, fewer_types
 from lammps_cases.bugs.shrink.shrink import Shrunk, WorkerJudge, shrink
 from lammps_cases.engine.installations import Engine
@@ -169,7 +176,7 @@ def test_particles_written_out_are_the_same_particles(tmp_path: Path) -> None:
         case = CASES[name]
         content = written_out(case)
         file = tmp_path / "small.yaml"
-        file.write_text(contents.document(content, name, "The same."))
+        file.write_text(candidate.document(content, name, "The same."))
         (same,) = casefile.load((file,))
         one, other = prepared_case.prepare(case).atoms, prepared_case.prepare(same).atoms
         assert same.name == name
@@ -185,7 +192,7 @@ def test_a_small_case_has_the_name_and_the_seeds_of_the_large_one(tmp_path: Path
     content = line_of(1, types=[{"mass": 1.0}], pressure=[{"types": "*", "style": "linear"}])
     names = (*CASES, "a.1e-5.2.true.null")
     for name in names:
-        (tmp_path / "small.yaml").write_text(contents.document(content, name, f"Shrunk from {name}: 1.0"))
+        (tmp_path / "small.yaml").write_text(candidate.document(content, name, f"Shrunk from {name}: 1.0"))
         (case,) = casefile.load((tmp_path / "small.yaml",))
         assert case.name == name
 
@@ -265,7 +272,7 @@ def test_numbers_keep_the_digits_that_matter() -> None:
 
 
 def replaced_value(content: Content, value: float) -> Content:
-    return contents.replaced(content, ("pressure", 1, "A3"), value)
+    return candidate.replaced(content, ("pressure", 1, "A3"), value)
 
 
 def test_same_way_is_field_and_verdict_not_atom_and_step() -> None:

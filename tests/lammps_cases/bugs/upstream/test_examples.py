@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from lammps_cases.bugs import bare
-from lammps_cases.bugs.upstream import examples, files
-from lammps_cases.bugs.upstream.examples import CASES, FOLDER, example_files, log_of
+from lammps_cases.bugs import deck
+from lammps_cases.bugs.upstream import files
+from lammps_cases.bugs.upstream.files import CASES, FOLDER, example_files, log_of
 from lammps_cases.engine import installations
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.run import campaign
@@ -24,8 +24,8 @@ SHOWN = {"rheo-fall": "PASS", "rheo-mix": "FAIL", "rheo-heat": "FAIL"}  # nothin
 @pytest.mark.slow
 def test_decks_say_what_their_cases_do() -> None:
     flows = yaml.safe_load(CASES.read_text())["matrix"]["flow"]
-    assert {f"rheo-{flow}" for flow in flows} == {example.name for example in examples.examples()} == set(SHOWN)
-    for example in examples.examples():
+    assert {f"rheo-{flow}" for flow in flows} == {example.name for example in files.examples()} == set(SHOWN)
+    for example in files.examples():
         text = example.files[f"in.{example.name}"]
         assert f"read_data data.{example.name}\n" in text and "run 60 post no\n" in text and "thermo 20\n" in text
         assert text.startswith("# ") and example.files[f"data.{example.name}"]
@@ -34,7 +34,7 @@ def test_decks_say_what_their_cases_do() -> None:
 @pytest.mark.lammps
 @pytest.mark.parametrize("name", SHOWN)
 def test_a_log_ends_with_both_numbers_and_the_verdict(name: str) -> None:
-    example = next(example for example in examples.examples() if example.name == name)
+    example = next(example for example in files.examples() if example.name == name)
     log_name, log = log_of(example, installations.resolve("env"))
     assert re.fullmatch(rf"log\.\d+[A-Z][a-z]{{2}}\d{{4}}\.{name}\.g\+\+\.1", log_name)
     obtained, expected, within = (
@@ -54,7 +54,7 @@ def _expected(log: str) -> tuple[str, str]:
 @pytest.mark.slow
 def test_flows_that_fail_are_explained_by_findings(tmp_path: Path) -> None:
     """The same cases, judged by a run."""
-    cases = examples.cases()
+    cases = files.example_cases()
     record = campaign.run_cases(cases, installations.resolve("env"), 1, tmp_path / "report")
     judged = {case.case.replace(".", "-"): case.verdict for case in record.cases}
     assert judged == {name: "exact" if shown == "PASS" else "explained" for name, shown in SHOWN.items()}
@@ -79,6 +79,6 @@ def test_a_lammps_that_does_not_run_a_deck_is_told(tmp_path: Path, monkeypatch: 
     broken = tmp_path / "lmp"
     broken.write_text("#!/bin/sh\nexit 1\n")
     broken.chmod(0o755)
-    monkeypatch.setattr(bare, "program", lambda engine: broken)
+    monkeypatch.setattr(deck, "program", lambda engine: broken)
     with pytest.raises(EngineMissing, match=r"LAMMPS does not run in\.rheo-fall: .*exit status 1"):
-        log_of(examples.examples()[0], installations.resolve("env"))
+        log_of(files.examples()[0], installations.resolve("env"))

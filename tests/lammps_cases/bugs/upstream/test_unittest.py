@@ -23,9 +23,17 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.quantities import needed_to_step
 from lammps_cases.bugs.upstream import files, programs
 from lammps_cases.bugs.upstream.files import TESTS, kit_files, write_folder, yaml_text
-from lammps_cases.bugs.upstream.form import WRITE_DATA, shipped, template
-from lammps_cases.bugs.upstream.numbers import STAGES, Expected, error, expected, relative
-from lammps_cases.bugs.upstream.replay import Commands, failing, replay
+from lammps_cases.bugs.upstream.force_tests import (
+    STAGES,
+    WRITE_DATA,
+    Expected,
+    error,
+    expected,
+    relative,
+    shipped,
+    template,
+)
+from lammps_cases.bugs.upstream.programs import Commands, failing, replay
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.workers import Workers
 from lammps_cases.setup import reference_side

@@ -18,7 +18,7 @@ import yaml
 from check_jsonschema import main as check_jsonschema
 from click.testing import CliRunner
 
-from lammps_cases.ci.kits.files import KITS, TEMPLATES, in_repository, in_shards, kit
+from lammps_cases.ci.kits import KITS, TEMPLATES, in_repository, in_shards, kit
 from lammps_cases.engine import session
 from lammps_cases.run.shards import Costs
 from tests.support.action_runner import run_action

@@ -17,8 +17,8 @@ from lammps_cases.records.run_record import EngineRecord, RunRecord
 from lammps_cases.report.history import page as history_page
 from lammps_cases.report.pages import index
 from lammps_cases.run.report_files import write_run
-from lammps_cases.versions.inputs import page as inputs_page
-from lammps_cases.versions.inputs.record import InputTable
+from lammps_cases.versions.inputs import table
+from lammps_cases.versions.inputs.table import InputTable
 from tests.support.outcome import Outcome
 
 
@@ -50,7 +50,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     a_run(reports / "audit-in.mine")
     a_run(reports / ".2026-01-31_12.00.00_9.partial", distribution="9.0")
     (reports / "inputs").mkdir()
-    inputs_page.write(InputTable("", {"distribution": "1.0"}, 1.0, ()), reports / "inputs")
+    table.write(InputTable("", {"distribution": "1.0"}, 1.0, ()), reports / "inputs")
     (reports / "bug-of-mine").mkdir()
     (reports / "bug-of-mine" / "issue.md").write_text("# bug")
     index.refresh(reports)

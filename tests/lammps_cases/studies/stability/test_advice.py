@@ -17,8 +17,8 @@ from eos_ref.kernels.quintic import quintic
 from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model
 from eos_ref.model.state import State
-from lammps_cases.audit.evaluation import ParticleSample
-from lammps_cases.audit.warn import Kept, Questions
+from lammps_cases.audit.evaluation import ParticleSample, TimedSample
+from lammps_cases.audit.warn import Questions
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import rows, start
@@ -303,7 +303,7 @@ def test_an_audit_names_the_worst_time_step_and_marks_what_is_near(monkeypatch: 
     questions = Questions()
     for run, dt in enumerate((1e-3, 1e-3, 3 * LIMIT), 1):
         sample = ParticleSample(model, box, state, np.ones(len(state.type_n)))
-        questions.look(Kept(run, 0, dt, sample, np.arange(len(state.type_n))))
+        questions.look(TimedSample(sample, dt, run, 0, np.arange(len(state.type_n))))
         if run == 2:
             expected = [f"time step 0.001 is {0.1 / LIMIT:.2g} %"]
             assert [line.partition(" of CFL")[0] for line in questions.stability] == expected

@@ -8,7 +8,7 @@ import pytest
 
 from eos_ref import InputError
 from eos_ref.syntax.ranges import type_range
-from lammps_cases.versions.inputs import malformed
+from lammps_cases.versions.inputs import syntax
 from lammps_cases.versions.inputs.syntax import NTYPES, Argument, Kind
 
 LEGAL = {"number": "1.2", "integer": "8", "choice": "RK1", "types": "2", "group": "all", "id": "1", "name": "grad/v/xy"}
@@ -16,7 +16,7 @@ LEGAL = {"number": "1.2", "integer": "8", "choice": "RK1", "types": "2", "group"
 
 @pytest.mark.parametrize("kind", get_args(Kind))
 def test_words_of_a_kind(kind: Kind) -> None:
-    words = malformed.words(Argument(kind=kind), LEGAL[kind])
+    words = syntax.words_for(Argument(kind=kind), LEGAL[kind])
     assert len(words) >= 7
     assert LEGAL[kind] not in words.values()
     assert len(set(words.values())) == len(words), "the same word by two names"
@@ -24,15 +24,15 @@ def test_words_of_a_kind(kind: Kind) -> None:
 
 
 def test_numbers_hold_every_edge() -> None:
-    words = set(malformed.number(Argument(kind="number"), "1.2").values())
+    words = set(syntax.number(Argument(kind="number"), "1.2").values())
     assert {"0", "-0.0", "-1.2", "nan", "inf", "1e-310", "1e308", "1e309", "2147483648", "4294967297", "-1"} <= words
-    words = set(malformed.integer(Argument(kind="integer"), "8").values())
+    words = set(syntax.integer(Argument(kind="integer"), "8").values())
     assert {"1.5", "8.0", "2147483648", "4294967297", "nan", "9" * 20} <= words
 
 
-@pytest.mark.parametrize(("name", "word"), malformed.types(Argument(kind="types"), "").items())
+@pytest.mark.parametrize(("name", "word"), syntax.types(Argument(kind="types"), "").items())
 def test_legal_types_are_those_said_to_be(name: str, word: str) -> None:
-    if name in malformed.LEGAL_TYPES:
+    if name in syntax.LEGAL_TYPES:
         assert type_range(word, NTYPES)
     else:
         with pytest.raises(InputError):
@@ -41,5 +41,5 @@ def test_legal_types_are_those_said_to_be(name: str, word: str) -> None:
 
 def test_keywords() -> None:
     assert {"RHO/SUM", "Rho/sum", "rhosum", "rho-sum", "rho/sums", "rho/sux"} <= set(
-        malformed.keyword("rho/sum").values()
+        syntax.words_for_keyword("rho/sum").values()
     )

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.versions.inputs import page, record, run
-from lammps_cases.versions.inputs.record import InputTable
-from lammps_cases.versions.inputs.table import InputRow
+from lammps_cases.versions.inputs import table
+from lammps_cases.versions.inputs.table import InputRow, InputTable
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
@@ -35,22 +34,22 @@ def test_counts() -> None:
 
 
 def test_files_hold_the_table(tmp_path: Path) -> None:
-    record.write(TABLE, tmp_path)
-    assert record.read(tmp_path) == TABLE
+    table.write(TABLE, tmp_path)
+    assert table.read(tmp_path) == TABLE
     with (tmp_path / "inputs.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["id"] for row in rows] == [row.id for row in ROWS]
     assert rows[1]["reaction"] == "silent NaN"
-    assert record.document(TABLE)["schema"] == "eos-ref/inputs/1"
+    assert table.DOCUMENT.plain(TABLE)["schema"] == "eos-ref/inputs/1"
 
 
 def test_changes() -> None:
     other = (InputRow(**{**vars(ROWS[0]), "reaction": "crash"}), *ROWS[1:4])
-    assert [(a.reaction, b.reaction) for a, b in record.changes(ROWS, other)] == [("clear error", "crash")]
+    assert [(a.reaction, b.reaction) for a, b in table.changes(ROWS, other)] == [("clear error", "crash")]
 
 
 def test_page(tmp_path: Path) -> None:
-    page.write(TABLE, tmp_path)
+    table.write(TABLE, tmp_path)
     text = (tmp_path / "report.html").read_text()
     assert "died &amp; gone" in text and "died & gone" not in text
     body = text.partition('id="input-table"')[2]
@@ -65,7 +64,7 @@ def test_command(eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.Monke
         assert [one.id for one in chosen] == ["mass.plain.mass.nan"]  # type: ignore[attr-defined]
         return TABLE
 
-    monkeypatch.setattr(run, "measure", measure)
+    monkeypatch.setattr(table, "measure", measure)
     out = eos_ref_command("inputs", "mass.plain.mass.nan", "--out", tmp_path / "a")
     assert out.code == 1
     assert "a.b.c.x: crash: a x" in out.out and "5 inputs, 1 contrary to the manual" in out.out

@@ -24,9 +24,7 @@ from lammps_cases.claims.probes.reaction import names_it, offending, reaction, s
 from lammps_cases.claims.probes.run import Reply, put
 from lammps_cases.engine.workers import Workers
 from lammps_cases.versions.inputs.generate import generated
-from lammps_cases.versions.inputs.reading import refusal
-from lammps_cases.versions.inputs.refusals import parse
-from lammps_cases.versions.inputs.scenes import BadInput, bad_inputs
+from lammps_cases.versions.inputs.refusals import BadInput, bad_inputs, parse, refusal
 from lammps_cases.versions.inputs.table import InputRow, row, table
 from tests.support.bad_scenes import BAD
 from tests.support.progress import Steps

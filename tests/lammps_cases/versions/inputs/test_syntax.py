@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from lammps_cases.versions.inputs.reading import refusal
+from lammps_cases.versions.inputs.refusals import refusal
 from lammps_cases.versions.inputs.syntax import Argument, Form, forms, syntax, text
 
 FORMS = forms()

@@ -19,12 +19,10 @@ from lammps_cases.records.run_record import RunRecord
 from lammps_cases.report import findings
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
-from lammps_cases.versions import evidence, outcomes
+from lammps_cases.versions import adopt, evidence, outcomes
+from lammps_cases.versions.adopt import DOCUMENT, Adoption, FindingRow, Intake, collect, engines_showing
 from lammps_cases.versions.inputs import table
-from lammps_cases.versions.inputs.scenes import bad_inputs
-from lammps_cases.versions.intake import adopt, page
-from lammps_cases.versions.intake.adopt import Intake, collect, engines_showing
-from lammps_cases.versions.intake.record import DOCUMENT, Adoption, FindingRow
+from lammps_cases.versions.inputs.refusals import bad_inputs
 from tests.support import made_runs
 from tests.support.outcome import Outcome
 
@@ -62,7 +60,7 @@ def test_findings_claims_and_inputs_of_an_engine(adoption: tuple[Adoption, Path]
 @pytest.mark.lammps
 @pytest.mark.slow
 def test_page(adoption: tuple[Adoption, Path]) -> None:
-    html = page.render(adoption[0])
+    html = adopt.render(adoption[0])
     assert adoption[0].sentence in html
     assert "hyphen-range-accepted" in html and "every difference is reproduced" in html
 
@@ -116,7 +114,7 @@ PARTS = {
     "findings": (findings, "of_run"),
     "claims": (verdicts, "of_run"),
     "nearest engine": (outcomes, "of_run"),
-    "page": (page, "render"),
+    "page": (adopt, "render"),
 }
 
 

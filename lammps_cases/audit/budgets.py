@@ -1,4 +1,4 @@
-r"""What becomes of mass, momentum and energy in one sample: the sums that each part of the model adds to them.
+r"""Mass, momentum and energy of a sample, what each part of the model adds to them, and what that shows of a deck.
 
 A fluid without heat has the kinetic energy :math:`K=\frac12\sum_im_iv_i^2` and that of its compression, whose rate is
 :math:`\dot U=\sum_im_iP_i\dot\rho_i/\rho_i^2`. With the quintic kernel the forces of a pair are opposite, and what
@@ -8,7 +8,8 @@ neither; viscosity, artificial viscosity and density diffusion take energy away.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -22,8 +23,13 @@ from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation, acted_on
+from lammps_cases.audit.rerun import AS_IT_IS, deviation
 from lammps_cases.findings import Finding
-from lammps_cases.records.case_parts import BudgetPart, BudgetRecord
+from lammps_cases.records.case_parts import BudgetPart, BudgetRecord, ClosedRecord, SeriesRecord
+from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.wording import number
+
+LAMMPS = "LAMMPS"
 
 
 def budget(
@@ -45,7 +51,7 @@ def budget(
     half_step : float
         Time by which the velocities are behind, 0 at the set-up of a run.
     entries : sequence of Finding
-        Whose effect on the sums is asked for.
+        Whose effect on the sums is wanted.
     of_press : sequence of str
         Findings that can change the pressure of the system.
     """
@@ -67,7 +73,7 @@ def budget(
         bound={name: float(error(of)[0]) for name, of in whole.residuals(plain).items()},
         parts=[part for part in _parts(whole, plain) if part is not None],
         pairs=pairs,
-        press=None if half_step else _press(sample),
+        press=None if half_step else _number(SampleEvaluation(replace(sample, actions=()), ("press",)).output("press")),
         press_findings=[] if half_step else list(of_press),
         findings=[
             Rates(sample, entry.model_variant.stages).of_pairs(entry.id)
@@ -77,18 +83,12 @@ def budget(
     )
 
 
-def _press(sample: ParticleSample) -> float:
-    """Return the pressure of the system, with its kinetic part, as pairs and velocities make it."""
-    return _number(SampleEvaluation(replace(sample, actions=()), ("press",)).output("press"))
-
-
 def _number(of: Array) -> float:
     """Return the sum that `summed` gives every particle."""
     return float(value(of)[0])
 
 
 def _parts(whole: Rates, plain: Rates) -> list[BudgetPart | None]:
-    """Return the parts that the model has."""
     model, thermal = whole.model, whole.model.thermal is not None
     viscous = plain.force_nc - plain.pressure_force_nc
     artificial = whole.pressure_force_nc - plain.pressure_force_nc
@@ -207,5 +207,139 @@ class Rates:
         return sums_by_name
 
     def _power(self, force_nc: Array) -> Array:
-        """Return the work of forces per time."""
         return summed(dot(axes(force_nc), axes(self._own.simulation.state.v_nc)))
+
+
+@dataclass(frozen=True)
+class Conserved:
+    """A sum that is 0 where the formulas conserve a quantity, in the sample in which it is largest.
+
+    Attributes
+    ----------
+    quantity : its name
+    kept : whether rounding alone makes it in every sample
+    share : the sum over that of its absolute terms, by the formulas
+    broken_by : findings that change it, with the share by which
+    """
+
+    quantity: str
+    kept: bool
+    share: float
+    broken_by: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one change of the reference does to the deviation from a closed solution, all at one step.
+
+    ``deviation`` is the run's own, ``contribution`` what the changed thing adds to it; None if the run broke off.
+    """
+
+    name: str
+    step: int
+    deviation: float | None
+    contribution: float | None
+    ended: str
+
+
+def conserved(budgets: Sequence[BudgetRecord]) -> Iterator[Conserved]:
+    """Go through what the formulas may conserve."""
+    for quantity in budgets[0].residual if budgets else ():
+        shares = [_share(abs(of.residual[quantity]), _size(of, quantity)) for of in budgets]
+        kept = all(abs(of.residual[quantity]) <= of.bound[quantity] for of in budgets)
+        broken: dict[str, float] = {}
+        for of in budgets:
+            for finding in of.findings:
+                change = _share(_change(of, finding, quantity), _size(of, quantity))
+                if _change(of, finding, quantity) > of.bound[quantity]:
+                    broken[finding.name] = max(change, broken.get(finding.name, 0.0))
+        yield Conserved(quantity, kept, max(shares), broken)
+
+
+def _share(of: float, size: float) -> float:
+    return of / size if size else 0.0
+
+
+def _size(of: BudgetRecord, quantity: str) -> float:
+    """Return what a sum is measured by: the forces of pairs, or the powers of the parts."""
+    if quantity == "momentum":
+        return of.size
+    return sum(abs(part.power) + abs(part.storage) + abs(part.heat) for part in of.parts)
+
+
+def _change(of: BudgetRecord, finding: BudgetPart, quantity: str) -> float:
+    if quantity == "momentum":
+        return max((abs(a - b) for a, b in zip(finding.force, of.pairs.force, strict=True)), default=0.0)
+    if quantity == "heat":
+        return abs(finding.heat - of.pairs.heat)
+    return abs(finding.power + finding.storage - of.pairs.power - of.pairs.storage)
+
+
+def measured(case: CaseRecord) -> SeriesRecord:
+    """Return LAMMPS' own run as a series: its samples of the last run."""
+    own = [of for of in case.budgets if of.run == case.budgets[-1].run]
+    return SeriesRecord(
+        name=LAMMPS,
+        steps=[of.step - own[0].step for of in own],
+        kinetic=[of.kinetic for of in own],
+        momentum=[of.momentum for of in own],
+    )
+
+
+def parts(case: CaseRecord) -> list[Part]:
+    """Return the deviation of every run from the closed solution, LAMMPS' own first; empty without one."""
+    exact = case.closed
+    if exact is None or not case.series:
+        return []
+    right = next(series for series in case.series if series.name == AS_IT_IS)
+    deviations = []
+    for series in [measured(case), *case.series]:
+        own = deviation(exact, series)
+        at = max((step for step in series.steps if step in exact.steps), default=0)
+        reference = deviation(exact, right, at) if at else None
+        away = None if own is None or reference is None or series is right or series.name == LAMMPS else reference - own
+        if away is not None and series.findings:  # which such a run has, and the reference as it is has not
+            away = -away
+        deviations.append(Part(series.name, at, own, away, series.ended))
+    return deviations
+
+
+def log_deviation(exact: ClosedRecord | None, columns: Mapping[str, Sequence[float]]) -> tuple[int, float] | None:
+    """Return last step and deviation of a decay by the thermo output of a log; None if it is of something else."""
+    energy, steps = columns.get("KinEng", []), columns.get("Step", [])
+    if exact is None or not exact.decays or not energy or not all(of > 0 for of in energy[:: len(energy) - 1 or 1]):
+        return None
+    rate = math.log(exact.values[-1] / exact.values[0]) / (exact.steps[-1] - exact.steps[0])
+    return int(steps[-1]), math.log(energy[-1] / energy[0]) / (steps[-1] - steps[0]) / rate - 1
+
+
+def dissipated(budgets: Sequence[BudgetRecord]) -> dict[str, float]:
+    """Return what each part of the model does to the energy on average over the samples, by name."""
+    totals: dict[str, float] = {}
+    for of in budgets:
+        for part in of.parts:
+            totals[part.name] = totals.get(part.name, 0.0) + (part.power + part.storage) / len(budgets)
+    return totals
+
+
+def percent(of: float | None) -> str:
+    """Write a relative difference, without a sign if none is left of it; empty for None."""
+    if of is None:
+        return ""
+    rounded = round(100 * of, 2)
+    return f"{rounded:+.2f} %".replace("-", "\N{MINUS SIGN}") if rounded else "0.00 %"
+
+
+def lines(case: CaseRecord) -> Iterator[str]:
+    """Yield in words what is conserved, and what makes up the difference to the closed solution."""
+    for of in conserved(case.budgets):
+        lost = f"not conserved by the formulas, {number(of.share, 2)} of its terms remain"
+        broken = "".join(f"; {name} changes it by {number(by, 2)} of its terms" for name, by in of.broken_by.items())
+        yield f"{of.quantity}: {'conserved but for rounding' if of.kept else lost}{broken}"
+    if case.closed is not None:
+        yield f"closed solution of the {case.closed.quantity}: {case.closed.flow}, {case.closed.about}"
+    for part in parts(case):
+        adds = f", so that this adds {percent(part.contribution)}" if part.contribution is not None else ""
+        away = percent(part.deviation) if part.deviation is not None else part.ended
+        who = part.name if part.name == LAMMPS else f"reference, {part.name}"
+        yield f"{who}: {away} at step {part.step}{adds}"

@@ -1,14 +1,18 @@
-"""``eos-ref adopt``: run all that is needed to know an engine, then bring the repository up to date."""
+"""``eos-ref adopt``: run all that is needed to know an engine, then bring the repository up to date.
+
+``adopt.json`` holds which findings, claims and bad inputs are as before on the engine, ``adopt.html`` is its page.
+"""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from eos_ref import InputError
 from lammps_cases.claims import model, verdicts
@@ -17,36 +21,125 @@ from lammps_cases.comparison.store import open_store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON, SHOWN_BY, engines
+from lammps_cases.records import wording
+from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.faults import MissingPart, part
 from lammps_cases.records.files import write_atomically
+from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
+from lammps_cases.report.pages import frame
 from lammps_cases.run import campaign, provenance
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
-from lammps_cases.versions import baseline, evidence, groups, outcomes
+from lammps_cases.versions import baseline, change, evidence, outcomes
 from lammps_cases.versions.acceptance import accept
 from lammps_cases.versions.change import Policy
 from lammps_cases.versions.changes import compare
 from lammps_cases.versions.inputs import table
-from lammps_cases.versions.intake.record import (
-    DOCUMENT,
-    AdoptedInput,
-    Adoption,
-    ClaimRow,
-    Difference,
-    FindingRow,
-    FindingStatus,
-)
-from lammps_cases.versions.outcomes import Side
 
+FindingStatus = Literal["there", "gone in some cases", "gone", "not asked"]
 T = TypeVar("T")
+ASSETS = Path(__file__).with_name("assets")
+ORDER = ("there", "gone in some cases", "gone", "not asked")
+
+
+@dataclass(frozen=True)
+class FindingRow:
+    """A finding of the ledger on the engine: the cases and probes that show it, and those that would and do not.
+
+    Attributes
+    ----------
+    known : whether it was seen on this very version before
+    expected : whether it was seen on the nearest version that is known
+    """
+
+    id: str
+    title: str
+    severity: str
+    status: FindingStatus
+    known: bool
+    expected: bool
+    cases: tuple[str, ...]
+    gone: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ClaimRow:
+    """A claim of the manual on the engine."""
+
+    id: str
+    text: str
+    verdict: str
+    findings: tuple[str, ...]
+    unexplained: bool
+
+
+@dataclass(frozen=True)
+class AdoptedInput:
+    """A bad input, and what LAMMPS does with it."""
+
+    id: str
+    words: str
+    reaction: str
+    text: str
+    ledger: str
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A case that differs, or ends otherwise, without an explanation."""
+
+    case: str
+    verdict: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Adoption:
+    """An engine taken in.
+
+    Attributes
+    ----------
+    nearest : folder of the accepted baseline that differs least
+    changed : by baseline, how many fields and cases are not the same
+    differences : what changed from the nearest baseline, a sentence for each group
+    seconds : wall time of each part
+    faults : what is missing because eos-ref failed to make it
+    """
+
+    engine: EngineRecord
+    date: str
+    command: str
+    findings: tuple[FindingRow, ...]
+    claims: tuple[ClaimRow, ...]
+    inputs: tuple[AdoptedInput, ...]
+    unexplained: tuple[Difference, ...]
+    skipped: tuple[Difference, ...]
+    counts: dict[str, int]
+    nearest: str = ""
+    changed: dict[str, int] = field(default_factory=dict)
+    differences: tuple[str, ...] = ()
+    seconds: dict[str, float] = field(default_factory=dict)
+    faults: list[MissingPart] = field(default_factory=list)
+    schema: str = SCHEMAS["adopt"]
+
+    @property
+    def sentence(self) -> str:
+        """What the engine shows of the ledger, in a line."""
+        there = sum(row.status in ("there", "gone in some cases") for row in self.findings)
+        first = sum(bool(row.cases) and not row.known for row in self.findings)
+        gone = sum(row.status == "gone" and row.expected for row in self.findings)
+        return f"{there} findings there, {first} of them new here; {gone} gone; {len(self.unexplained)} unexplained"
+
+
+DOCUMENT = Document("adopt", Adoption)
 
 
 @dataclass(frozen=True)
 class Intake:
-    """What an engine is asked: cases, by default all that are not long, and probes of the manual."""
+    """What an engine has to run: cases, by default all that are not long, and probes of the manual."""
 
     engine: Engine
     jobs: int
@@ -59,13 +152,13 @@ class Intake:
 
 
 def everything(engine: Engine, jobs: int, out: Path, progress: Progress = SILENT, resume: bool = False) -> Intake:
-    """Return all that an engine is asked before it is known."""
+    """Return all that an engine has to run before it is known."""
     cases = casefile.select(casefile.load(), (), None)
     return Intake(engine, jobs, out, cases, manual.probes(), table.every(), progress, resume)
 
 
 def collect(intake: Intake, baselines: Path) -> Adoption:
-    """Run all cases, probes and bad inputs on an engine, and hold the outcome against what is known.
+    """Run all cases, probes and bad inputs on an engine, and compare the outcome with what is known.
 
     The report of the cases is left in the folder ``run``, the record of all in ``adopt.json``. A fault of eos-ref after
     the cases are judged costs a part of that, and is noted in it.
@@ -164,23 +257,16 @@ def _against_known(run: RunRecord, folder: Path, baselines: Path) -> tuple[str, 
     changes = {}
     for identity in sorted(baselines.glob(f"[!.]*/{baseline.IDENTITY}")):
         accepted = baseline.read(identity.parent)
+        shared = {name: case for name, case in accepted.cases.items() if name in side.cases}
         if accepted.engine.distribution != run.engine.distribution:
-            changes[identity.parent.name] = compare(_shared(accepted, side), side, Policy())
+            changes[identity.parent.name] = compare(replace(accepted, cases=shared), side, Policy())
     if not changes:
         return "", {}, ()
     changed = {name: len(change.different) for name, change in changes.items()}
     nearest = min(changed, key=lambda name: (changed[name], -list(changed).index(name)))
-    grouped = groups.groups(changes[nearest].different)
+    grouped = change.groups(changes[nearest].different)
     sides = nearest.removeprefix("lammps-"), run.engine.distribution
     return nearest, changed, tuple(group.sentence(*sides) for group in grouped)
-
-
-def _shared(accepted: Side, side: Side) -> Side:
-    """Return a baseline with those cases alone that the other side was asked."""
-    return replace(accepted, cases={name: case for name, case in accepted.cases.items() if name in side.cases})
-
-
-# --- the repository
 
 
 def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
@@ -205,9 +291,25 @@ def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
 
 
 def engines_showing(before: Sequence[str], version: str, rows: Sequence[FindingRow], name: str) -> tuple[str, ...]:
-    """Return the engines that a finding was seen on, after an intake; what was not asked stays as it was."""
+    """Return the engines that a finding was seen on, after an intake; one that nothing shows or refutes stays."""
     row = next((row for row in rows if row.id == name), None)
     if row is None or row.status == "not asked":
         return tuple(before)
     others = [engine for engine in before if engine != version]
     return (*others, version) if row.cases else tuple(others)
+
+
+def render(adoption: Adoption) -> str:
+    """Return the page of an engine that was taken in."""
+    rows = sorted(adoption.findings, key=lambda row: (ORDER.index(row.status), SEVERITIES.index(row.severity), row.id))
+    return frame.page(
+        ASSETS,
+        "adopt",
+        "bad" if adoption.unexplained or adoption.faults else "good",
+        engine=adoption.engine.label,
+        adoption=adoption,
+        rows=rows,
+        reactions=dict(sorted(Counter(row.reaction for row in adoption.inputs).items())),
+        lacks=wording.lacks(adoption.faults),
+        claims=Counter(row.verdict for row in adoption.claims),
+    )

@@ -52,6 +52,8 @@ class Kit:
 
 
 _OF_SHARDS = {name: name for name in ("shard.sh", "merge.sh", "costs.json")}
+
+
 KITS = (
     Kit("github", "your own cases in GitHub Actions", {"github.yml": ".github/workflows/eos-ref.yml"}),
     Kit("gitlab", "your own cases in GitLab CI", {"gitlab.yml": ".gitlab-ci.yml"}),

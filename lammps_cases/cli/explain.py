@@ -193,9 +193,9 @@ def _exercises(case: Any, ready: Any) -> list[dict[str, Any]]:
     from lammps_cases.comparison.prediction_keys import open_store
     from lammps_cases.comparison.predictor import Predictor
     from lammps_cases.scene.rules import RULES
-    from lammps_cases.verdict import exercise
+    from lammps_cases.verdict import problems
 
-    taken = exercise.counts(case, ready.atoms, Predictor(open_store()))
+    taken = problems.counts(case, ready.atoms, Predictor(open_store()))
     names = [*case.exercises, *(name for name in RULES if name in taken and name not in case.exercises)]
     return [
         {

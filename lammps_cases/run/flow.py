@@ -5,7 +5,7 @@
 3. `lammps_cases.run.answers.Answers`: LAMMPS' answers to the jobs, and what it is run again for.
 4. `lammps_cases.comparison.predictor.Predictor`: the reference's fields with their bounds, computed or stored.
 5. `lammps_cases.verdict.cases.compare_case`: each field of the answer against the prediction.
-6. `lammps_cases.verdict.explanation.Trial.explain`: the findings that reproduce what is outside, and what is left.
+6. `lammps_cases.verdict.particle_model.Trial.explain`: the findings that reproduce what is outside, and what is left.
 7. `record_case`: arrays and record into the folder of the run. All else (pictures, triage, reports) reads these.
 
 A campaign (`lammps_cases.run.campaign`) takes the cases through these steps in its workers.
@@ -88,7 +88,7 @@ def _judged(answers: Answers, engine: EngineRecord, store: Store | None) -> tupl
     from lammps_cases.comparison.prediction_keys import current
     from lammps_cases.comparison.predictor import Predictor
     from lammps_cases.verdict.case_arrays import pair_arrays, sampled
-    from lammps_cases.verdict.exercise import exercised
+    from lammps_cases.verdict.problems import exercised
 
     ready, predictor = answers.ready, Predictor(store if store and current(store) else None)
     exercises: dict[str, int] = {}
@@ -134,7 +134,7 @@ def compared(
 def lists_decide(ready: PreparedCase, record: CaseRecord) -> bool:
     """Return whether LAMMPS' neighbour lists may change the verdict of a case, or predict more of its fields."""
     from lammps_cases.findings import LEDGER
-    from lammps_cases.verdict.snapshots import asks_for_lists
+    from lammps_cases.verdict.case_arrays import asks_for_lists
 
     found = [entry.model_variant for entry in LEDGER if entry.id in record.findings]
     if record.verdict != "differs" and not any(variant is not None and variant.lists for variant in found):
@@ -144,8 +144,8 @@ def lists_decide(ready: PreparedCase, record: CaseRecord) -> bool:
 
 def first_step_outside(answers: Answers, record: CaseRecord, engine: str, predictor: Predictor) -> Reason | None:
     """Return the first step and field outside the bound of a case that differs; LAMMPS is read at every step."""
+    from lammps_cases.verdict.case_arrays import asks_for_lists
     from lammps_cases.verdict.cases import first_step
-    from lammps_cases.verdict.snapshots import asks_for_lists
 
     ready, scene = answers.ready, answers.ready.case.scene
     if record.verdict != "differs" or ready.twin is not None or scene.snapshots[-1] <= 1:

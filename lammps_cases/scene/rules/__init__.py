@@ -1,6 +1,6 @@
 """What a scene can exercise: the rules and branches of the reference, one record each, counted on its arrays.
 
-A case says by `exercises` which of them it is for; `lammps_cases.verdict.exercise` counts them, and a case whose scene
+A case says by `exercises` which of them it is for; `lammps_cases.verdict.problems` counts them, and a case whose scene
 does not take a rule that it names is an error.
 """
 

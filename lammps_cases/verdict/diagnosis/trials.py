@@ -22,8 +22,7 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Fields, Prediction, predict, visit
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.scene.fields import in_step_order
-from lammps_cases.verdict.diagnosis.candidates import candidates
-from lammps_cases.verdict.diagnosis.changes import Change, Watched
+from lammps_cases.verdict.diagnosis.changes import Change, Watched, candidates
 from lammps_cases.verdict.diagnosis.edits import made
 from lammps_cases.verdict.model_fields import nearest_image, sides
 

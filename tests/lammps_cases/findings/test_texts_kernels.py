@@ -16,7 +16,7 @@ from lammps_cases.comparison.trajectory import predict
 from lammps_cases.findings import forces
 from lammps_cases.findings.kernels import WENDLAND_C4, WendlandC4
 from lammps_cases.findings.variants import Snapshot
-from lammps_cases.verdict.snapshots import read_snapshots
+from lammps_cases.verdict.case_arrays import read_snapshots
 from tests.support.told import ENTRIES, Engine, Told, quoted, said, told
 
 pytestmark = pytest.mark.lammps

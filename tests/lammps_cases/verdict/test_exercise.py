@@ -19,7 +19,7 @@ from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from lammps_cases.verdict import exercise
+from lammps_cases.verdict import problems
 from lammps_cases.verdict.problems import problem_of
 from tests.support.outcome import Outcome
 from tests.support.pages import unpacked
@@ -52,20 +52,20 @@ def test_what_a_case_names_is_counted_and_kept(written: Callable[..., Path], tmp
     vacuum = {**BLOCK["positions"], **VACUUM}
     (case,) = casefile.load_file(written({"*": ["surface-normal", "splash-by-coordination"]}, positions=vacuum))
     ready = prepared_case.prepare(case)
-    named = exercise.exercised(case, ready.atoms, Predictor())
+    named = problems.exercised(case, ready.atoms, Predictor())
     assert list(named) == ["surface-normal", "splash-by-coordination"]
     assert named["surface-normal"] > 4 and named["splash-by-coordination"] == 0
-    every = exercise.counts(case, ready.atoms, Predictor())
+    every = problems.counts(case, ready.atoms, Predictor())
     assert every["surface-normal"] == named["surface-normal"] and 0 not in every.values()
     kept = Predictor(Store(tmp_path / "store", "context"))
-    assert exercise.counts(case, ready.atoms, kept) == every and kept.computed == 1
+    assert problems.counts(case, ready.atoms, kept) == every and kept.computed == 1
     again = Predictor(Store(tmp_path / "store", "context"))
-    assert exercise.counts(case, ready.atoms, again) == every and again.stored == 1
+    assert problems.counts(case, ready.atoms, again) == every and again.stored == 1
 
 
 def test_a_law_has_states_of_any_sign(case_file: Write) -> None:
     (case,) = casefile.load_file(case_file(pressure=CUBE, rho={"ratio": [-1.4, 1.4]}))
-    counts = exercise.counts(case, prepared_case.prepare(case).atoms, Predictor())
+    counts = problems.counts(case, prepared_case.prepare(case).atoms, Predictor())
     assert (counts["law-tait-general"], counts["field/pressure"]) == (20, 20)
     assert "images" not in counts, "nobody asks for neighbours"
 
@@ -126,7 +126,7 @@ def test_the_run_whose_rules_are_counted_is_that_of_the_prediction(name: str, mo
 
     monkeypatch.setattr(Simulation, "setup", counted)
     predictor = Predictor()
-    assert exercise.counts(case, atoms, predictor)
+    assert problems.counts(case, atoms, predictor)
     begun = run.count("Simulationndarray")
     shared = predictor.predict(problem, seed=1)
     assert run.count("Simulationndarray") == begun > 0

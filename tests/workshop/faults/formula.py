@@ -1,6 +1,6 @@
 """Named mistakes in the formulas of the reference, which stands in for LAMMPS, or breaks its own rules.
 
-Those that the lint knows (`lammps_cases.verdict.law_mistakes`, `lammps_cases.verdict.model_mistakes`), and changes of
+Those that the lint knows (`lammps_cases.verdict.mistakes`, `lammps_cases.verdict.mistakes`), and changes of
 the reference's source written down in ``formula.yaml``, addressed by function and syntax tree.
 """
 
@@ -24,7 +24,7 @@ from pydantic import ConfigDict, TypeAdapter
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.records.yaml_files import read_yaml
-from lammps_cases.verdict import law_mistakes, model_mistakes
+from lammps_cases.verdict import mistakes
 from tests.workshop.faults.fault import Fault, Kind, by_id
 
 EDITS = Path(__file__).with_name("formula.yaml")
@@ -79,7 +79,7 @@ _KINDS: dict[str, Kind] = {
 def faults() -> dict[str, SourceFault | LintFault]:
     """Return all faults of this family by their id, in order."""
     planted: list[LintFault] = []
-    for table, names in (("law", law_mistakes.MUTANTS), ("stage", model_mistakes.MUTANTS)):
+    for table, names in (("law", mistakes.LAW_MUTANTS), ("stage", mistakes.MODEL_MUTANTS)):
         for name in names:
             slug = "-".join(re.findall(r"[^\W_]+", name.lower()))
             planted.append(
@@ -98,7 +98,7 @@ def edits() -> dict[str, SourceFault]:
 def stages(fault: Fault) -> type[ArrayEvaluator] | None:
     """Return the stages that make a mistake of the lint's."""
     in_lint = isinstance(fault, LintFault) and fault.table == "stage"
-    return model_mistakes.MUTANTS[fault.name].stages if in_lint else None  # type: ignore[attr-defined]
+    return mistakes.MODEL_MUTANTS[fault.name].stages if in_lint else None  # type: ignore[attr-defined]
 
 
 # --- the source changed

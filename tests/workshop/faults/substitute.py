@@ -33,9 +33,9 @@ from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.verdict import law_mistakes, model_mistakes
+from lammps_cases.verdict import mistakes
+from lammps_cases.verdict.case_arrays import snapshot
 from lammps_cases.verdict.problems import problem_of
-from lammps_cases.verdict.snapshots import snapshot
 from tests.workshop.faults.formula import LintFault, SourceFault, made, plain_arrays
 
 Outcome = Answer | Failure
@@ -199,7 +199,7 @@ def _answer_law(mistake: Mistake, where: str, scene: Scene, atoms: Atoms, answer
     state = EosState(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
     eos, p_n = scene.eos(where), None
     if isinstance(mistake, LintFault) and mistake.table == "law":
-        p_n = law_mistakes.MUTANTS[mistake.name](eos, state)
+        p_n = mistakes.LAW_MUTANTS[mistake.name](eos, state)
     if p_n is None:
         p_n = np.empty(len(state.rho_n))
         for t, law in enumerate(eos, 1):
@@ -226,7 +226,7 @@ def _stages_of(mistake: Mistake, problem: Problem, first: dict[str, Any], engine
     variants = [entry.model_variant for entry in shown if entry.model_variant]
     stages, stepping = combined(variants, problem, first) or (ArrayEvaluator, Simulation)
     if isinstance(mistake, LintFault) and mistake.table == "stage":
-        stages = mistaken(model_mistakes.MUTANTS[mistake.name].stages, stages)
+        stages = mistaken(mistakes.MODEL_MUTANTS[mistake.name].stages, stages)
     return stages, stepping
 
 

@@ -31,7 +31,7 @@ from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.rules import RULES, Rule
-from lammps_cases.verdict import exercise, law_mistakes, model_mistakes
+from lammps_cases.verdict import mistakes, problems
 from lammps_cases.verdict.problems import problem_of
 from tests.workshop.faults import formula
 from tests.workshop.faults.substitute import mistaken
@@ -80,7 +80,7 @@ class ExaminedCase:
         if not can_witness(self.ready.case):
             return False
         if not rule.faults:
-            return bool(exercise.counts(self.ready.case, self.ready.atoms, self.predictor).get(rule.name))
+            return bool(problems.counts(self.ready.case, self.ready.atoms, self.predictor).get(rule.name))
         detects = self._model_sees if self.ready.case.scene.whole_model else self._law_sees
         with np.errstate(all="ignore"):
             return any(detects(fault) for fault in rule.faults)
@@ -110,7 +110,7 @@ class ExaminedCase:
         if isinstance(planted, formula.LintFault):
             if planted.table != "law":
                 return False
-            mistaken_n = law_mistakes.MUTANTS[planted.name](self.ready.eos, state)
+            mistaken_n = mistakes.LAW_MUTANTS[planted.name](self.ready.eos, state)
         else:
             with formula.made(planted):
                 mistaken_n = evaluate(self.ready.eos, state)
@@ -145,7 +145,7 @@ class ExaminedCase:
                 return _differs(problem, right, stages, stepping)
         if planted.table != "stage":
             return False
-        wrong = model_mistakes.MUTANTS[planted.name].stages
+        wrong = mistakes.MODEL_MUTANTS[planted.name].stages
         if issubclass(stages, wrong):  # the mistake is a finding: does the case show it?
             return _differs(problem, self.predictor.predict(problem, None, random), wrong, Simulation)
         right = self.predictor.predict(problem, self._made, random)
@@ -175,7 +175,7 @@ def _outside(mistaken_n: Any, reference_n: Any, bound_n: Any) -> bool:
 def examine(case: Case, every: bool = False, store: Store | None = None) -> CaseRules:
     """Return what a case says of the rules that it names, or of ``every`` rule that it takes; it names no field."""
     ready, predictor = prepare(case), Predictor(store)
-    taken = exercise.counts(case, ready.atoms, predictor)
+    taken = problems.counts(case, ready.atoms, predictor)
     named = {name: taken.get(name, 0) for name in case.exercises}
     counts = named | {name: count for name, count in taken.items() if every or not RULES[name].faults}
     examined = ExaminedCase(ready, predictor)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lammps_cases.claims.trace import Trace
     from lammps_cases.records.levels import FailOn
     from lammps_cases.records.run_record import CaseRecord, RunRecord
-    from lammps_cases.report.claims.page import Column
+    from lammps_cases.report.pages.claims import Column
     from lammps_cases.scene.casefile import Case
 
 MOST_TEXT = 160  # characters of evidence
@@ -117,8 +117,8 @@ def _judge(
     from lammps_cases.claims import model
     from lammps_cases.claims.verdicts import BROKEN, of_all, of_run
     from lammps_cases.records.files import write_atomically
-    from lammps_cases.report.claims import page
-    from lammps_cases.report.claims.page import Column
+    from lammps_cases.report.pages import claims
+    from lammps_cases.report.pages.claims import Column
 
     labels = _labels(answers)
     chosen = [claim for claim in chosen if any(claim.made_in(run.engine.manual) for run, _ in answers)]
@@ -133,7 +133,7 @@ def _judge(
     headline = of_all([column.judged for column in columns], list(unexpected), fail_on)
     text = json.dumps(_document(columns), indent=1) + "\n"
     write_atomically(out / "claims.json", text)
-    write_atomically(out / "claims.html", page.write(columns, leads, out / "claims.html", headline))
+    write_atomically(out / "claims.html", claims.write(columns, leads, out / "claims.html", headline))
     if as_json:
         click.echo(text, nl=False)
     else:

@@ -20,8 +20,7 @@ from lammps_cases.records.wording import brief, counted, plain
 
 if TYPE_CHECKING:
     from lammps_cases.records.outcome import CaseOutcome
-    from lammps_cases.report.history.model import StoredRun
-    from lammps_cases.report.history.store import History
+    from lammps_cases.report.history.store import History, StoredRun
     from lammps_cases.report.history.views import CaseView, RunLine, Spread
 
 SHOWN = 20  # runs listed by default
@@ -73,7 +72,7 @@ def history_command(
     """
     from lammps_cases.report.history import page, views
     from lammps_cases.report.history.store import History
-    from lammps_cases.report.history.versions import engines
+    from lammps_cases.report.history.views import engines
 
     with Bar(quiet=as_json) as bar, History(_file(db, bool(add))) as history:
         if forget:
@@ -197,7 +196,7 @@ def _show_runs(lines: Sequence[RunLine], every: int, more: str) -> None:
 
 
 def _show_case(view: CaseView, only: Only | None) -> None:
-    from lammps_cases.report.history.draw import spark
+    from lammps_cases.report.history.views import spark
 
     errors = spark([span.outcome.worst for span in view.spans], logarithmic=True)
     times = spark([span.lammps.median for span in view.spans])
@@ -223,13 +222,13 @@ def _show_case(view: CaseView, only: Only | None) -> None:
 
 def _changes(view: CaseView) -> list[str]:
     """Return a line for every engine that changed a case."""
-    from lammps_cases.report.history.page import findings, steps
+    from lammps_cases.report.history.views import changed_findings, steps
 
     lines: list[str] = []
     for step in steps([view]):
         changes = step.cases[view.case]
         parts = [f"{c.was} to {c.now}" for c in changes if c.kind == "verdict" and not c.field]
-        parts += [f"finding {was or 'none'} to {now or 'none'}" for was, now in findings(changes)]
+        parts += [f"finding {was or 'none'} to {now or 'none'}" for was, now in changed_findings(changes)]
         bits = [c.field for c in changes if c.kind == "bits"]
         parts += [f"different bits of {', '.join(bits)}"] if bits else []
         fields = [c.field for c in changes if c.kind == "verdict" and c.field]
@@ -241,7 +240,7 @@ def _changes(view: CaseView) -> list[str]:
 
 
 def _show_cases(case_views: Sequence[CaseView], labels: Sequence[str], only: Only | None) -> None:
-    from lammps_cases.report.history.draw import spark
+    from lammps_cases.report.history.views import spark
 
     rows = []
     for view in case_views:

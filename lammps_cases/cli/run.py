@@ -219,13 +219,13 @@ def report_command(
         return 0
     if dashboard:
         from lammps_cases.records.files import write_atomically
-        from lammps_cases.report.dashboard import document
+        from lammps_cases.report import formats
         from lammps_cases.report.findings import outcome
 
         if _is_run(dashboard):
             raise InputError("--dashboard", "must not be the record of a run", where=str(dashboard))
         try:
-            write_atomically(dashboard, document(outcome(record)))
+            write_atomically(dashboard, formats.dashboard(outcome(record)))
         except OSError as error:
             raise InputError("--dashboard", f"cannot be written: {error.strerror}", where=str(dashboard)) from None
         click.echo(json.dumps({"dashboard": str(dashboard)}) if as_json else dashboard)

@@ -105,7 +105,7 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
     from lammps_cases.records.faults import part
     from lammps_cases.records.kept import is_part
     from lammps_cases.records.wording import lacks
-    from lammps_cases.report import bare
+    from lammps_cases.report import formats
     from lammps_cases.report.findings import outcome
 
     def judged() -> Outcome:
@@ -123,7 +123,9 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
         _details(run)
         selected = " (selected cases only: reports/latest is unchanged)" if is_part(directory) else ""
         click.echo(f"report: {directory / 'report.html'}{selected}")
-        part("output", run.faults, lambda: _close(of_run, directory) if of_run else say(bare.headline(run)), None)
+        part(
+            "output", run.faults, lambda: _close(of_run, directory) if of_run else say(formats.bare_headline(run)), None
+        )
         for line in lacks(run.faults):
             show(f"  {line}", "    ", fg="red")
     return run.exit_code(of_run.rejected if of_run else ())

@@ -16,7 +16,7 @@ from lammps_cases.records.run_record import HeadlineRecord, RunRecord
 
 if TYPE_CHECKING:
     from lammps_cases.findings import Finding
-    from lammps_cases.report.history.reported import Past
+    from lammps_cases.report.history import Past
     from lammps_cases.report.page import Making
 
 
@@ -50,7 +50,7 @@ def write_report(
         and costs that part; without its own page or summary the report has a bare one.
     """
     from lammps_cases.findings import LEDGER
-    from lammps_cases.report import bare, junit, markdown, page
+    from lammps_cases.report import formats, markdown, page
     from lammps_cases.report.findings import Outcome, outcome
 
     def judged() -> Outcome:
@@ -63,9 +63,9 @@ def write_report(
         begun = lambda: page.RunPage(of_run, directory / "fields", history, making or page.here)  # noqa: E731
         of_cases = part("list of cases", run.faults, begun, None)
         summary = part("summary.md", run.faults, lambda: markdown.summary(of_run), None)
-        document = part("junit.xml", run.faults, lambda: junit.document(of_run), None)
+        document = part("junit.xml", run.faults, lambda: formats.junit(of_run), None)
         html = part("page", run.faults, of_cases.render, None) if of_cases else None
-        return html or bare.page(run), summary or bare.summary(run), document
+        return html or formats.bare_page(run), summary or formats.bare_summary(run), document
 
     before = [fault.part for fault in run.faults]
     html, summary, document = made()

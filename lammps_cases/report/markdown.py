@@ -9,7 +9,7 @@ from lammps_cases.records import wording
 from lammps_cases.records.faults import part
 from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
-from lammps_cases.report import agreement
+from lammps_cases.report import findings
 from lammps_cases.report.findings import Outcome, RunFinding
 from lammps_cases.report.statements import statements
 
@@ -115,11 +115,11 @@ def _unseen(of_run: Sequence[RunFinding]) -> str:
 
 
 def _agreements(run: RunRecord) -> Iterator[str]:
-    for matrix in agreement.matrices(run):
+    for matrix in findings.matrices(run):
         yield _twins(matrix) if matrix.twins else _agreement(matrix)
 
 
-def _agreement(matrix: agreement.Matrix) -> str:
+def _agreement(matrix: findings.Matrix) -> str:
     """Tabulate fields against steps: cases inside the bound with the largest difference/bound, then those outside."""
     rows = [(text(row.field), *map(_cell, row.cells)) for row in matrix.rows if not row.exact]
     same = [row.field for row in matrix.rows if row.exact]
@@ -132,7 +132,7 @@ def _agreement(matrix: agreement.Matrix) -> str:
     return "\n\n".join(block for block in blocks if block)
 
 
-def _twins(matrix: agreement.Matrix) -> str:
+def _twins(matrix: findings.Matrix) -> str:
     cells = [cell for row in matrix.rows for cell in row.cells if cell is not None]
     exact, inside, explained, outside = (
         sum(of.cases for of in column)
@@ -144,7 +144,7 @@ def _twins(matrix: agreement.Matrix) -> str:
     return f"{matrix.title} ({counted(matrix.cases, 'case')}), fields at steps: {counts}."
 
 
-def _cell(cell: agreement.AgreementCell | None) -> str:
+def _cell(cell: findings.AgreementCell | None) -> str:
     if cell is None:
         return ""
     words = [f"{cell.agree} ({wording.brief(cell.inside.ratio) or 0})"] if cell.agree else []

@@ -252,12 +252,12 @@ class Campaign:
 
 def run_of(begun: RunStart, records: Mapping[str, CaseRecord]) -> RunRecord:
     """Return the record of a run that began with some cases, of which some are judged."""
-    from lammps_cases.report.findings import carried_over
+    from lammps_cases.report.findings import compare_with_ledger
 
     run = begun.run.model_copy(update={"faults": []})
     run.cases = sorted(records.values(), key=lambda record: record.case)
     run.missing = len(begun.cases) - len(run.cases)
-    run.carried = part("carried findings", run.faults, lambda: carried_over(run), None)
+    run.carried = part("carried findings", run.faults, lambda: compare_with_ledger(run), None)
     return run.counted()
 
 

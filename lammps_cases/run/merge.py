@@ -11,7 +11,7 @@ from lammps_cases.records.faults import part
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import strictest
 from lammps_cases.records.run_record import RunRecord, read_run
-from lammps_cases.report.findings import carried_over
+from lammps_cases.report.findings import compare_with_ledger
 from lammps_cases.run.campaign import cases_of, triaged
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.run.provenance import command_line
@@ -44,7 +44,7 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
     merged.allowed = {name: why for name, why in merged.allowed.items() if all(name in run.allowed for run in runs)}
     merged.shard = merged.divided = ""
     merged.faults = []
-    merged.carried = part("carried findings", merged.faults, lambda: carried_over(merged), None)
+    merged.carried = part("carried findings", merged.faults, lambda: compare_with_ledger(merged), None)
     merged.cases.sort(key=lambda record: record.case)
     for case, following in itertools.pairwise(merged.cases):
         if case.case == following.case:

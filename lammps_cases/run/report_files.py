@@ -14,7 +14,7 @@ from lammps_cases.records.run_record import HeadlineRecord, RunRecord
 from lammps_cases.report import history
 
 if TYPE_CHECKING:
-    from lammps_cases.report.history.reported import Past
+    from lammps_cases.report.history import Past
     from lammps_cases.report.page import Making
 
 
@@ -25,13 +25,13 @@ def write_run(
     making: Making | None = None,
 ) -> None:
     """Write run.json and the reports made from it; what is given is as in `lammps_cases.report.write_report`."""
-    from lammps_cases.report import bare, write_report
+    from lammps_cases.report import formats, write_report
 
     with _uncollected():
         made = lambda: write_report(run, folder, history=past, making=making)  # noqa: E731
         if part("report", run.faults, made, None) is None:
-            write_atomically(folder / "summary.md", bare.summary(run))
-            write_atomically(folder / "report.html", bare.page(run))
+            write_atomically(folder / "summary.md", formats.bare_summary(run))
+            write_atomically(folder / "report.html", formats.bare_page(run))
         write_atomically(folder / "run.json", run.to_json())  # last: it holds what the report lacks
 
 
@@ -64,15 +64,15 @@ def _uncollected() -> Iterator[None]:
 
 def write_partial(run: RunRecord, folder: Path) -> None:
     """Write what there is in a moment of the report of an interrupted run; ``eos-ref report`` makes the page."""
-    from lammps_cases.report import bare, junit, markdown
+    from lammps_cases.report import formats, markdown
     from lammps_cases.report.findings import outcome
 
     def made() -> tuple[str, bytes]:
         of_run = outcome(run)
         run.headline = HeadlineRecord(state=of_run.headline.state, sentence=of_run.headline.sentence)
-        return markdown.summary(of_run), junit.document(of_run)
+        return markdown.summary(of_run), formats.junit(of_run)
 
-    summary, document = part("summary.md", run.faults, made, None) or (bare.summary(run), None)
+    summary, document = part("summary.md", run.faults, made, None) or (formats.bare_summary(run), None)
     write_atomically(folder / "run.json", run.to_json())
     write_atomically(folder / "summary.md", summary)
     if document:

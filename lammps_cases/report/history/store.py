@@ -1,8 +1,9 @@
-"""An SQLite file that keeps runs.
+"""An SQLite file that keeps runs, and a run and a case of it as they are stored.
 
-How a case ended is kept once for all runs in which it ended so: a run of an engine that is known costs a line per
-case. A run is added in one transaction: a kill leaves it in whole or not at all, and writers wait for each other. The
-rollback journal is used, not WAL, which needs shared memory and a folder that readers can write.
+How a case ended (`lammps_cases.records.outcome`) is kept once for all runs in which it ended so: a run of a known
+engine costs a line per case. A run is added in one transaction: a kill leaves it in whole or not at all, and writers
+wait for each other. The rollback journal is used, not WAL, which needs shared memory and a folder that readers can
+write.
 """
 
 from __future__ import annotations
@@ -12,8 +13,10 @@ import json
 import math
 import os
 import sqlite3
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
@@ -22,15 +25,13 @@ import platformdirs
 from eos_ref.errors import InputError
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome
 from lammps_cases.records.run_record import EngineRecord, RunRecord
-from lammps_cases.records.wording import finding_ids, listed
-from lammps_cases.report.history.model import StoredCase, StoredRun
+from lammps_cases.records.wording import by_severity, finding_ids, kind, listed
 
 VARIABLE = "EOS_REF_HISTORY"  # environment variable that names another file, or `off`
 OFF = "off"
 VERSION = 1  # of the schema, in user_version
 APPLICATION = 0x454F5352  # "EOSR", in application_id: whose file it is
 PATIENCE = 10.0  # seconds to wait for another writer
-
 _SCHEMA = """
 CREATE TABLE runs (
     id INTEGER PRIMARY KEY, sha256 TEXT NOT NULL UNIQUE, date TEXT NOT NULL,
@@ -52,8 +53,65 @@ CREATE TABLE results (
 CREATE INDEX results_of_outcome ON results (outcome);
 """
 _RUN = "id, sha256, date, engine, distribution, version_string, git, library_sha256, revision, reference, machine, "
-_RUN += "command, strict, shard, seconds, counts"
 _OUTCOME = "id, case_name, verdict, expected, natoms, steps, message, explained_by, worst, worst_field"
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A run without its cases; ``counts`` is the number of cases of each kind of verdict.
+
+    ``revision`` is the git revision of eos-ref (empty: unknown), ``reference`` the versions of its packages.
+    """
+
+    id: int
+    sha256: str
+    date: str
+    engine: EngineRecord
+    revision: str
+    reference: dict[str, str]
+    machine: dict[str, str]
+    command: str
+    strict: bool
+    shard: str
+    seconds: float
+    counts: dict[str, int]
+
+    @classmethod
+    def of(cls, run: RunRecord, sha256: str = "", revision: str = "") -> StoredRun:
+        """Return a run record without its cases; ``revision`` is used where the run holds none."""
+        counts = dict(Counter(kind(case) for case in run.cases))
+        engine = run.engine.model_copy(update={"library": "", "mpi": ""})  # a path, and what the hash says already
+        made_by = engine, run.reference.get("git", "") or revision, run.reference, run.machine
+        return cls(0, sha256, run.date, *made_by, run.command, run.fail_on == "low", run.shard, run.seconds, counts)
+
+    @property
+    def cases(self) -> int:
+        """Number of cases."""
+        return sum(self.counts.values())
+
+    @property
+    def ordered_counts(self) -> dict[str, int]:
+        """The counts, from the best verdict to the worst."""
+        return by_severity(self.counts)
+
+    @property
+    def made_by(self) -> tuple[str, str]:
+        """The eos-ref that judged: version and git revision."""
+        return self.reference.get("eos-ref", ""), self.revision
+
+
+@dataclass(frozen=True)
+class StoredCase:
+    """A case in a run: ids of the run and of the outcome, seconds in LAMMPS and in the reference."""
+
+    run: int
+    outcome: int
+    case: str
+    lammps: float
+    reference: float
+
+
+_RUN += "command, strict, shard, seconds, counts"
 
 
 def history_file() -> Path | None:

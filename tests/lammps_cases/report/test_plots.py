@@ -10,7 +10,7 @@ import pytest
 
 from eos_ref.eos import bounds
 from lammps_cases.records.run_record import CaseRecord, LawRecord, RunRecord
-from lammps_cases.report import drawn, plots
+from lammps_cases.report import page, plots
 from tests.support.made_report import NAME, WATER, Page, column, numbers
 
 
@@ -40,7 +40,7 @@ def test_embedded_points(parsed: Page, run: RunRecord) -> None:
 
 def test_an_input_that_is_equal_is_not_drawn(parsed: Page, html: str) -> None:
     drawn = [data for data in parsed.data.values() if "fields" in data and "steps" not in data]
-    assert len(drawn) == 6 and all(set(data["fields"]) == {"pressure"} for data in drawn)
+    assert len(page) == 6 and all(set(data["fields"]) == {"pressure"} for data in drawn)
     assert "Worst atom of pressure" in html and "Worst atom of rho" not in html
 
 
@@ -125,7 +125,7 @@ def test_extreme_states_are_packed(parameter: float) -> None:
     arrays |= {f"pressure.{side}": arrays["rho"] for side in ("lammps", "reference", "bound")}
     case = CaseRecord(case="x", verdict="pass", laws=laws)
     data, _ = plots.payload(case, arrays, plots.differences(arrays))
-    assert data is not None and json.loads(drawn.embedded(data)) == data
+    assert data is not None and json.loads(page.embedded(data)) == data
     assert {law["type"] for law in data["laws"]} >= {1, 2, 3, 4}
 
 

@@ -27,7 +27,6 @@ from lammps_cases.records.headline import Headline
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.report.pages import frame
 
-ASSETS = Path(__file__).with_name("assets")
 SHOWN = 4  # pieces of evidence per claim and engine; the rest is counted
 
 
@@ -72,7 +71,7 @@ def write(columns: Sequence[Column], trace: Trace, path: Path, headline: Headlin
     verdicts = {v: sum(row.verdict == v for row in rows) for v in VERDICTS}
     refuting = {e for c in columns for j in c.judged if j.verdict == "does not hold" for e in _findings(j)}
     return frame.page(
-        ASSETS,
+        frame.SHARED,
         "claims",
         headline.look.css,
         engine=", ".join(column.engine for column in columns),

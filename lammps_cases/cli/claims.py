@@ -20,7 +20,7 @@ from lammps_cases.run.options import Jobs, LevelOptions, processes
 
 if TYPE_CHECKING:
     from lammps_cases.claims.model import Claim
-    from lammps_cases.claims.trace import Trace
+    from lammps_cases.claims.verdicts import Trace
     from lammps_cases.records.levels import FailOn
     from lammps_cases.records.run_record import CaseRecord, RunRecord
     from lammps_cases.report.pages.claims import Column
@@ -66,7 +66,7 @@ def claims_command(
         shared.start_fork_server()
     from lammps_cases.claims import model
     from lammps_cases.claims.probes import manual
-    from lammps_cases.claims.trace import trace
+    from lammps_cases.claims.verdicts import trace
     from lammps_cases.records import kept
     from lammps_cases.records.run_record import read_run
     from lammps_cases.scene import casefile

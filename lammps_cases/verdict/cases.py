@@ -29,7 +29,7 @@ from lammps_cases.records import field_names
 from lammps_cases.records.run_record import Beyond, Blame, CaseRecord, EngineRecord, OtherSteps, worst
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM
+from lammps_cases.scene.runs import AS_TEXT, FOR_EACH_ATOM
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.case_arrays import Arrays, field_arrays, read_snapshots
 from lammps_cases.verdict.mistakes import undetected_in_laws

@@ -16,7 +16,7 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.rules import RULES, Evaluated
-from lammps_cases.scene.stops import AS_TEXT, FROM_FILE, upper_corners
+from lammps_cases.scene.runs import AS_TEXT, FROM_FILE, upper_corners
 from lammps_cases.setup import reference_side
 
 TEXT_DIGITS = 16  # significant digits of a number in a file of write_data
@@ -48,7 +48,7 @@ def stops_of(scene: Scene, atoms: Atoms) -> tuple[ProblemStop, ...]:
     return tuple(
         ProblemStop(
             stop.at,
-            np.arange(len(atoms)) >= len(atoms) - stop.renews(len(atoms)),
+            np.arange(len(atoms)) >= len(atoms) - stop.count_recreated_atoms(len(atoms)),
             stop.timestep,
             reference_side.displacement(stop, scene, atoms),
             stop.by in FROM_FILE,

@@ -15,7 +15,7 @@ from lammps_cases.comparison.compare import EosState, compare_pressure
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import build
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.materials import entries
+from lammps_cases.scene.particles import entries
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict import mistakes

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from lammps_cases.claims.model import KINDS, Claim
 from lammps_cases.claims.probes import PREFIX
-from lammps_cases.claims.trace import Trace
 from lammps_cases.claims.verdicts import (
     VERDICTS,
     ClaimVerdict,
     Evidence,
     Judged,
+    Trace,
     counts,
     in_words,
     refuted_by,

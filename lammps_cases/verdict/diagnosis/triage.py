@@ -28,8 +28,7 @@ from lammps_cases.records.run_record import CaseRecord, Hypothesis, RunRecord, T
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import build, seed
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.materials import PowerLaw
-from lammps_cases.scene.particles import FromFile, Lattice
+from lammps_cases.scene.particles import FromFile, Lattice, PowerLaw
 from lammps_cases.verdict.case_arrays import read_steps
 from lammps_cases.verdict.diagnosis import laws
 from lammps_cases.verdict.diagnosis.trials import HypothesisSearch, RedCase, Tried, Work, red_case

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from lammps_cases.claims.probes.reaction import REACTIONS
+from lammps_cases.claims.probes.probe import REACTIONS
 from lammps_cases.records.files import write_atomically
 from lammps_cases.report.pages import frame
 from lammps_cases.report.pages.frame import TableCell, TableRow

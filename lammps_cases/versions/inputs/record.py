@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lammps_cases.claims.probes.reaction import REACTIONS
+from lammps_cases.claims.probes.probe import REACTIONS
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.versions.inputs.table import InputRow

@@ -9,8 +9,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-from lammps_cases.claims.probes.probe import Input, Probe, base, commands, load
-from lammps_cases.claims.probes.reaction import offending
+from lammps_cases.claims.probes.probe import Input, Probe, base, commands, load, offending
 from lammps_cases.versions.inputs.refusals import refusal
 
 

@@ -14,8 +14,7 @@ import click
 from eos_ref.errors import InputError
 from lammps_cases.audit.options import AuditOptions, DeckLevelOptions, FinishedOptions
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import LAUNCHER, Json
+from lammps_cases.cli.commands import LAUNCHER, Json, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord, CheckRecord

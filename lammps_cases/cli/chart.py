@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 
 import click
 
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import LAUNCHER, Engines, Json, Resume, cluster
+from lammps_cases.cli.commands import LAUNCHER, Engines, Json, Resume, cluster, command
 from lammps_cases.cli.shared import page_folder
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar

@@ -8,8 +8,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 
 import click
 
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import LAUNCHER, Json
+from lammps_cases.cli.commands import LAUNCHER, Json, command
 from lammps_cases.run.options import EngineName
 
 

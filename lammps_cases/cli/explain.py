@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import Json
+from lammps_cases.cli.commands import Json, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.run.options import Files, paths
 

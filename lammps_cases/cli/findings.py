@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import LAUNCHER, Json
+from lammps_cases.cli.commands import LAUNCHER, Json, command
 from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar

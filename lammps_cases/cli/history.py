@@ -12,8 +12,7 @@ import click
 from annotated_types import Ge
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import Json
+from lammps_cases.cli.commands import Json, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import brief, counted, plain

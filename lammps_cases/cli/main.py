@@ -56,7 +56,7 @@ DEV = {
         "bench": ("tools", "Measure speed relative to peers, as ratios."),
         "kit": ("tools", "Write the files that run this in a CI service, or in shards on a cluster."),
         "completion": (
-            "completion",
+            "commands",
             "Print the script that lets the shell complete cases, tags, findings and engines.",
         ),
     },

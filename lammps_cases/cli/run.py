@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import CLUSTER, LAUNCHER, MEMORY, Json, Report, Run
+from lammps_cases.cli.commands import CLUSTER, LAUNCHER, MEMORY, Json, Report, Run, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import Files, RunOptions, Tag, paths

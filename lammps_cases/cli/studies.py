@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import CLUSTER, LAUNCHER, Json, Processes, Resume
+from lammps_cases.cli.commands import CLUSTER, LAUNCHER, Json, Processes, Resume, command
 from lammps_cases.cli.shared import page_folder
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar

@@ -13,8 +13,7 @@ import click
 from annotated_types import Ge, Interval
 from click.core import ParameterSource
 
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import Json
+from lammps_cases.cli.commands import Json, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.run.options import paths
 

@@ -156,14 +156,9 @@ def list_command(
     if as_json:
         click.echo(json.dumps({"cases": [_document(case) for case in cases]}, indent=1))
         return 0
-    rows = [(c.name, ", ".join(c.tags), ", ".join(_laws(c)), c.scene.units) for c in cases]
+    rows = [(c.name, ", ".join(c.tags), ", ".join(shared.laws(c)), c.scene.units) for c in cases]
     shared.table(("case", "tags", "laws", "units"), rows, counted(len(cases), "case"), drop=("units", "laws", "tags"))
     return 0
-
-
-def _laws(case: Case) -> list[str]:
-    """Return the laws of a case, each once."""
-    return list(dict.fromkeys(law.style for law in case.scene.pressure))
 
 
 def _document(case: Case) -> dict[str, Any]:
@@ -176,7 +171,7 @@ def _document(case: Case) -> dict[str, Any]:
         "about": case.about,
         "file": str(case.source),
         "tags": list(case.tags),
-        "laws": _laws(case),
+        "laws": shared.laws(case),
         "units": scene.units,
         "dimension": scene.dimension,
         "atoms": len(atoms.build(case, None)),

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from lammps_cases.records.headline import Headline
     from lammps_cases.records.run_record import RunRecord
     from lammps_cases.report.findings import Outcome
+    from lammps_cases.scene.casefile import Case
 
 REPORTS = Path("reports")
 UNBROKEN = 10_000  # columns of a line in a file or a pipe
@@ -157,6 +158,16 @@ def _answer(of_run: Outcome) -> dict[str, Any]:
     if of_run.of_decks:
         answer["statements"] = {case.case: list(map(str, statements(case))) for case in of_run.run.cases}
     return answer
+
+
+def show_document(content: object) -> None:
+    """Print the one document of --json."""
+    click.echo(json.dumps(content, indent=1))
+
+
+def laws(case: Case) -> list[str]:
+    """Return the laws of a case, each once."""
+    return list(dict.fromkeys(law.style for law in case.scene.pressure))
 
 
 def say(headline: Headline) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem, ProblemStop
-from lammps_cases.comparison.trajectory import Halt, own_stages, reached
+from lammps_cases.comparison.trajectory import COMPILED_ABOVE, Halt, evaluations, own_stages, reached
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
@@ -61,6 +62,17 @@ def stops_of(scene: Scene, atoms: Atoms) -> tuple[ProblemStop, ...]:
     )
 
 
+def evaluated_by(case: Case, atoms: Atoms) -> str | None:
+    """Name the evaluator of the reference that judges a case, and the size that decides it; None of a refusal."""
+    if case.scene.expect:
+        return None
+    if not case.scene.whole_model:
+        return "the formula of the law, in numpy"
+    problem = problem_of(case.scene, atoms, case.where, case.scene.snapshots)
+    name = "array" if issubclass(own_stages(problem), ArrayEvaluator) else "compiled"
+    return f"the {name} evaluator ({evaluations(problem)} evaluations of a particle; compiled above {COMPILED_ABOVE})"
+
+
 def counts(case: Case, atoms: Atoms, predictor: Predictor, names: Sequence[str] = tuple(RULES)) -> dict[str, int]:
     """Return how many particles or pairs of a case take some rules: the most of the steps compared; others have none.
 
@@ -87,6 +99,22 @@ def exercised(case: Case, atoms: Atoms, predictor: Predictor) -> dict[str, int]:
         return {}
     every = counts(case, atoms, predictor, case.exercises)
     return {name: every.get(name, 0) for name in case.exercises}
+
+
+def exercise_rows(case: Case, atoms: Atoms, predictor: Predictor) -> list[dict[str, Any]]:
+    """List the rules that a case is for, then the others it takes, with the number of particles or pairs of each."""
+    taken = counts(case, atoms, predictor)
+    names = [*case.exercises, *(name for name in RULES if name in taken and name not in case.exercises)]
+    return [
+        {
+            "rule": name,
+            "sentence": RULES[name].sentence,
+            "count": taken.get(name, 0),
+            "of": RULES[name].of,
+            "for": name in case.exercises,
+        }
+        for name in names
+    ]
 
 
 def counted(

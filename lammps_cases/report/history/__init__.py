@@ -1,7 +1,7 @@
 """Runs kept over time: how verdicts, errors and times went from one engine, and one day, to the next.
 
-`collect` keeps a run and `past` returns what a report shows of the runs before its own; a history that cannot be used
-never fails a run.
+`collect` keeps a run, `past` returns what a report shows of the runs before its own, `document` and `change_lines` what
+the command prints; a history that cannot be used never fails a run.
 """
 
 from __future__ import annotations
@@ -10,17 +10,24 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from eos_ref.errors import InputError
+from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.records.outcome import CaseOutcome
 from lammps_cases.records.run_record import RunRecord
+from lammps_cases.records.wording import plain
 from lammps_cases.report.history.store import History, StoredCase, StoredRun, history_file
-from lammps_cases.report.history.views import RunMark, engines, mark
+from lammps_cases.report.history.views import CaseView, RunLine, RunMark, changed_findings, engines, mark, steps
 
 TABLE = 12  # runs in the table of a report
 RUNS = 24  # runs in the marks of its cases
+# What the JSON document holds of an engine, of an outcome, and of each of its fields.
+ENGINE = ("name", "distribution", "version_string", "git", "library_sha256")
+OUTCOME = ("id", "case", "verdict", "expected", "natoms", "steps", "message", "explained_by", "worst", "worst_field")
+FIELD = ("field", "atom_type", "verdict", "max_over_bound", "max_abs", "digest", "explained_by")
 
 
 @dataclass(frozen=True)
@@ -83,6 +90,43 @@ def _is_own(run: StoredRun, own: StoredRun) -> bool:
     """Return whether a stored run is the report's own; hashing its run.json would take longer than all else here."""
     one, other = ((each.date, each.seconds, each.command, each.engine.key) for each in (run, own))
     return one == other
+
+
+def change_lines(view: CaseView) -> list[str]:
+    """Return a line for every engine that changed a case."""
+    lines: list[str] = []
+    for step in steps([view]):
+        changes = step.cases[view.case]
+        parts = [f"{c.was} to {c.now}" for c in changes if c.kind == "verdict" and not c.field]
+        parts += [f"finding {was or 'none'} to {now or 'none'}" for was, now in changed_findings(changes)]
+        bits = [c.field for c in changes if c.kind == "bits"]
+        parts += [f"different bits of {', '.join(bits)}"] if bits else []
+        fields = [c.field for c in changes if c.kind == "verdict" and c.field]
+        parts += [f"verdict of {', '.join(fields)}"] if fields else []
+        judge = " (judged by another eos-ref)" if changes[0].other_judge else ""
+        when = "then" if lines else "first"
+        lines.append(f"{when} changed in {step.engine}, from {step.before}: {'; '.join(parts)}{judge}")
+    return lines or ["the same on every engine" if len(view.times) > 1 else "run on one engine"]
+
+
+def document(path: Path, lines: Sequence[RunLine], case_views: Sequence[CaseView] | None) -> dict[str, Any]:
+    """Return everything as one document; numbers that JSON has not are text, as in run.json."""
+
+    def run(of: StoredRun) -> dict[str, Any]:
+        return vars(of) | {"engine": {name: getattr(of.engine, name) for name in ENGINE}}
+
+    def outcome(of: CaseOutcome) -> dict[str, Any]:
+        fields = [{name: getattr(field, name) for name in FIELD} for field in of.fields.values()]
+        return {name: getattr(of, name) for name in OUTCOME} | {"fields": fields}
+
+    content: dict[str, Any] = {"schema": SCHEMAS["history"], "file": str(path)}
+    content["runs"] = [plain(asdict(line) | {"run": run(line.run)}) for line in lines]
+    if case_views is not None:
+        content["cases"] = [
+            plain(asdict(view) | {"spans": [asdict(span) | {"outcome": outcome(span.outcome)} for span in view.spans]})
+            for view in case_views
+        ]
+    return content
 
 
 def collect(run: RunRecord, directory: Path | None = None) -> None:

@@ -23,8 +23,10 @@ from typing import Any, Self
 import platformdirs
 
 from eos_ref.errors import InputError
+from lammps_cases.records import untrusted
+from lammps_cases.records.documents import LARGEST
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome
-from lammps_cases.records.run_record import EngineRecord, RunRecord
+from lammps_cases.records.run_record import EngineRecord, RunRecord, parse_run
 from lammps_cases.records.wording import by_severity, finding_ids, kind, listed
 
 VARIABLE = "EOS_REF_HISTORY"  # environment variable that names another file, or `off`
@@ -122,6 +124,22 @@ def history_file() -> Path | None:
     return Path(named) if named else Path(platformdirs.user_data_dir("eos-ref")) / "history.sqlite"
 
 
+def chosen_file(db: Path | None, made: bool) -> Path:
+    """Return a history file by name, or the user's own.
+
+    Raises
+    ------
+    InputError
+        It does not exist, unless it is to be ``made``, or the user's own is switched off.
+    """
+    if db is not None and not db.exists() and not made:
+        raise InputError("history", "does not exist", where=str(db))
+    place = db or history_file()
+    if place is None:
+        raise InputError("history", f"is switched off: {VARIABLE} is {OFF}; name a file with --db")
+    return place
+
+
 class History:
     """Runs kept in a file; a context manager. A file that does not exist is an empty history until a run is added.
 
@@ -170,6 +188,12 @@ class History:
                 times = case.seconds.lammps, case.seconds.reference
                 connection.execute("INSERT INTO results VALUES (?, ?, ?, ?)", (number, outcome, *times))
         return True
+
+    def add_report(self, path: Path) -> None:
+        """Keep the run of a report folder, or of the run.json in it."""
+        folder = path.parent if path.name == "run.json" else path
+        content = untrusted.read_bytes(folder / "run.json", "run", LARGEST)
+        self.add(parse_run(content, folder), content)
 
     def runs(self) -> list[StoredRun]:
         """Return all runs, by date."""

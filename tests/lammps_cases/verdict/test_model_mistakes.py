@@ -173,7 +173,7 @@ def test_a_mistake_could_show_in(fields: list[str], changes: dict[str, Any], see
 
 
 def test_mistakes_in_walls_are_of_scenes_with_walls(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mistakes, "blind", lambda *_: True)
+    monkeypatch.setattr(mistakes, "cannot_distinguish", lambda *_: True)
     of_force = [name for name, mutant in MODEL_MUTANTS.items() if {"f", "artificial"} & set(mutant.changes)]
     plain = [name for name in of_force if not MODEL_MUTANTS[name].needs_walls]
     problem = replace(first_evaluation("fluids.unit"), fields=("f",))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
@@ -293,7 +292,7 @@ def _particle(cases: Sequence[Case], atom: int, step: int | None, as_json: bool)
     if as_json:
         run = {"run": "original"} if case.scene.twin else {}
         sums = {"sum": added_up(given.pairs)}
-        click.echo(json.dumps({"case": case.name, "step": step, **run, **asdict(given), **sums}, indent=1))
+        shared.show_document({"case": case.name, "step": step, **run, **asdict(given), **sums})
     else:
         _show_particle(case, given, step)
 

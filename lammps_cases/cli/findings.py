@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -57,7 +56,7 @@ def say(names: Sequence[str], as_json: bool) -> None:
             | {"cases": shown_by.get(entry.id, []), "variant": entry.named_variant}
             for entry in chosen
         ]
-        click.echo(json.dumps({"entries": entries}, indent=1))
+        shared.show_document({"entries": entries})
         return
     if names:
         for entry in chosen:
@@ -170,7 +169,7 @@ def shrink_command(
     reproduce = shrink.reproduced_by(shrunk, file, engine)
     report = shrunk.report(file, reproduce)
     if as_json:
-        click.echo(json.dumps(report, indent=1))
+        shared.show_document(report)
         return 0
     click.secho(f"{shrunk.case.name}: {shrunk.failure.words}", bold=True)
     before, after = report["before"], report["after"]

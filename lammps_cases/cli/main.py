@@ -29,8 +29,8 @@ FIRST = {
         "report": ("run", "Render the report of a finished run again."),
         "compare": ("versions", "Compare two engines, two runs, or a run and a baseline, field by field."),
         "accept": ("versions", "Accept a run as the baseline of its engine, with a reason."),
-        "chart": ("chart", "Chart speed against accuracy: LAMMPS, the reference, other methods."),
-        "doctor": ("doctor", "Say what is installed, what works, and how to fix what does not."),
+        "chart": ("studies", "Chart speed against accuracy: LAMMPS, the reference, other methods."),
+        "doctor": ("tools", "Say what is installed, what works, and how to fix what does not."),
     }
 }
 DEV = {

@@ -154,7 +154,7 @@ def list_command(
     if names or tag:
         cases = casefile.select(cases, names, tag)
     if as_json:
-        click.echo(json.dumps({"cases": [_document(case) for case in cases]}, indent=1))
+        shared.show_document({"cases": [_document(case) for case in cases]})
         return 0
     rows = [(c.name, ", ".join(c.tags), ", ".join(shared.laws(c)), c.scene.units) for c in cases]
     shared.table(("case", "tags", "laws", "units"), rows, counted(len(cases), "case"), drop=("units", "laws", "tags"))

@@ -96,8 +96,6 @@ class Names:
 
 @dataclass
 class _Heard:
-    """What the cases of a claim say, collected."""
-
     against: list[Evidence] = field(default_factory=list)
     others: Counter[str] = field(default_factory=Counter)
     silent: list[str] = field(default_factory=list)
@@ -154,7 +152,6 @@ def _judged(claim: Claim, ran: Names, every: Names, records: Mapping[str, CaseRe
 
 
 def _listen(claim: Claim, record: CaseRecord, heard: _Heard) -> None:
-    """Add what a case says of a claim."""
     if record.verdict in ("skipped", *BROKEN):
         heard.silent.append(f"{record.case}: {record.message or record.verdict}")
         return

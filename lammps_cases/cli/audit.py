@@ -85,7 +85,6 @@ def _next(waiting: list[str], switch: str, count: int, usage: str) -> list[str]:
 
 
 def _values(waiting: list[str]) -> Sequence[str]:
-    """Take the words before the next switch."""
     values = []
     while waiting and waiting[0][:1] != "-":
         values.append(waiting.pop(0))

@@ -114,7 +114,6 @@ def _folder(out: Path | None, engines: Sequence[str], whole: bool) -> Iterator[P
 
 
 def _manuals(chosen: Sequence[Claim], as_json: bool) -> int:
-    """List the claims that not every version of the manual makes."""
     from eos_ref.syntax.manual import MANUALS
 
     some = [claim for claim in chosen if not all(claim.made_in(manual) for manual in MANUALS)]

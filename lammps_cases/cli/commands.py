@@ -85,7 +85,6 @@ def parameter(of: inspect.Parameter) -> click.Parameter:
 
 
 def _value(annotation: Any) -> Any:
-    """Return the type of a value, of several the first."""
     while get_origin(annotation) in (Annotated, Union, UnionType):
         annotation = get_args(annotation)[0]
     return annotation
@@ -104,7 +103,6 @@ class ChoiceOrLike(click.Choice[str]):
 
 
 def _type(kind: Any, annotation: Any, pattern: str) -> Any:
-    """Return click's type of a value: a choice, a range, a path, or that of Python."""
     if get_origin(kind) is tuple:
         return _type(get_args(kind)[0], annotation, pattern)
     if get_origin(kind) is Literal:

@@ -232,7 +232,6 @@ def _show(explanation: dict[str, Any], full: bool) -> None:
 
 
 def _show_rules(exercises: Sequence[dict[str, Any]], full: bool) -> None:
-    """Show the rules that a case is for, or all that it takes."""
     from lammps_cases.records.wording import counted
 
     columns = ("purpose", "rule", "exercised by", "what the reference does")
@@ -248,7 +247,6 @@ def _show_rules(exercises: Sequence[dict[str, Any]], full: bool) -> None:
 
 
 def _show_sides(explanation: dict[str, Any]) -> None:
-    """Show what is modelled, what LAMMPS gets, and why."""
     for side, title in (("reference", "modelled by the reference"), ("lammps", "told to LAMMPS")):
         rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
         shared.table(("", "what", "why"), rows, title, prose=("why",))

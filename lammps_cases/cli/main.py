@@ -61,7 +61,6 @@ DEV = {
         ),
     },
 }
-HELP = {"help_option_names": ["-h", "--help"]}
 COMMANDS = {name: at for page in (FIRST, DEV) for commands in page.values() for name, at in commands.items()}
 EARLIER = {"ledger": "findings"}  # earlier names, which go on working
 PIPE_CLOSED = 141  # exit code, as shells have it of SIGPIPE

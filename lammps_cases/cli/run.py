@@ -91,16 +91,11 @@ def run_command(
             run = campaign.run_cases(chosen, resolved, options.processes, folder, asked, bar, store, resume)
         changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
     if not as_json:
-        _show(_notes([case for case in chosen if not case.shipped], run), shared.stages(run) if profile else ())
+        for note in _notes([case for case in chosen if not case.shipped], run):
+            shared.show(note, "  ", fg="yellow")
+        for line in shared.stages(run) if profile else ():
+            click.echo(line)
     return shared.finish(run, folder, as_json, changes)
-
-
-def _show(notes: Iterable[str], stages: Iterable[str]) -> None:
-    """Print notes in yellow, and where the processor time went."""
-    for line in notes:
-        shared.show(line, "  ", fg="yellow")
-    for line in stages:
-        click.echo(line)
 
 
 def _notes(own: Sequence[Case], run: RunRecord) -> Iterator[str]:

@@ -95,7 +95,6 @@ def page_folder(out: Path) -> None:
 
 
 def _remove_empty(made: Iterable[Path]) -> None:
-    """Remove folders in which there is nothing, the innermost first."""
     with contextlib.suppress(OSError):  # from the first on in which there is something
         for path in made:
             path.rmdir()
@@ -133,7 +132,6 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
 
 
 def _close(of_run: Outcome, directory: Path) -> None:
-    """Print the headline of a run, and what to do next; tell the CI service."""
     from lammps_cases.report.annotations import announce
 
     announce(of_run, directory, os.environ)

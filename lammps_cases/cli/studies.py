@@ -219,7 +219,6 @@ def _show_stability(atlas: Any, unexplained: int, out: Path) -> None:
 
 
 def _one_cell(name: str, out: Path, site: str | None, as_json: bool) -> int:
-    """Run a cell on both engines."""
     from lammps_cases.engine.workers import Workers
     from lammps_cases.studies.stability import maps, page, probe
     from lammps_cases.studies.stability.model import MapCell

@@ -285,7 +285,6 @@ def kit_command(
 
 
 def _check_options(name: str, others: Sequence[str]) -> None:
-    """Refuse the options of other kits."""
     from eos_ref import InputError
 
     context = click.get_current_context()
@@ -311,7 +310,6 @@ def _upstream_files(out: Path | None, notes: list[str]) -> list[KitFile]:
 
 
 def _print(files: Sequence[KitFile]) -> None:
-    """Print files one after the other, each under its path if there are more than one."""
     for file in files:
         if len(files) > 1:
             click.echo(f"# ----- {file.path}")

@@ -60,7 +60,6 @@ def case_lines(path: Path) -> dict[str, int]:
 
 
 def _children(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:
-    """Return key and value nodes of a mapping, by the key's text."""
     pairs = node.value if isinstance(node, yaml.MappingNode) else []
     return {str(key.value): (key, value) for key, value in pairs}
 
@@ -146,7 +145,6 @@ def _escaped(text: str, of_property: bool = False) -> str:
 
 
 def _message(of_run: Outcome, case: CaseRecord) -> str:
-    """Say why a case is not as expected, and how to reproduce it."""
     return "\n".join(filter(None, (of_run.sentence(case), case.reproduce)))
 
 

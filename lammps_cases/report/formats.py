@@ -137,7 +137,7 @@ def _junit_properties(of_run: Outcome) -> dict[str, str]:
 
 
 def _legal(text: str) -> str:
-    return _ILLEGAL.sub("", case_text)
+    return _ILLEGAL.sub("", text)
 
 
 def dashboard(of_run: Outcome, title: str = "eos-ref") -> str:

@@ -84,7 +84,6 @@ def _failure(case: CaseRecord) -> Sequence[str]:
 
 
 def _known(of_run: Outcome) -> str:
-    """Return one line per finding that the run shows."""
     rows = [
         (
             of_run.known[f.entry.id],
@@ -100,13 +99,11 @@ def _known(of_run: Outcome) -> str:
 
 
 def _statements(case: CaseRecord) -> str:
-    """List what is said of an audited deck."""
     lines = [f"* {text(str(line))}" for line in statements(case)]
     return f"### {text(case.case)}\n\n" + "\n".join(lines) if lines else ""
 
 
 def _unseen(of_run: Sequence[RunFinding]) -> str:
-    """Return one line per finding that the run could have shown, and does not."""
     rows = [(f.entry.severity, code(f.entry.id), text(f.entry.title), len(f.unseen)) for f in of_run if f.unseen]
     absent = sum(f.status == "absent" for f in of_run)
     rest = f"{counted(absent, 'finding')} of the ledger not applicable in this run." if absent else ""

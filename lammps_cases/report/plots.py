@@ -265,7 +265,6 @@ def _pairs(beside: Arrays) -> dict[str, Any]:
 
 
 def _same(of: Arrays, names: list[str], k: int) -> bool:
-    """Return whether pressure makes all of the force along an axis."""
     force = names.index(names[k].removeprefix("pressure_"))
     return bool(np.array_equal(of["pair"][:, k], of["pair"][:, force]))
 

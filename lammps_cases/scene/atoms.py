@@ -253,7 +253,6 @@ def _types(case: Case, n: int) -> IntArray:
 
 
 def _deal(case: Case, n: int, types: Sequence[int]) -> IntArray:
-    """Return equal shares of some types."""
     type_n = np.array(types)[np.arange(n) * len(types) // max(n, 1)]
     if case.scene.arrangement == "shuffled":
         _random(case, "types").shuffle(type_n)

@@ -108,7 +108,6 @@ def merge(base: Any, patch: Any) -> Any:
 
 @functools.cache
 def _format() -> Format:
-    """Return the keys of a case file and its scene."""
     file, scene = CaseFile.model_json_schema(), Scene.model_json_schema()
     return Format({"properties": {**file["properties"], "scene": scene}, "$defs": scene["$defs"]})
 
@@ -197,12 +196,10 @@ def _combined(file: CaseFile, source: Source) -> Iterator[Combination]:
 
 
 def _labels(name: str) -> str:
-    """Return the labels of a case, without the name of its file."""
     return name.partition(".")[2]
 
 
 def _exercises(file: CaseFile, name: str) -> tuple[str, ...]:
-    """Return the rules that a file names for one of its cases, each once."""
     chosen = [rules for pattern, rules in file.exercises.items() if fnmatch.fnmatchcase(_labels(name), pattern)]
     return tuple(dict.fromkeys(itertools.chain.from_iterable(chosen)))
 

@@ -210,7 +210,6 @@ def _is_member(part: str | int, content: Any) -> bool:
 
 
 def _complaint(error: ErrorDetails, keys: Keys) -> Complaint:
-    """Say what is wrong in words of YAML."""
     kind, value = error["type"], error.get("input")
     context = error.get("ctx", {})
     if kind == "missing" and isinstance(keys[-1], int):
@@ -254,7 +253,6 @@ def _one_each(every: Sequence[Complaint]) -> list[Complaint]:
 
 
 def _with_hint(complaint: Complaint, words: Sequence[str]) -> Complaint:
-    """Return a complaint about a value that is none of some words, with the one that was probably meant."""
     hint = nearest(str(complaint.found), words)
     rule = "must be a known name" if hint and len(words) > MANY else complaint.rule
     return replace(complaint, rules=(("", rule + hint),))

@@ -136,7 +136,6 @@ def counted(
 
 
 def _visited(problem: Problem, interacts: bool, halts: dict[int, Halt] | None) -> Iterator[Evaluated]:
-    """Yield the reference at every step compared."""
     start = problem.state
     if interacts:
         sim: Simulation = problem.simulation()

@@ -129,7 +129,6 @@ def _empty(columns: Sequence[tuple[str, str]], height: int) -> tuple[Figure, Any
 
 
 def _height(ratio: float | None, low: int, high: int) -> float:
-    """Return where a ratio lies, in decades."""
     if not ratio:
         return low - 1.0
     return max(float(low), math.log10(ratio)) if math.isfinite(ratio) else high + 1.0

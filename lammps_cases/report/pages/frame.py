@@ -153,5 +153,4 @@ def policy(scripts: Iterable[str]) -> str:
 
 
 def _script(path: Path) -> Markup:
-    """Return a script as it may stand in a page."""
     return Markup(path.read_text(encoding="utf-8").replace("</script", "<\\/script"))

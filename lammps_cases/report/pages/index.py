@@ -111,7 +111,6 @@ def refresh(reports: Path, since: int = 0) -> None:
 
 
 def _render(pages: Sequence[Page], reports: Path) -> str:
-    """Return the page."""
     latest = kept.whole_runs(reports).link.resolve()
     last = next((page for page in pages if (reports / page.path).resolve().parent == latest), None)
     holding = {page.path.parent for page in pages}
@@ -131,7 +130,6 @@ def _render(pages: Sequence[Page], reports: Path) -> str:
 
 
 def _shown(page: Page) -> str:
-    """Return the date of a page as the index shows it."""
     return page.date[:16].replace("T", " ")
 
 

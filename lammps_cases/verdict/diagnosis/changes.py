@@ -333,16 +333,16 @@ def step_changes() -> Iterator[Change]:
         ("the second half of the kick were a whole one", 0.0, 1.0),
     ):
         yield Change(words, "the kicks", stepping=kicked(first, second))
-    yield Change("the forces of other fixes were left out", "other forces", stepping=step_part("_external", _left_out))
+    yield Change(
+        "the forces of other fixes were left out",
+        "other forces",
+        stepping=step_part("_external", lambda plain, sim, given: given[0]),
+    )
     yield Change(
         "the forces of other fixes did not contain the mass",
         "other forces",
         stepping=step_part("_external", _without_mass),
     )
-
-
-def _left_out(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
-    return given[0]
 
 
 def _without_mass(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:

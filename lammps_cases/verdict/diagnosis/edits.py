@@ -255,7 +255,6 @@ def _names_of(scope: Scope) -> tuple[str, ...]:
 
 
 def _structural(node: ast.expr) -> Iterator[ast.expr]:
-    """Yield what follows from the form of an expression alone."""
     match node:
         case ast.BinOp(left=left, op=ast.Mult(), right=right):
             yield from (left, right)
@@ -350,7 +349,6 @@ def _parsed(text: str) -> ast.expr:
 
 
 def _is_operand(node: ast.AST) -> bool:
-    """Return whether a node is a variable, an attribute or an element of one: no call, no operator."""
     match node:
         case ast.Name(ctx=ast.Load()):
             return True

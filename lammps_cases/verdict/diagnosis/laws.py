@@ -56,7 +56,10 @@ def law_changes(types: int) -> Iterator[tuple[str, Law]]:
     yield from _of_numbers()
     yield "the background pressure were missing", _each(lambda law: replace(law, background=0.0))
     yield "the background pressure had the other sign", _each(lambda law: replace(law, background=-law.background))
-    yield "every law were linear", _each(_linear)
+    yield (
+        "every law were linear",
+        _each(lambda law: law if law.needs_energy else EOS("linear", law.rho0, law.cs, None, law.background)),
+    )
     for words, other in _EXPONENTS.items():
         yield f"the parameter of every law (gamma, A3) were {words}", _each(_with_parameter(other))
 
@@ -82,7 +85,6 @@ def _of_another(words: str, other: OtherType) -> Iterator[tuple[str, Law]]:
 
 
 def _of_numbers() -> Iterator[tuple[str, Law]]:
-    """Yield other speeds of sound and equilibrium densities."""
 
     def powered(key: str, number: Callable[[float], float]) -> Law:
         def change(law: EOS) -> EOS:
@@ -94,10 +96,6 @@ def _of_numbers() -> Iterator[tuple[str, Law]]:
     for name in ("speed of sound", "equilibrium density"):
         for words, number in _POWERS.items():
             yield f"the pressure of every particle used {words.format(name)}", powered(_LAW_PARAMETERS[name], number)
-
-
-def _linear(law: EOS) -> EOS:
-    return law if law.needs_energy else EOS("linear", law.rho0, law.cs, None, law.background)
 
 
 def _with_parameter(other: Callable[[float], float]) -> Callable[[EOS], EOS]:
@@ -191,7 +189,6 @@ def _changes(types: int) -> Iterator[tuple[str, Pressure]]:
 
 
 def _edits(case: _RedLaw) -> Iterator[tuple[str, Pressure]]:
-    """Yield edits of the functions that the laws of a case go through."""
     for function in reached(lambda: evaluate(case.table, case.state)):
         for edit in function.edits():
 

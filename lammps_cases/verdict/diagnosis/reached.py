@@ -153,7 +153,6 @@ def _function(module: str, name: str) -> FunctionType | None:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Return whether results are the same bits."""
     if isinstance(a, list | tuple):
         return isinstance(b, list | tuple) and len(a) == len(b) and all(map(_same, a, b))
     if is_dataclass(a):

@@ -293,12 +293,14 @@ class _Diagnosis:
         return [record for record in records if record.case in best], [Hypothesis(sentence=s) for s in sentences]
 
     def _holds(self, changes: Tried, record: CaseRecord, work: Work) -> bool:
-        """Return whether changes reproduce a case."""
         return any(case.reproduced(changes, Work(max(work.left, 1.0))) for case in self._started(record))
 
     def _started(self, record: CaseRecord) -> list[RedCase]:
-        """Return a case beside the findings with which it is red last: those that come furthest, or none."""
-        made = [case for base in _bases(record) if (case := self._red(record, base)) is not None]
+        """Return a case with the findings with which it is red last: those that come furthest, or none."""
+        beyond = record.beyond
+        others = tuple(dict.fromkeys(beyond.known + beyond.findings)) if beyond else ()
+        bases = (others, ()) if others else ((),)
+        made = [case for base in bases if (case := self._red(record, base)) is not None]
         last = max((case.place for case in made), default=None)
         return [case for case in made if case.place == last]
 
@@ -325,12 +327,6 @@ class _Diagnosis:
             return red_case(record.case, problem, snapshots, made, seed(f"{record.case}/moved runs"), self.predictor)
         except InputError:  # another case now than the one that ran
             return None
-
-
-def _bases(record: CaseRecord) -> list[tuple[str, ...]]:
-    """Return the findings beside which a case is diagnosed: those that it shows, and none."""
-    beside = tuple(dict.fromkeys(record.beyond.known + record.beyond.findings)) if record.beyond else ()
-    return [beside, ()] if beside else [()]
 
 
 def _group(

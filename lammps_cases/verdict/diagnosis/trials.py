@@ -99,11 +99,9 @@ class RedCase:
     @cached_property
     def up_to_field(self) -> RedCase:
         """Return the case with the fields up to the first red one."""
-        return replace(self, problem=replace(self.problem, fields=self._up_to_field()))
-
-    def _up_to_field(self) -> tuple[str, ...]:
         names = in_step_order(self.problem.fields)
-        return tuple(names[: names.index(self.red_field) + 1])
+        fields = tuple(names[: names.index(self.red_field) + 1])
+        return replace(self, problem=replace(self.problem, fields=fields))
 
     def made(self, tried: Sequence[Change]) -> Made | None:
         """Return stages and stepping with some changes; None where they have no meaning together."""

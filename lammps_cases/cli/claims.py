@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from lammps_cases.scene.casefile import Case
 
 MOST_TEXT = 160  # characters of evidence
-PROBES = ".probes.json"  # what the probes of an engine said, beside the report of its cases
+PROBES = ".probes.json"  # the records of an engine's probes, next to the report of its cases
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def _probes_file(folder: Path) -> Path:
 
 
 def _with_probes(run: RunRecord, folder: Path, out: Path) -> RunRecord:
-    """Add to a finished run the probes that an earlier call of this command put to the same LAMMPS."""
+    """Add to a finished run the probes that an earlier call of this command ran on the same LAMMPS."""
     from lammps_cases.records import kept
     from lammps_cases.records.run_record import RunRecord
 

@@ -1,4 +1,4 @@
-"""What CI services show beside the code: GitHub's workflow commands and job summary, GitLab's code quality.
+"""What CI services show next to the code: GitHub's workflow commands and job summary, GitLab's code quality.
 
 The functions are pure but for `announce`, which writes where the service that runs this job says.
 """
@@ -22,6 +22,7 @@ from lammps_cases.records.headline import LOOKS
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.yaml_files import LARGEST
 from lammps_cases.report.findings import Outcome
+from lammps_cases.report.markdown import summary
 from lammps_cases.scene.casefile import SHIPPED
 
 MOST = 10  # annotations of one level that GitHub shows of a step; it drops the rest without a word
@@ -122,7 +123,7 @@ def workflow_commands(of_run: Outcome, root: Path) -> list[str]:
     cases, headline = of_run.unaccepted, of_run.headline
     words = f"{headline.sentence}\n{wording.engine(of_run.run.engine)}"
     lines = [command(headline.look.level, words, {"title": f"eos-ref: {headline.state}"})]
-    room = MOST - 1  # beside the headline
+    room = MOST - 1  # with the headline
     for case in cases[: room if len(cases) <= room else room - 1]:
         at = place(case, root)
         where = {"file": at[0], "line": str(at[1])} if at else {}
@@ -149,7 +150,7 @@ def _message(of_run: Outcome, case: CaseRecord) -> str:
 
 
 def fitted(summary: str, taken: int, limit: int = SUMMARY_LIMIT) -> str:
-    """Keep as many whole lines of a summary as fit beside ``taken`` bytes, and a word on what was left out."""
+    """Keep as many whole lines of a summary as fit with ``taken`` bytes, and a word on what was left out."""
     room = limit - taken
     if len(summary.encode()) <= room:
         return summary
@@ -221,8 +222,6 @@ def _say(lines: Iterable[str]) -> None:
 
 
 def _summary(of_run: Outcome, directory: Path) -> str:
-    from lammps_cases.report.markdown import summary
-
     written = directory / "summary.md"
     return written.read_text(encoding="utf-8") if written.is_file() else summary(of_run)
 

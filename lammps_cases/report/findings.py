@@ -114,7 +114,7 @@ class Outcome:
 
     @cached_property
     def rejected(self) -> frozenset[str]:
-        """The findings that fail the run, by what it was told."""
+        """The findings that fail the run, by its options."""
         if self.of_decks:
             return frozenset(name for case in self.run.cases for name in self._rejected_of(case))
         failing = (name for name, severity in self.known.items() if fails(severity, self.run.fail_on))

@@ -1,4 +1,4 @@
-"""A run in the formats of other programs, and what there is of a report if its page or summary cannot be made.
+"""All that a report consists of, a run in the formats of other programs, and bare forms of what cannot be made.
 
 `junit` returns ``junit.xml``, as CI servers read it; `dashboard` the ``run.json`` of LAMMPS' dashboard, in the form of
 LAMMPS' tools/regression-tests/merge_results.py, as REPORTING.md in that folder and the archive
@@ -11,13 +11,20 @@ import json
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
+from collections.abc import Sequence
 from html import escape
+from pathlib import Path
 from typing import Any, Literal
 
+from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.records import deck_wording, wording
+from lammps_cases.records.faults import part
+from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import Headline
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
-from lammps_cases.report.findings import Outcome
+from lammps_cases.records.run_record import CaseRecord, FieldRecord, HeadlineRecord, RunRecord
+from lammps_cases.report import markdown, page
+from lammps_cases.report.findings import Outcome, outcome
+from lammps_cases.report.history import Past
 from lammps_cases.report.statements import statements
 
 # XML 1.0 has no way to write most control characters, and LAMMPS echoes whatever a deck contains.
@@ -25,6 +32,63 @@ _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 Status = Literal["passed", "failed", "error", "runtest", "skipped"]
 STATUSES: tuple[Status, ...] = ("passed", "failed", "error", "runtest", "skipped")  # runtest: nothing was compared
 GOOD = ("exact", "pass")
+
+
+def write_report(
+    run: RunRecord,
+    directory: Path,
+    ledger: Sequence[Finding] = LEDGER,
+    history: Past | None = None,
+    making: page.Making | None = None,
+) -> Path:
+    """Write ``summary.md``, ``junit.xml`` and ``report.html`` into a report folder.
+
+    Parameters
+    ----------
+    run : RunRecord
+        The run, of cases or of an audit.
+    directory : Path
+        Report folder; ``fields/CASE.npz`` is read from it where a case has fields and the file exists.
+    ledger : sequence of Finding, optional
+        The findings to look for in the run; the project's own unless given.
+    history : Past, optional
+        The runs before this one, as `lammps_cases.report.history.past` gives them; without them the page has no
+        such part.
+    making : Making, optional
+        What makes the articles of cases, such as other processes; this one unless given.
+
+    Returns
+    -------
+    Path
+        The page. The same input gives the same bytes. What cannot be made of the report is noted in the run's faults,
+        and costs that part; without its own page or summary the report has a bare one.
+    """
+
+    def judged() -> Outcome:
+        of_run = outcome(run, ledger)
+        run.headline = HeadlineRecord(state=of_run.headline.state, sentence=of_run.headline.sentence)
+        return of_run
+
+    def made() -> tuple[str, str, bytes | None]:
+        of_run = part("findings", run.faults, judged, Outcome(run, []))
+        begun = lambda: page.RunPage(of_run, directory / "fields", history, making or page.here)  # noqa: E731
+        of_cases = part("list of cases", run.faults, begun, None)
+        summary = part("summary.md", run.faults, lambda: markdown.summary(of_run), None)
+        document = part("junit.xml", run.faults, lambda: junit(of_run), None)
+        html = part("page", run.faults, of_cases.render, None) if of_cases else None
+        return html or bare_page(run), summary or bare_summary(run), document
+
+    before = [fault.part for fault in run.faults]
+    html, summary, document = made()
+    if [fault.part for fault in run.faults] != before:  # each says what the others lack
+        html, summary, document = made()
+    write_atomically(directory / "summary.md", summary)
+    (directory / "junit.xml").unlink(missing_ok=True)
+    if document:
+        write_atomically(directory / "junit.xml", document)
+    path = directory / "report.html"
+    write_atomically(path, html)
+    return path
 
 
 def bare_headline(run: RunRecord) -> Headline:
@@ -71,8 +135,8 @@ def junit(of_run: Outcome) -> bytes:
     run = of_run.run
     outcomes = [_junit_outcome(case, of_run) for case in run.cases]
     attributes = {"name": "eos-ref", "tests": str(len(run.cases))}
-    for outcome in ("failure", "error", "skipped"):
-        attributes[outcome if outcome == "skipped" else f"{outcome}s"] = str(outcomes.count(outcome))
+    for kind in ("failure", "error", "skipped"):
+        attributes[kind if kind == "skipped" else f"{kind}s"] = str(outcomes.count(kind))
     attributes["time"] = f"{run.seconds:.6f}"
     root = ET.Element("testsuites", attributes)
     suite = ET.SubElement(root, "testsuite", attributes)
@@ -81,8 +145,8 @@ def junit(of_run: Outcome) -> bytes:
     properties = ET.SubElement(suite, "properties")
     for name, value in _junit_properties(of_run).items():
         ET.SubElement(properties, "property", {"name": _legal(name), "value": _legal(value)})
-    for case, outcome in zip(run.cases, outcomes, strict=True):
-        _add(suite, case, outcome, _legal(of_run.sentence(case)))
+    for case, kind in zip(run.cases, outcomes, strict=True):
+        _add(suite, case, kind, _legal(of_run.sentence(case)))
     ET.indent(root)
     return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
 
@@ -163,7 +227,7 @@ def dashboard(of_run: Outcome, title: str = "eos-ref") -> str:
             "time": round(sum(test["time"] for test in tests.values()), 3),
         },
     }
-    # Tools write the commit that they are told, and the archive keeps it as sha.
+    # Tools write the commit that they get, and the archive keeps it as sha.
     metadata |= {"commit": commit, "sha": commit, "branch": branch} if commit else {}
     return json.dumps({"metadata": metadata, "tests": tests}, indent=2) + "\n"
 

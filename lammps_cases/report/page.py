@@ -65,13 +65,13 @@ class Drawn:
     worst: tuple[WorstAtom, ...] = ()
 
 
-def plot_data(case: CaseRecord, arrays: plots.Arrays, beside: plots.Arrays = MappingProxyType({})) -> Drawn:
+def plot_data(case: CaseRecord, arrays: plots.Arrays, further: plots.Arrays = MappingProxyType({})) -> Drawn:
     """Return the data drawn from the arrays of a case, which may be empty, and from its file ``CASE@page.npz``."""
     # A case without fields was not compared in this run: a file of its name is left over from an earlier one.
     at_hand = bool(case.fields) and "id" in arrays and bool(arrays["id"].size)
     reduced = one_per_atom({name: np.asarray(arrays[name]) for name in sorted(arrays)}) if at_hand else None
     differences = {} if reduced is None else plots.differences(reduced)
-    data, more = plots.payload(case, reduced, differences, beside)
+    data, more = plots.payload(case, reduced, differences, further)
     fields = tuple((data or {}).get("fields", ()))
     # Of the model only the field in which a difference enters: it has a dozen.
     stepped = any(record.steps for record in case.fields)
@@ -89,8 +89,8 @@ def plot_data(case: CaseRecord, arrays: plots.Arrays, beside: plots.Arrays = Map
 
 def plot_data_of(case: CaseRecord, fields: Path, every_step: bool = True) -> Drawn:
     """Return what is shown of the arrays of a case in the folder ``fields``, at the worst step of a field or at all."""
-    own, beside = read(fields, case.case) if case.fields else ({}, {})
-    shown = beside if every_step else {name: values for name, values in beside.items() if name.startswith("@pairs ")}
+    own, further = read(fields, case.case) if case.fields else ({}, {})
+    shown = further if every_step else {name: values for name, values in further.items() if name.startswith("@pairs ")}
     return plot_data(case, own, shown)
 
 

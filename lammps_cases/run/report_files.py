@@ -24,11 +24,11 @@ def write_run(
     past: Past | None = None,
     making: Making | None = None,
 ) -> None:
-    """Write run.json and the reports made from it; what is given is as in `lammps_cases.report.write_report`."""
-    from lammps_cases.report import formats, write_report
+    """Write run.json and the reports made from it; see `lammps_cases.report.formats.write_report`."""
+    from lammps_cases.report import formats
 
     with _uncollected():
-        made = lambda: write_report(run, folder, history=past, making=making)  # noqa: E731
+        made = lambda: formats.write_report(run, folder, history=past, making=making)  # noqa: E731
         if part("report", run.faults, made, None) is None:
             write_atomically(folder / "summary.md", formats.bare_summary(run))
             write_atomically(folder / "report.html", formats.bare_page(run))

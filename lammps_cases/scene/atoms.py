@@ -353,7 +353,7 @@ def _check_fields(
 
 
 def _from_file(case: Case, positions: FromXYZ | FromData | FromDump) -> dict[str, Any]:
-    """Return the particles of a file beside a scene: x, low, high, periodic, spacing and what else it holds."""
+    """Return the particles of a scene's file: x, low, high, periodic, spacing and what else it holds."""
     folder, scene = case.source.parent, case.scene
     if isinstance(positions, FromXYZ):
         from lammps_cases.scene.ase_io import read_extxyz

@@ -364,7 +364,7 @@ class Scene(SceneModel):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The files beside its own that a scene is read from."""
+        """The other files that a scene is read from."""
         positions = (self.positions.file,) if isinstance(self.positions, FromFile) else ()
         tables = (values.table for values in (self.mass, self.rho, self.energy) if values)
         return (*positions, *(table.csv for table in tables if table))

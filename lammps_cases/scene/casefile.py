@@ -152,7 +152,7 @@ def _check_name(name: str, source: Source, keys: Keys, at_key: bool = False) -> 
 
 
 def _of_scenes(data: Mapping[str, Any], source: Source) -> list[Complaint]:
-    """Return what is wrong with the scenes of a file that has mistakes besides, as far as there are scenes."""
+    """Return what is wrong with the scenes of a file that has other mistakes, too, as far as there are scenes."""
     try:
         file = CaseFile.model_validate({"name": "unnamed", "about": ""} | {k: data[k] for k in data if k in SCENES})
     except ValidationError:

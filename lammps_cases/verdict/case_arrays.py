@@ -110,7 +110,7 @@ def looked_at(record: CaseRecord, steps: Sequence[int]) -> list[tuple[int, int]]
 def sampled(arrays: Arrays) -> Arrays:
     """Return the arrays of some atoms of a case that has very many: evenly spaced ones, and the worst of every field.
 
-    They are told by their ids; verdicts are of all atoms.
+    Their ids distinguish them; verdicts are of all atoms.
     """
     n = len(arrays.get("id", ()))
     if n <= ALL_KEPT:
@@ -127,22 +127,22 @@ def sampled(arrays: Arrays) -> Arrays:
 
 def write(fields: Path, case: str, arrays: Arrays) -> None:
     """Write the arrays of a case; of vectors and tensors at other steps the component closest to its bound."""
-    own, beside = ({n: a for n, a in arrays.items() if n.startswith("@") == other} for other in (False, True))
-    for name in [name for name in beside if " lammps " in name]:
+    own, further = ({n: a for n, a in arrays.items() if n.startswith("@") == other} for other in (False, True))
+    for name in [name for name in further if " lammps " in name]:
         names = [name.replace(" lammps ", f" {side} ") for side in SIDES]
-        sides = [np.asarray(beside[each], float) for each in names]
+        sides = [np.asarray(further[each], float) for each in names]
         if sides[0].ndim > 1:
             ratio_n = excess(*sides)[1]
-            beside |= {of: worst_component(values, ratio_n) for of, values in zip(names, sides, strict=True)}
+            further |= {of: worst_component(values, ratio_n) for of, values in zip(names, sides, strict=True)}
     write_arrays(fields / f"{case}.npz", own)
-    if beside:
-        write_arrays(fields / f"{case}@page.npz", beside)
+    if further:
+        write_arrays(fields / f"{case}@page.npz", further)
 
 
 def read(fields: Path, case: str) -> tuple[Arrays, Arrays]:
-    """Return the arrays of a case, and those beside them, of the files that there are."""
-    own, beside = (read_arrays(path) if path.is_file() else {} for path in arrays_files(fields, case)[:2])
-    return own, beside
+    """Return the arrays of a case, and those of its page, of the files that exist."""
+    own, further = (read_arrays(path) if path.is_file() else {} for path in arrays_files(fields, case)[:2])
+    return own, further
 
 
 def write_steps(fields: Path, case: str, scene: Scene, answer: Answer) -> None:

@@ -159,8 +159,8 @@ def prefer_input(reason: Reason | None, news: Blame | None) -> Reason | None:
         return Reason(news)
     if (left is None and not reason.explained) or (left and step > (left.blame.step or 0)):
         return reason
-    beside = left.findings if left else [entry.id for entry in reason.explained]
-    return Reason(reason.first, Beyond(findings=beside, blame=news))
+    others = left.findings if left else [entry.id for entry in reason.explained]
+    return Reason(reason.first, Beyond(findings=others, blame=news))
 
 
 def compare_case(
@@ -173,7 +173,7 @@ def compare_case(
 ) -> tuple[CaseRecord, Arrays]:
     """Judge how a case ended; returns its record and the arrays of ``fields/CASE.npz`` (empty without an answer).
 
-    Without a predictor everything is computed anew.
+    Without a predictor everything is computed again.
     """
     begin = time.perf_counter()
     predictor = predictor or Predictor()
@@ -212,7 +212,7 @@ def compare_laws(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, an
     unchanged = case.scene.evolve is None and not case.scene.rheo.interface_reconstruct
     comparisons = compare_inputs(case, atoms, got, unchanged=unchanged)
     state = EosState(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
-    # Twice: the array that the forces read, and the output, which LAMMPS evaluates anew from the density.
+    # Twice: the array that the forces read, and the output, which LAMMPS evaluates again from the density.
     used = compare_pressure(eos, state, got["pressure"], "pressure_used", digits=False)
     pressure = compare_pressure(eos, state, got["q.pressure"])
     for comparison in (used, pressure):

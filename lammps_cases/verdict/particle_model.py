@@ -86,7 +86,7 @@ class Trial:
         for entries in itertools.islice(self._sets(self.applicable, listed), SETS):
             if self._inside(entries):
                 return Explanation(list(entries))
-        # Some findings show only beside others; and sets of all but one of many are not among those tried.
+        # Some findings show only with others; and sets of all but one of many are not among those tried.
         for large in (self.applicable, *(tuple(e for e in listed if e is not mended) for mended in listed)):
             if len(large) > 1 and self._inside(large):
                 return Explanation(self._necessary(large))
@@ -141,14 +141,14 @@ class Trial:
             yield self.reference
 
     def _first_outside(self, problem: Problem, prediction: Prediction, undefined: bool) -> Blame | None:
-        """Return the first value outside a prediction, None if there is none; some may have no bound if so said."""
+        """Return the first value outside a prediction, None if there is none; ``undefined``: some may have no bound."""
         return first_left(problem, lambda name, at: self._outside(name, at, prediction, undefined))
 
     def _outside(self, name: str, at: int, prediction: Prediction, undefined: bool) -> Blame | None:
         """Return the first value of a field outside a prediction at a step, None if there is none."""
         lammps_n, variant_n, bound_n = sides(self.problem, name, self.snapshots[at], prediction, at)
         ratio_n = excess(lammps_n, variant_n, bound_n)[1]
-        # A number that is none where the reference has one is reproduced too, value by value.
+        # A NaN where the reference has one is reproduced too, value by value.
         none_n = np.isnan(lammps_n) & np.isnan(variant_n) & np.isfinite(self.reference.fields[at][name])
         if np.all((ratio_n <= 1) | none_n):
             return None

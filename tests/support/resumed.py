@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lammps_cases.records.run_record import Predictions, Seconds, read_run
-from lammps_cases.report import write_report
+from lammps_cases.report.formats import write_report
 
 
 def report(directory: Path, scratch: Path) -> dict[str, bytes]:

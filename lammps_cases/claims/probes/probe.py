@@ -48,7 +48,7 @@ ERRORS: tuple[Reaction, ...] = ("clear error", "vague error", "misleading error"
 
 
 class Probe(BaseModel):
-    """What is put to LAMMPS.
+    """An input given to LAMMPS.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ def commands(given: Input) -> Commands:
 
 
 def replaced(lines: Commands, edits: Edits) -> Commands:
-    """Replace texts in commands; a line that is left empty is none."""
+    """Replace texts in commands; an empty line is dropped."""
     text = "\n".join(lines)
     for old, new in edits:
         text = text.replace(old, new)

@@ -103,7 +103,7 @@ def page(
     unpacked : sequence of str
         Scripts that the page holds packed.
     filters : mapping
-        Of the page, besides ``packed`` and ``number``, ``brief`` and ``counted`` of `lammps_cases.records.wording`.
+        Of the page, with ``packed`` and ``number``, ``brief`` and ``counted`` of `lammps_cases.records.wording`.
     content
         What the template shows.
     """

@@ -214,5 +214,5 @@ def _fill(reports: Path, page: Page, of_kind: Sequence[tuple[str, str, Path]]) -
         if after != before:
             replace_file(path, after)
             os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))
-    except OSError:  # it is being replaced; whoever does so fills the bar
+    except OSError:  # it is being replaced by a command that fills the bar
         return

@@ -43,7 +43,7 @@ class Spent(Exception):
 
 @dataclass
 class Work:
-    """Seconds that trials take, as estimated from their size, so that the same run is diagnosed alike anywhere."""
+    """Seconds that trials take, estimated from their size: the diagnosis of a run is the same on any machine."""
 
     left: float
 
@@ -68,7 +68,7 @@ class RedCase:
     problem : compared up to the first red step
     snapshots : LAMMPS' fields at its steps
     red_field : the first red one
-    base : stages and stepping of the findings that the case shows beside
+    base : stages and stepping of the findings that the case shows as well
     reference : what the reference predicts with these
     """
 

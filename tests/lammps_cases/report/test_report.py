@@ -15,7 +15,8 @@ from eos_ref import EOSTable
 from lammps_cases.records import wording
 from lammps_cases.records.audit_record import OutlookRecord
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
-from lammps_cases.report import findings, markdown, page, plots, write_report
+from lammps_cases.report import findings, markdown, page, plots
+from lammps_cases.report.formats import write_report
 from lammps_cases.scene.fields import in_step_order
 from tests.support.made_report import FINDINGS, HOSTILE, NAME, WATER, Page, entry, model, numbers, scene
 from tests.support.pages import unpacked

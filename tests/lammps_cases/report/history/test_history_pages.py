@@ -12,7 +12,7 @@ import pytest
 
 from lammps_cases.records.run_record import RunRecord
 from lammps_cases.report import history as kept
-from lammps_cases.report import write_report
+from lammps_cases.report.formats import write_report
 from lammps_cases.report.history import TABLE, Past, page, runs_before, store, views
 from lammps_cases.report.history.store import History
 from lammps_cases.report.history.views import RunMark, Spread, engines

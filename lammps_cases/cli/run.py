@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -66,7 +65,7 @@ def run_command(
         from lammps_cases.engine import installations
         from lammps_cases.records import folders
         from lammps_cases.records.wording import counted
-        from lammps_cases.run import campaign, provenance, shards
+        from lammps_cases.run import campaign, provenance, report_files, shards
         from lammps_cases.scene import casefile
 
         every = casefile.load(options.paths, None if names or baseline else tag)
@@ -89,7 +88,11 @@ def run_command(
             store = prediction_keys.open_store(options.fresh)
             asked = campaign.Request(provenance.command_line(), options.level, part, options.allow)
             run = campaign.run_cases(chosen, resolved, options.processes, folder, asked, bar, store, resume)
-        changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
+        changes: Iterable[str] = ()
+        if baseline is not None and not run.failed:
+            found = accepted.check(run, folder, baseline, {case.name for case in every})
+            past = report_files.past_of(run) if found.faults else None
+            changes = shared.compared(run, folder, found, as_json, f"eos-ref accept {folder}", past)
     if not as_json:
         for note in _notes([case for case in chosen if not case.shipped], run):
             shared.show(note, "  ", fg="yellow")
@@ -110,24 +113,6 @@ def _notes(own: Sequence[Case], run: RunRecord) -> Iterator[str]:
     for mistakes, cases in unseen.items():
         if mistakes:
             yield f"note: {counted(cases, 'case')} cannot tell apart: {listed(mistakes)}"
-
-
-def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json: bool) -> Iterable[str]:
-    """Hold a run against what was accepted, unless the engine failed; return lines, and keep in the run what counts."""
-    from lammps_cases.report.annotations import announce_changes
-    from lammps_cases.run import report_files
-    from lammps_cases.versions import pairs
-    from lammps_cases.versions.baseline import check
-
-    if run.failed:
-        return ()
-    changes = check(run, out, baseline, cases)
-    run.changed = len(changes.faults)
-    if run.changed:
-        report_files.write_run(run, out, past=report_files.past_of(run))
-    if not as_json:
-        announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
-    return pairs.checked(changes, f"eos-ref accept {out}")
 
 
 @command()

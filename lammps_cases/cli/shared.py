@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from lammps_cases.records.headline import Headline
     from lammps_cases.records.run_record import RunRecord
     from lammps_cases.report.findings import Outcome
+    from lammps_cases.report.history import Past
     from lammps_cases.scene.casefile import Case
+    from lammps_cases.versions.changes import Changes
 
 REPORTS = Path("reports")
 UNBROKEN = 10_000  # columns of a line in a file or a pipe
@@ -129,6 +131,25 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
         for line in lacks(run.faults):
             show(f"  {line}", "    ", fg="red")
     return run.exit_code(of_run.rejected if of_run else ())
+
+
+def compared(
+    run: RunRecord, folder: Path, changes: Changes, as_json: bool, accept: str, past: Past | None = None
+) -> Iterable[str]:
+    """Keep in a run how many changes against a baseline count, and tell the CI service; return lines.
+
+    ``accept`` is the command that accepts them, ``past`` what the report shows of earlier runs.
+    """
+    from lammps_cases.report.annotations import announce_changes
+    from lammps_cases.run import report_files
+    from lammps_cases.versions import pairs
+
+    run.changed = len(changes.faults)
+    if run.changed:
+        report_files.write_run(run, folder, past=past)
+    if not as_json:
+        announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
+    return pairs.checked(changes, accept)
 
 
 def _close(of_run: Outcome, directory: Path) -> None:

@@ -78,7 +78,7 @@ def show(entry: Finding, cases: Sequence[str]) -> None:
         shared.show(f"  {key}: {getattr(entry, key)}", "    ")
     if entry.scene:
         shared.show(f"  smallest scene: {entry.scene}; reproduced by: {entry.named_variant}", "    ")
-    shown = _cases(cases, entry.applies_to)
+    shown = by_file(cases) if cases else f"{', '.join(entry.applies_to) or 'no case'} (in no accepted run)"
     shared.show(f"  seen in: {', '.join(entry.engines) or 'none'}; shown by: {shown}", "    ")
     shared.show(f"  upstream: {entry.upstream}; eos-ref report-bug {entry.id}", "    ")
 
@@ -90,11 +90,6 @@ def _versions(engines: Sequence[str]) -> str:
     at = [KNOWN.index(engine) for engine in engines if engine in KNOWN]
     in_a_row = len(at) > 2 and at == list(range(at[0], at[0] + len(engines)))
     return f"{engines[0]} to {engines[-1]}" if in_a_row else ", ".join(engines)
-
-
-def _cases(cases: Sequence[str], applies_to: Sequence[str]) -> str:
-    """Name cases, or count them by their files; without any, name what the finding applies to."""
-    return by_file(cases) if cases else f"{', '.join(applies_to) or 'no case'} (in no accepted run)"
 
 
 @command(LAUNCHER)

@@ -127,7 +127,8 @@ def workflow_commands(of_run: Outcome, root: Path) -> list[str]:
     for case in cases[: room if len(cases) <= room else room - 1]:
         at = place(case, root)
         where = {"file": at[0], "line": str(at[1])} if at else {}
-        lines.append(command("error", _message(of_run, case), {**where, "title": f"{wording.kind(case)}: {case.case}"}))
+        words = "\n".join(filter(None, (of_run.sentence(case), case.reproduce)))
+        lines.append(command("error", words, {**where, "title": f"{wording.kind(case)}: {case.case}"}))
     if len(cases) > room:
         rest = f"{len(cases) - room + 1} more cases are not as expected: see the job summary"
         lines.append(command("error", rest, {"title": "eos-ref"}))
@@ -143,10 +144,6 @@ def command(level: Level, message: str, properties: Mapping[str, str]) -> str:
 def _escaped(text: str, of_property: bool = False) -> str:
     characters = {"%": "%25", "\r": "%0D", "\n": "%0A"} | ({":": "%3A", ",": "%2C"} if of_property else {})
     return "".join(characters.get(c, c) for c in text)
-
-
-def _message(of_run: Outcome, case: CaseRecord) -> str:
-    return "\n".join(filter(None, (of_run.sentence(case), case.reproduce)))
 
 
 def fitted(summary: str, taken: int, limit: int = SUMMARY_LIMIT) -> str:

@@ -76,9 +76,6 @@ class Outcome:
         each = [deck_wording.severity(case, finding) for case in self.run.cases if finding in case.findings]
         return min(each, key=SEVERITIES.index, default="high")
 
-    def _severity_and_change(self, finding: str) -> tuple[int, float]:
-        return SEVERITIES.index(self._severity(finding)), -self.change(finding)
-
     @cached_property
     def shown(self) -> list[RunFinding]:
         """The findings that the run shows: new ones, then the most severe; of equal severity those of most cases."""
@@ -109,7 +106,9 @@ class Outcome:
         named = [finding.entry.id for finding in self.findings if finding.status == "seen"]
         named += [finding for case in self.run.cases for finding in case.findings]
         if self.of_decks:
-            return {name: self._severity(name) for name in sorted(named, key=self._severity_and_change)}
+            levels = {name: self._severity(name) for name in named}
+            order = sorted(levels, key=lambda name: (SEVERITIES.index(levels[name]), -self.change(name)))
+            return {name: levels[name] for name in order}
         return severities(named, [f.entry for f in self.findings])
 
     @cached_property

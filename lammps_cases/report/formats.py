@@ -21,7 +21,7 @@ from lammps_cases.records import deck_wording, wording
 from lammps_cases.records.faults import part
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import Headline
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, HeadlineRecord, RunRecord
+from lammps_cases.records.run_record import CaseRecord, HeadlineRecord, RunRecord
 from lammps_cases.report import markdown, page
 from lammps_cases.report.findings import Outcome, outcome
 from lammps_cases.report.history import Past
@@ -243,7 +243,8 @@ def _entry(case: CaseRecord) -> dict[str, Any]:
     outside = [field for field in case.fields if field.verdict not in GOOD]
     if status == "failed" and outside:
         entry["diverged"] = len(outside)
-        first = [place for field in outside if (place := _first(field))]
+        looks = [(row, look) for field in outside for row, look in enumerate(field.steps)]
+        first = [(row, look.step) for row, look in looks if look.verdict not in GOOD]
         if first:
             entry["diverged_row"], entry["diverged_at"] = min(first)
         entry["details"] = case_text(case)
@@ -265,12 +266,6 @@ def _message(case: CaseRecord, status: Status) -> str:
         return f"failed, timeout ({round(case.seconds.total)}s expired): {case.message}"
     known = f"known: {wording.listed(case.findings)}: " if case.verdict == "explained" and case.findings else ""
     return f"{known}{case.message}" or case.verdict
-
-
-def _first(field: FieldRecord) -> tuple[int, int] | None:
-    """Return at which of the looks a field leaves its bound first, and the step of that."""
-    rows = [(row, look.step) for row, look in enumerate(field.steps) if look.verdict not in GOOD]
-    return rows[0] if rows else None
 
 
 def _git(text: str) -> tuple[str, str, str]:

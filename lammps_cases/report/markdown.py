@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
 from lammps_cases.records import wording
 from lammps_cases.records.faults import part
@@ -30,7 +30,12 @@ def summary(of_run: Outcome) -> str:
         _carried(run),
         "\n".join(f"> **Note:** {text(note)}" for note in [*wording.lacks(run.faults), *wording.notes(run)]),
         "" if of_run.of_decks else _unseen(of_run.findings),
-        *part("agreement in summary.md", run.faults, lambda: [*_agreements(run)], []),
+        *part(
+            "agreement in summary.md",
+            run.faults,
+            lambda: [_twins(m) if m.twins else _agreement(m) for m in findings.matrices(run)],
+            [],
+        ),
         _slowest(run),
         _worst_conditioned(run),
         _provenance(run),
@@ -109,11 +114,6 @@ def _unseen(of_run: Sequence[RunFinding]) -> str:
     rest = f"{counted(absent, 'finding')} of the ledger not applicable in this run." if absent else ""
     head = ("severity", "finding", "what LAMMPS did", "cases")
     return "\n\n".join(filter(None, [f"### Not seen where they apply\n\n{table(head, rows)}" if rows else "", rest]))
-
-
-def _agreements(run: RunRecord) -> Iterator[str]:
-    for matrix in findings.matrices(run):
-        yield _twins(matrix) if matrix.twins else _agreement(matrix)
 
 
 def _agreement(matrix: findings.Matrix) -> str:

@@ -22,7 +22,7 @@ from eos_ref.eos.table import EOS, FloatArray
 from eos_ref.errors import InputError
 from lammps_cases.comparison.compare import excess
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, LawRecord
+from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 Differences = Mapping[str, tuple[FloatArray, FloatArray]]
@@ -278,16 +278,12 @@ def _curves(case: CaseRecord, arrays: Arrays) -> list[dict[str, Any]]:
         if not rho_n.size or (energy_n is None and LAWS[record.style].needs_energy):
             continue
         try:
-            law = _law(record)
+            law = EOS(cast(Style, record.style), record.rho0, record.cs, record.parameter, record.background)
         except InputError:  # a scene may test what LAMMPS makes of parameters outside the law's domain: no curve
             continue
         named = {"type": record.type, "style": record.style, "rho0": record.rho0}
         curves.append(named | _curve(law, rho_n, energy_n))
     return curves
-
-
-def _law(record: LawRecord) -> EOS:
-    return EOS(cast(Style, record.style), record.rho0, record.cs, record.parameter, record.background)
 
 
 def _curve(law: EOS, rho_n: FloatArray, energy_n: FloatArray | None) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import number
 from lammps_cases.scene.fields import FIELDS
 
+_VERSION = re.compile(r"\b20\d\d\.\d")  # a workaround that names versions itself
 Subject = Literal["state", "lost atoms", "stopped", "known bug", "warning", "stability", "not checked"]
 SUBJECTS: tuple[Subject, ...] = get_args(Subject)  # what matters most first
 NEVER = {name: field.unaudited for name, field in FIELDS.items() if field.unaudited}  # and why
@@ -26,20 +27,11 @@ NEVER = {name: field.unaudited for name, field in FIELDS.items() if field.unaudi
 
 def advice(finding: Finding, case: CaseRecord) -> str:
     """Return what to do about a finding on a deck, and the last version of LAMMPS without it; empty if nothing."""
-    to_do = _OF_DECK.get(finding.id, _general)(finding, case)
-    return " ".join(filter(None, (to_do, "" if _VERSION.search(to_do) else _without(finding))))
-
-
-_VERSION = re.compile(r"\b20\d\d\.\d")  # a workaround that names versions itself
-
-
-def _without(finding: Finding) -> str:
+    to_do = _OF_DECK[finding.id](finding, case) if finding.id in _OF_DECK else finding.workaround
     last = next((engine for engine in reversed(KNOWN) if engine not in finding.engines), "")
-    return f"LAMMPS {last} does not have this bug." if last and finding.engines else ""
-
-
-def _general(finding: Finding, case: CaseRecord) -> str:
-    return finding.workaround
+    names_versions = _VERSION.search(to_do) is not None
+    without = f"LAMMPS {last} does not have this bug." if last and finding.engines and not names_versions else ""
+    return " ".join(filter(None, (to_do, without)))
 
 
 def _unit_volumes(finding: Finding, case: CaseRecord) -> str:

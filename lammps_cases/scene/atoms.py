@@ -114,7 +114,7 @@ def _build(case: Case, eos: EOSTable | None) -> Atoms:
         file = _from_file(case, scene.positions)
     x_nc, low_c, high_c, periodic, spacing = (file[k] for k in ("x", "low", "high", "periodic", "spacing"))
     n = len(x_nc)
-    type_n = file["type"] if "type" in file else _types(case, n)
+    type_n = file["type"] if "type" in file else _deal(case, n, range(1, len(scene.types) + 1))
     wrong = type_n[(type_n < 1) | (type_n > len(scene.types))]
     if wrong.size:
         raise InputError("type", f"must lie within 1 to {len(scene.types)}", int(wrong[0]), key="positions")
@@ -126,7 +126,9 @@ def _build(case: Case, eos: EOSTable | None) -> Atoms:
     e_n = _field(case, "energy", scene.energy, type_n, rho0_n) if scene.energy else file.get("e")
     energy_n = file.get("energy") if e_n is None else mass_n * e_n
     e_n = energy_n / mass_n if e_n is None and energy_n is not None else e_n
-    _check_masses(mass_n)
+    bad = np.flatnonzero(~(np.isfinite(mass_n) & (mass_n > 0)))
+    if bad.size:
+        raise InputError("mass", "must be positive", float(mass_n[bad[0]]), f"atom {bad[0] + 1}")
     _check_fields(case, eos, type_n, rho_n, e_n)
     v_nc = _velocities(case, type_n, file.get("v"))
     atoms = Atoms(np.arange(1, n + 1), type_n, x_nc, mass_n, low_c, high_c, periodic, spacing, v_nc, rho_n, energy_n)
@@ -248,10 +250,6 @@ def _sites(lattice: Lattice, dimension: int) -> tuple[FloatArray, FloatArray]:
     return np.hstack([x_nc, padding]), np.concatenate([high_c, np.zeros(3 - dimension)])
 
 
-def _types(case: Case, n: int) -> IntArray:
-    return _deal(case, n, range(1, len(case.scene.types) + 1))
-
-
 def _deal(case: Case, n: int, types: Sequence[int]) -> IntArray:
     type_n = np.array(types)[np.arange(n) * len(types) // max(n, 1)]
     if case.scene.arrangement == "shuffled":
@@ -308,12 +306,6 @@ def _column(folder: Path, table: ValueTable, key: str) -> FloatArray:
                 f"column {column}", "must hold finite numbers", row[column], f"{key}, line {k + 2} of {name}", key
             )
     return values_n
-
-
-def _check_masses(mass_n: FloatArray) -> None:
-    bad = np.flatnonzero(~(np.isfinite(mass_n) & (mass_n > 0)))
-    if bad.size:
-        raise InputError("mass", "must be positive", float(mass_n[bad[0]]), f"atom {bad[0] + 1}")
 
 
 def _check_fields(

@@ -195,7 +195,8 @@ def _keys(loc: tuple[str | int, ...], content: Any, kind: str) -> tuple[Keys, tu
     keys: list[str | int] = []
     alternative = (0, "")
     for at, part in enumerate(loc):
-        inside = part in content if isinstance(content, Mapping) else _is_member(part, content)
+        listed = isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
+        inside = part in content if isinstance(content, Mapping) else listed
         if inside:
             content = content[part]
         if inside or (kind == "missing" and at == len(loc) - 1):
@@ -203,10 +204,6 @@ def _keys(loc: tuple[str | int, ...], content: Any, kind: str) -> tuple[Keys, tu
         else:
             alternative = len(keys), str(part)
     return tuple(keys), alternative
-
-
-def _is_member(part: str | int, content: Any) -> bool:
-    return isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
 
 
 def _complaint(error: ErrorDetails, keys: Keys) -> Complaint:

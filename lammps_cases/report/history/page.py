@@ -53,16 +53,11 @@ def write(
         changed=[view for view in views if pictured or view.changes],
         total=len(views),
         pictures=pictures,
-        filters={"findings": changed_findings, "error": _error_cell},
+        filters={"findings": changed_findings, "error": lambda ratio: "=" if ratio == 0 else brief(ratio)},
     )
     path = folder / ("cases.html" if pictured else "history.html")
     write_atomically(path, html)
     return path
-
-
-def _error_cell(ratio: float | None) -> str:
-    """Return difference/bound for a narrow cell; ``=`` for none."""
-    return "=" if ratio == 0 else brief(ratio)
 
 
 def error_figure(marks: Sequence[RunMark], name: str, height: int = 130) -> Markup:

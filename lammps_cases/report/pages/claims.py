@@ -133,7 +133,8 @@ def write(columns: Sequence[Column], trace: Trace, path: Path, headline: Headlin
     rows = [_row(i, columns, path.parent) for i in range(len(claims))]
     grouped = itertools.groupby(rows, key=lambda row: (row.claim.page, row.claim.section))
     verdicts = {v: sum(row.verdict == v for row in rows) for v in VERDICTS}
-    refuting = {e for c in columns for j in c.judged if j.verdict == "does not hold" for e in _findings(j)}
+    fallen = [judged for column in columns for judged in column.judged if judged.verdict == "does not hold"]
+    refuting = {entry for judged in fallen for evidence in judged.evidence for entry in evidence.findings}
     return frame.page(
         frame.SHARED,
         "claims",
@@ -158,10 +159,6 @@ def write(columns: Sequence[Column], trace: Trace, path: Path, headline: Headlin
         grounds=refuted_by([column.judged for column in columns]),
         trace=trace,
     )
-
-
-def _findings(judged: Judged) -> set[str]:
-    return {entry for evidence in judged.evidence for entry in evidence.findings}
 
 
 def _row(at: int, columns: Sequence[Column], folder: Path) -> ClaimView:

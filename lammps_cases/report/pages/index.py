@@ -125,12 +125,8 @@ def _render(pages: Sequence[Page], reports: Path) -> str:
         contents=[(kind.command, f"{kind.heading} ({len(group)})") for kind, group in present],
         sections=present,
         files=[(name, path.relative_to(reports)) for path, name in _files(reports).items()],
-        shown=_shown,
+        shown=lambda page: page.date[:16].replace("T", " "),
     )
-
-
-def _shown(page: Page) -> str:
-    return page.date[:16].replace("T", " ")
 
 
 def _paths(reports: Path) -> Iterator[Path]:

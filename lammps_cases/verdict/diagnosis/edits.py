@@ -153,7 +153,7 @@ class FunctionEdits:
         ]
 
     def __iter__(self) -> Iterator[ExpressionEdit]:
-        places = list(_places(self.node, self.scope))
+        places = [place for statement in self.node.body for place in _inside(statement, self.scope, "")]
         for place in places:
             before, around = ast.unparse(place.node), place.statement
             seen = {before}
@@ -405,13 +405,8 @@ def _updates(statement: ast.Assign) -> bool:
     return any(isinstance(n, ast.Name | ast.Attribute) and ast.unparse(n) == target for n in ast.walk(statement.value))
 
 
-def _places(function: ast.FunctionDef, scope: dict[str, Any]) -> Iterator[_Place]:
-    """Yield the expressions of a function, of comprehensions with what their variables are at first."""
-    for statement in function.body:
-        yield from _inside(statement, scope, "")
-
-
 def _inside(node: ast.AST, scope: dict[str, Any], around: str) -> Iterator[_Place]:
+    """Yield the expressions of a statement, of comprehensions with what their variables are at first."""
     if isinstance(node, ast.stmt):
         around = ast.unparse(node).partition("\n")[0]
     if isinstance(node, ast.ListComp | ast.GeneratorExp | ast.SetComp | ast.DictComp):

@@ -40,7 +40,7 @@ def test_embedded_points(parsed: Page, run: RunRecord) -> None:
 
 def test_an_input_that_is_equal_is_not_drawn(parsed: Page, html: str) -> None:
     drawn = [data for data in parsed.data.values() if "fields" in data and "steps" not in data]
-    assert len(page) == 6 and all(set(data["fields"]) == {"pressure"} for data in drawn)
+    assert len(drawn) == 6 and all(set(data["fields"]) == {"pressure"} for data in drawn)
     assert "Worst atom of pressure" in html and "Worst atom of rho" not in html
 
 

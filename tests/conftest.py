@@ -112,7 +112,7 @@ def server(request: pytest.FixtureRequest, own_store: None, no_service: None, ow
     """Workers are forked from a process that has imported what judges a case, as those of ``eos-ref run`` are."""
     items = (item for item in request.session.items if item.path == request.path)
     if any(item.get_closest_marker("lammps") for item in items):
-        forkserver.context("lammps_cases.verdict.cases", "lammps_cases.report.drawn")
+        forkserver.context("lammps_cases.verdict.cases", "lammps_cases.report.page")
 
 
 @pytest.fixture(scope="module")

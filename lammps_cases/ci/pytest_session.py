@@ -155,7 +155,7 @@ class SessionPlugin:
         run = provenance.run_record(self._engine, command)
         run.fail_on = self._judge.fail_on
         run.cases = sorted(self._records, key=lambda record: record.case)
-        run.carried = part("carried findings", run.faults, lambda: findings.carried_over(run), None)
+        run.carried = part("carried findings", run.faults, lambda: findings.compare_with_ledger(run), None)
         run.seconds = round(time.perf_counter() - self._begin, 3)
         return run.counted()
 

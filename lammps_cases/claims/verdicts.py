@@ -1,9 +1,9 @@
-"""Return whether a claim holds on an engine, from the records of its cases and probes.
+"""Return whether a claim holds on an engine, from the records of its cases and probes, and what leads nowhere.
 
 A claim of the kind page is judged by its argument. Another one is refuted by a finding that its data name as
 contradicting it, or by a difference that no finding explains. A finding that explains a case otherwise is a remark:
 LAMMPS then agrees, on every atom, with the reference that has that fault alone, so the case still shows what the claim
-says.
+says. Traceability goes both ways: claims without a case, and cases without a claim.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from eos_ref.syntax.manual import FIRST, Manual
-from lammps_cases.claims.model import Claim, claims
+from lammps_cases.claims.model import Claim, claims, without_claim
 from lammps_cases.claims.probes import PREFIX
 from lammps_cases.findings import severities
 from lammps_cases.records.case_parts import FieldRecord
@@ -98,8 +98,6 @@ class Names:
 
 @dataclass
 class _Heard:
-    """What the cases of a claim say, collected."""
-
     against: list[Evidence] = field(default_factory=list)
     others: Counter[str] = field(default_factory=Counter)
     silent: list[str] = field(default_factory=list)
@@ -156,7 +154,6 @@ def _judged(claim: Claim, ran: Names, every: Names, records: Mapping[str, CaseRe
 
 
 def _listen(claim: Claim, record: CaseRecord, heard: _Heard) -> None:
-    """Add what a case says of a claim."""
     if record.verdict in ("skipped", *BROKEN):
         heard.silent.append(f"{record.case}: {record.message or record.verdict}")
         return
@@ -321,3 +318,47 @@ def in_words(count: int, verdict: ClaimVerdict) -> str:
 
 def _statements(claims_of: Collection[str], verdict: ClaimVerdict) -> str:
     return f"{counted(len(claims_of), 'statement')} {in_words(len(claims_of), verdict)}"
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What leads nowhere.
+
+    Attributes
+    ----------
+    untestable : claims without a case, and why
+    dangling : patterns of claims that fit no case
+    unclaimed : cases without a claim, and why; empty where nobody has said it
+    stale : reasons given for cases that have a claim, or are no cases
+    """
+
+    untestable: dict[str, str]
+    dangling: dict[str, list[str]]
+    unclaimed: dict[str, str]
+    stale: list[str]
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything has its counterpart or its reason."""
+        return not self.dangling and not self.stale and all(self.unclaimed.values())
+
+
+def trace(claims: Sequence[Claim], cases: Iterable[str]) -> Trace:
+    """Follow claims to cases (and probes), and back."""
+    names = Names(cases)
+    every = {name for names_of in names.by_head.values() for name in names_of}
+    dangling = {c.id: [p for p in c.cases if not names.matching(p)] for c in claims}
+    claimed = {name for claim in claims for name in names.of(claim)}
+    reasons: dict[str, str] = {}
+    stale = []
+    for pattern, why in without_claim().items():
+        fits = [name for name in names.matching(pattern) if name not in claimed]
+        reasons |= dict.fromkeys(fits, why)
+        if not fits:
+            stale.append(pattern)
+    return Trace(
+        {claim.id: claim.untestable for claim in claims if claim.untestable},
+        {id: patterns for id, patterns in dangling.items() if patterns},
+        {name: reasons.get(name, "") for name in sorted(every - claimed)},
+        stale,
+    )

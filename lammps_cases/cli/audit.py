@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import click
 
 from eos_ref.errors import InputError
 from lammps_cases.audit.options import AuditOptions, DeckLevelOptions, FinishedOptions
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import LAUNCHER, Json
+from lammps_cases.cli.commands import LAUNCHER, Json, command
 from lammps_cases.records.case_parts import CheckRecord
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import listed, size
-
-if TYPE_CHECKING:
-    from lammps_cases.records.run_record import RunRecord
-
 
 IGNORED = {  # they change nothing of what a deck means; with the number of words that follow
     **dict.fromkeys(("log", "l", "screen", "sc", "echo", "e", "cite", "c"), 1),
@@ -87,7 +81,6 @@ def _next(waiting: list[str], switch: str, count: int, usage: str) -> list[str]:
 
 
 def _values(waiting: list[str]) -> Sequence[str]:
-    """Take the words before the next switch."""
     values = []
     while waiting and waiting[0][:1] != "-":
         values.append(waiting.pop(0))
@@ -198,7 +191,11 @@ def audit_command(
     if accept:
         changes = accepted(directory, reason, place, prune=deck.is_dir())
     elif kept.baseline:
-        changes = against(place, run, directory, deck, as_json)
+        from lammps_cases.versions.baseline import check_decks
+
+        found = check_decks(run, directory, place, whole=deck.is_dir())
+        again = shlex.join(["eos-ref", "audit", str(deck), "--accept"])
+        changes = shared.compared(run, directory, found, as_json, again)
     if not as_json:
         for case in run.cases:
             for line in () if deck.is_dir() else field_table(case):
@@ -279,19 +276,3 @@ def accepted(directory: Path, reason: str, place: Path, prune: bool) -> list[str
         changes = [*pairs.lines(of.changes, "the old", "the new"), *pairs.faults(of.changes)]
     dropped = [f"dropped: {', '.join(of.dropped)}"] if of.dropped else []
     return [*changes, *dropped, f"baseline: {of.folder}{'' if of.written else ' (unchanged)'}"]
-
-
-def against(place: Path, run: RunRecord, directory: Path, deck: Path, as_json: bool) -> Iterable[str]:
-    """Compare the audits of decks with a baseline; return lines, and keep in the run how many changes count."""
-    from lammps_cases.report.annotations import announce_changes
-    from lammps_cases.run import report_files
-    from lammps_cases.versions import pairs
-    from lammps_cases.versions.baseline import check_decks
-
-    changes = check_decks(run, directory, place, whole=deck.is_dir())
-    run.changed = len(changes.faults)
-    if run.changed:
-        report_files.write_run(run, directory)
-    if not as_json:
-        announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
-    return pairs.checked(changes, shlex.join(["eos-ref", "audit", str(deck), "--accept"]))

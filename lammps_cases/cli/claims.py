@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import Engines, Json
+from lammps_cases.cli.commands import Engines, Json, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import Jobs, LevelOptions, processes
 
 if TYPE_CHECKING:
     from lammps_cases.claims.model import Claim
-    from lammps_cases.claims.trace import Trace
-    from lammps_cases.records.levels import FailOn
+    from lammps_cases.claims.verdicts import Trace
     from lammps_cases.records.run_record import CaseRecord, RunRecord
-    from lammps_cases.report.claims.page import Column
+    from lammps_cases.report.pages.claims import Column
     from lammps_cases.scene.casefile import Case
 
 MOST_TEXT = 160  # characters of evidence
-PROBES = ".probes.json"  # what the probes of an engine said, beside the report of its cases
+PROBES = ".probes.json"  # the records of an engine's probes, next to the report of its cases
 
 
 @dataclass(frozen=True)
@@ -66,9 +63,11 @@ def claims_command(
         shared.start_fork_server()
     from lammps_cases.claims import model
     from lammps_cases.claims.probes import manual
-    from lammps_cases.claims.trace import trace
+    from lammps_cases.claims.verdicts import trace
     from lammps_cases.records import folders
+    from lammps_cases.records.files import write_atomically
     from lammps_cases.records.run_record import read_run
+    from lammps_cases.report.pages import claims as page
     from lammps_cases.scene import casefile
 
     chosen = model.select(names)
@@ -87,7 +86,17 @@ def claims_command(
             _answers(engine, chosen, cases, not names, folder, processes(jobs), as_json)
             for engine in engines or (() if runs else ("env",))
         ]
-        return _judge(chosen, answers, leads, case_names, folder, level.level, as_json)
+        found = page.judge_runs(chosen, answers, case_names, level.level)
+        text, html = page.document(found.columns), folder / "claims.html"
+        write_atomically(folder / "claims.json", text)
+        write_atomically(html, page.write(found.columns, leads, html, found.headline))
+        if as_json:
+            click.echo(text, nl=False)
+        else:
+            _show(found.columns, found.unforeseen)
+            click.echo(f"page: {html}")
+            shared.say(found.headline)
+        return found.exit_code
 
 
 @contextmanager
@@ -104,74 +113,18 @@ def _folder(out: Path | None, engines: Sequence[str], whole: bool) -> Iterator[P
         yield folder
 
 
-def _judge(
-    chosen: list[Claim],
-    answers: Sequence[tuple[RunRecord, Path]],
-    leads: Trace,
-    case_names: Sequence[str],
-    out: Path,
-    fail_on: FailOn,
-    as_json: bool,
-) -> int:
-    """Judge claims by runs, each with the folder of its report, and write the page; return the exit code."""
-    from lammps_cases.claims import model
-    from lammps_cases.claims.verdicts import BROKEN, of_all, of_run
-    from lammps_cases.records.files import write_atomically
-    from lammps_cases.report.claims import page
-    from lammps_cases.report.claims.page import Column
-
-    labels = _labels(answers)
-    chosen = [claim for claim in chosen if any(claim.made_in(run.engine.manual) for run, _ in answers)]
-    columns = [
-        Column(label, run.engine, folder / "report.html", of_run(chosen, run, case_names))
-        for label, (run, folder) in zip(labels, answers, strict=True)
-    ]
-    runs_by_label = [(label, run) for label, (run, _) in zip(labels, answers, strict=True)]
-    unforeseen = _unforeseen(runs_by_label, model.without_claim())
-    broken = [case.case for run, _ in answers for case in run.cases if case.verdict in BROKEN]
-    unexpected = dict.fromkeys([*broken, *(case.case for _, case in unforeseen)])
-    headline = of_all([column.judged for column in columns], list(unexpected), fail_on)
-    text = json.dumps(_document(columns), indent=1) + "\n"
-    write_atomically(out / "claims.json", text)
-    write_atomically(out / "claims.html", page.write(columns, leads, out / "claims.html", headline))
-    if as_json:
-        click.echo(text, nl=False)
-    else:
-        _show(columns, unforeseen)
-        click.echo(f"page: {out / 'claims.html'}")
-        shared.say(headline)
-    return 3 if broken else int(headline.state == "FAIL")
-
-
-def _unforeseen(runs: Iterable[tuple[str, RunRecord]], unclaimed: Container[str]) -> list[tuple[str, CaseRecord]]:
-    """Return the cases of no claim that did not end as expected, each with the label of its run."""
-    return [
-        (label, case) for label, run in runs for case in run.cases if case.case in unclaimed and not case.as_expected
-    ]
-
-
 def _manuals(chosen: Sequence[Claim], as_json: bool) -> int:
-    """List the claims that not every version of the manual makes."""
     from eos_ref.syntax.manual import MANUALS
 
     some = [claim for claim in chosen if not all(claim.made_in(manual) for manual in MANUALS)]
     rows = [{"id": c.id, "since": c.since, "until": c.until, "section": c.section, "text": c.text} for c in some]
     if as_json:
-        click.echo(json.dumps({"manuals": MANUALS, "claims": rows}, indent=1))
+        shared.show_document({"manuals": MANUALS, "claims": rows})
         return 0
     counts = ", ".join(f"{manual}: {sum(claim.made_in(manual) for claim in chosen)} claims" for manual in MANUALS)
     click.echo(f"{counts}; {len(some)} not in every one")
     shared.table(("claim", "since", "until", "text"), [(c.id, c.since, c.until, c.text) for c in some], prose=("text",))
     return 0
-
-
-def _labels(answers: Sequence[tuple[RunRecord, Path]]) -> list[str]:
-    """Return the heads of the columns: the version, with the folder where several runs are of one."""
-    versions = [run.engine.label for run, _ in answers]
-    return [
-        f"{version} ({folder})" if versions.count(version) > 1 else version
-        for version, (_, folder) in zip(versions, answers, strict=True)
-    ]
 
 
 def _answers(
@@ -220,7 +173,7 @@ def _probes_file(folder: Path) -> Path:
 
 
 def _with_probes(run: RunRecord, folder: Path, out: Path) -> RunRecord:
-    """Add to a finished run the probes that an earlier call of this command put to the same LAMMPS."""
+    """Add to a finished run the probes that an earlier call of this command ran on the same LAMMPS."""
     from lammps_cases.records import folders
     from lammps_cases.records.run_record import RunRecord
 
@@ -233,29 +186,6 @@ def _with_probes(run: RunRecord, folder: Path, out: Path) -> RunRecord:
         if probed.engine.library_sha256 == run.engine.library_sha256:
             return run.model_copy(update={"cases": [*run.cases, *probed.cases]})
     return run
-
-
-def _document(columns: Sequence[Column]) -> dict[str, Any]:
-    from lammps_cases.claims.verdicts import worst
-    from lammps_cases.records.wording import listed
-
-    rows = []
-    for at, first in enumerate(columns[0].judged):
-        of = {column.engine: column.judged[at] for column in columns}
-        row = first.claim.model_dump(include={"id", "page", "section", "kind", "text", "consequence"}) | {
-            "cases": list(first.cases),
-            "verdict": worst(judged.verdict for judged in of.values()),
-            "evidence": [
-                {"engine": engine, "case": e.case, "field": e.field, "text": e.text, "finding": listed(e.findings)}
-                for engine, judged in of.items()
-                for e in judged.evidence
-            ],
-            "remarks": list(dict.fromkeys(remark for judged in of.values() for remark in judged.remarks)),
-        }
-        if len(columns) > 1:
-            row["verdicts"] = {engine: judged.verdict for engine, judged in of.items()}
-        rows.append(row)
-    return {"claims": rows}
 
 
 def _show(columns: Sequence[Column], unforeseen: Sequence[tuple[str, CaseRecord]]) -> None:
@@ -283,9 +213,7 @@ def _show(columns: Sequence[Column], unforeseen: Sequence[tuple[str, CaseRecord]
 def _traceability(leads: Trace, as_json: bool) -> int:
     """List what leads nowhere; 1 if anything does so without a reason."""
     if as_json:
-        from dataclasses import asdict
-
-        click.echo(json.dumps(asdict(leads), indent=1))
+        shared.show_document(asdict(leads))
         return int(not leads.complete)
     for title, names in (("claims without a case", leads.untestable), ("cases without a claim", leads.unclaimed)):
         click.secho(f"{len(names)} {title}", bold=True)

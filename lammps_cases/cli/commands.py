@@ -1,22 +1,52 @@
 """Commands of click made from the signatures of functions: names, types, defaults and help are written once, there.
 
 A parameter whose annotation holds an `Option` or `Positional` becomes one of the command; a dataclass stands for its
-options. A flag is bool, a choice a Literal, what may be repeated has the default () or is a tuple.
+options. A flag is bool, a choice a Literal, what may be repeated has the default () or is a tuple. Options that several
+commands have are annotations here; some act when they are read. What the shell completes is read without the packages
+that check it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import inspect
+import json
+import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from itertools import product
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import click
+from annotated_types import Ge
+from click.shell_completion import get_completion_class
 
-from lammps_cases.cli import completion
-from lammps_cases.records.options import Positional, gathered, option_of, parameters
+from lammps_cases.records.options import Option, Positional, gathered, option_of, parameters
+
+ROOT = Path(__file__).parents[1]
+VARIABLE = "_EOS_REF_COMPLETE"  # as click names it
+# Shell: where a user writes the script.
+INSTALLED = {"bash": ">> ~/.bashrc", "zsh": ">> ~/.zshrc", "fish": "> ~/.config/fish/completions/eos-ref.fish"}
+BEFORE = {
+    "bash": "COMP_WORDBREAKS=${COMP_WORDBREAKS//:}  # engines are named pypi:VERSION\n",
+    "zsh": "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit }\n",
+    "fish": "",
+}
+
+Run = Annotated[Path, Positional()]
+Json = Annotated[bool, Option("Print only one JSON document.", "--json")]
+Report = Annotated[Path | None, Option("Report folder.  [default: by date, in reports or reports/parts]")]
+Engines = Annotated[
+    tuple[str, ...],
+    Option("env (default), pypi:VERSION or path:PLACE; may be repeated.", "--engine", complete="engines"),
+]
+Processes = Annotated[Annotated[int, Ge(1)] | None, Option("Processes at a time (default: one per core).")]
+Resume = Annotated[bool, Option("Keep the parts that the folder has (default), or redo all.", "--resume/--fresh")]
+Baselines = Annotated[Path, Option("Folder of the baselines, one per engine.")]
+ACCEPTED = Path("reports/accepted")
+Deck = Annotated[Path | None, Option("Engines audit this deck, or all decks of this folder, instead of running cases.")]
 
 
 def command(
@@ -41,8 +71,8 @@ def parameter(of: inspect.Parameter) -> click.Parameter:
     assert option is not None, of
     settings, default = option.settings.copy(), None if needed else of.default
     settings = ({} if default in (None, ()) else {"default": default}) | settings
-    if name := settings.pop("complete", None):
-        settings["shell_complete"] = getattr(completion, name)
+    if kind_of_names := settings.pop("complete", None):
+        settings["shell_complete"] = lambda _, __, incomplete: completed(kind_of_names, incomplete)
     kind = Path if settings.pop("path", False) else _value(of.annotation)
     many = default == () or get_origin(kind) is tuple
     settings = {"type": _type(kind, of.annotation, settings.pop("like", ""))} | settings
@@ -55,14 +85,13 @@ def parameter(of: inspect.Parameter) -> click.Parameter:
 
 
 def _value(annotation: Any) -> Any:
-    """Return the type of a value, of several the first."""
     while get_origin(annotation) in (Annotated, Union, UnionType):
         annotation = get_args(annotation)[0]
     return annotation
 
 
 class ChoiceOrLike(click.Choice[str]):
-    """A choice, or whatever a pattern describes."""
+    """A choice, or what matches a pattern."""
 
     def __init__(self, choices: tuple[str, ...], pattern: str) -> None:
         super().__init__(choices)
@@ -74,7 +103,6 @@ class ChoiceOrLike(click.Choice[str]):
 
 
 def _type(kind: Any, annotation: Any, pattern: str) -> Any:
-    """Return click's type of a value: a choice, a range, a path, or that of Python."""
     if get_origin(kind) is tuple:
         return _type(get_args(kind)[0], annotation, pattern)
     if get_origin(kind) is Literal:
@@ -90,3 +118,141 @@ def _bounds(annotation: Any) -> tuple[Any, Any] | None:
     found = next((each for each in own if hasattr(each, "ge")), None)
     inner = (bounds for part in get_args(annotation) if (bounds := _bounds(part)))
     return (found.ge, getattr(found, "le", None)) if found else next(inner, None)
+
+
+def _use_launcher(_: click.Context, __: click.Parameter, template: str | None) -> None:
+    if template:
+        from lammps_cases.engine import mpi
+
+        os.environ[mpi.VARIABLE] = mpi.checked(template)  # where the processes of the engine look for it
+
+
+def _limit_memory(context: click.Context, _: click.Parameter, text: str | None) -> None:
+    if text:
+        from lammps_cases.engine import pool
+
+        context.with_resource(pool.limited(text))
+
+
+def _use_cluster(context: click.Context, _: click.Parameter, scheduler: str | None) -> None:
+    if scheduler:
+        from lammps_cases.engine import cluster
+
+        context.with_resource(cluster.used(scheduler))
+
+
+LAUNCHER = click.Option(
+    ["--launcher"],
+    metavar="COMMAND",
+    envvar="EOS_REF_LAUNCHER",
+    expose_value=False,
+    callback=_use_launcher,
+    help="How to start several ranks: 'mpirun -n {n}', 'srun -n {n}' (default: that of LAMMPS' MPI).",
+)
+MEMORY = click.Option(
+    ["--memory"],
+    metavar="SIZE",
+    envvar="EOS_REF_MEMORY",
+    expose_value=False,
+    callback=_limit_memory,
+    help="Memory of each LAMMPS process: 500M, 4G, 1T (default: its share of 80 % of the machine).",
+)
+
+
+def cluster(what: str) -> click.Option:
+    """Return the option of a Dask cluster; ``what`` its workers do."""
+    text = f"Scheduler of a Dask cluster (tcp://HOST:PORT), whose workers {what}."
+    return click.Option(["--cluster"], metavar="ADDRESS", expose_value=False, callback=_use_cluster, help=text)
+
+
+CLUSTER = cluster("take the place of --jobs")
+
+
+@click.command("completion")
+@click.argument("shell", type=click.Choice(list(INSTALLED)))
+def completion_command(shell: str) -> int:
+    """Print the script with which a shell completes commands, options, cases, tags, findings and engines.
+
+    Nothing is written. New sessions complete eos-ref after one of these:
+
+    \b
+    Example:  eos-ref completion bash >> ~/.bashrc
+              eos-ref completion zsh >> ~/.zshrc
+              eos-ref completion fish > ~/.config/fish/completions/eos-ref.fish
+    """
+    from lammps_cases.cli.main import group
+
+    made = get_completion_class(shell)
+    assert made is not None
+    script = made.source_template % made(group, {}, "eos-ref", VARIABLE).source_vars()  # source() starts the shell
+    click.echo(f"# eos-ref completion {shell} {INSTALLED[shell]}\n{BEFORE[shell]}{script}")
+    return 0
+
+
+def completed(kind: str, incomplete: str) -> list[str]:
+    """Return the names of a kind, a key of `NAMES`, that begin with some text."""
+    return [name for name in NAMES[kind]() if name.startswith(incomplete)]
+
+
+def case_names() -> list[str]:
+    """Return the names of the shipped cases, and of their files."""
+    return _kept()["cases"]
+
+
+def tag_names() -> set[str]:
+    """Return the tags of the shipped cases."""
+    return set(_kept()["tags"])
+
+
+def finding_names() -> list[str]:
+    """Return the ids of the findings."""
+    return list(json.loads((ROOT / "findings" / "shown_by.json").read_text(encoding="utf-8")))
+
+
+def engine_names() -> list[str]:
+    """Return the engines that are registered, by name."""
+    content = json.loads((ROOT / "findings" / "engines.json").read_text(encoding="utf-8"))
+    return ["env", *(f"pypi:{version}" for version in content["engines"]), "path:"]
+
+
+NAMES: dict[str, Callable[[], Iterable[str]]] = {
+    "cases": case_names,
+    "tags": lambda: sorted(tag_names()),
+    "findings": finding_names,
+    "findings_and_cases": lambda: [*finding_names(), *case_names()],
+    "engines": engine_names,
+}
+
+
+def _kept() -> dict[str, list[str]]:
+    """Return names and tags; they are kept, as reading all files takes as long as all else that a shell waits for."""
+    import platformdirs  # not eos_ref.cache and records.files, which load numpy
+
+    paths = sorted((ROOT / "cases").rglob("*.yaml"))
+    key = json.dumps([(str(path), path.stat().st_mtime_ns) for path in paths])
+    kept = Path(platformdirs.user_cache_dir("eos-ref")) / "completion.json"
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        document = json.loads(kept.read_text(encoding="utf-8"))
+        if document["key"] == key:
+            return {name: list(map(str, document[name])) for name in ("cases", "tags")}
+    names = _read(paths)
+    with contextlib.suppress(OSError):
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        made = kept.with_name(f"{kept.name}.{os.getpid()}")
+        made.write_text(json.dumps({"key": key, **names}), encoding="utf-8")
+        made.replace(kept)
+    return names
+
+
+def _read(paths: Iterable[Path]) -> dict[str, list[str]]:
+    import yaml
+
+    names, tags, loader = list[str](), set[str](), getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    for path in paths:
+        file: dict[str, Any] = yaml.load(path.read_text(encoding="utf-8"), loader)
+        axes = file.get("matrix", {}).values()
+        names += [file["name"], *(".".join((file["name"], *labels)) for labels in product(*axes) if labels)]
+        patches = (patch for axis in axes for patch in axis.values())
+        for part in (file, *(patch for patch in patches if isinstance(patch, dict))):
+            tags.update(part["tags"] if isinstance(part.get("tags"), list) else ())
+    return {"cases": names, "tags": sorted(tags)}

@@ -1,23 +1,25 @@
-"""eos-ref explain."""
+"""eos-ref explain: a case, a particle of it, a finding, a field or a verdict."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import Json
+from lammps_cases.cli.commands import Json, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.run.options import Files, paths
 
 if TYPE_CHECKING:
+    from lammps_cases.comparison.pair_sums import Sum
     from lammps_cases.engine.session import Job
-    from lammps_cases.scene.case import Scene
+    from lammps_cases.scene.atoms import Atoms
     from lammps_cases.scene.casefile import Case
+
+DIGITS = 6  # of the numbers of a particle and its pairs
 
 
 @command()
@@ -66,28 +68,23 @@ def explain_command(
             raise InputError("option --atom", "is that of a particle of a case", name)
         others[name](name, as_json)
         return 0
-    if atom is not None:
-        from lammps_cases.cli import explain_atom
-
-        explain_atom.say(casefile.select(cases, (name,)), atom, step, as_json)
-        return 0
     selected = casefile.select(cases, (name,))
+    if atom is not None:
+        _particle(selected, atom, step, as_json)
+        return 0
     if name in others and not as_json:  # a field or a verdict that cases begin with, too
         others[name](name, as_json)
     if len(selected) > 1 and not (full or as_json):
         _list(selected)
-        return 0
-    explanations = [_explanation(case, full) for case in selected]
-    if as_json:
-        click.echo(json.dumps({"cases": explanations}, indent=1))
-        return 0
-    for explanation in explanations:
-        _show(explanation, full)
+    elif as_json:
+        shared.show_document({"cases": [_explanation(case, full) for case in selected]})
+    else:
+        for explanation in [_explanation(case, full) for case in selected]:
+            _show(explanation, full)
     return 0
 
 
 def _finding(name: str, as_json: bool) -> None:
-    """Say what a finding is, as the ledger does."""
     from lammps_cases.cli import findings
 
     findings.say((name,), as_json)
@@ -98,43 +95,37 @@ def _field(name: str, as_json: bool) -> None:
     from lammps_cases.scene.fields import FIELDS
 
     field = FIELDS[name]
-    quantity = field.quantity
+    about, keyword = field.quantity.about, field.quantity.keyword
     shown = f"compute rheo/property/atom {field.column}" if field.column else field.compute or f"array {field.array}"
-    said = {
-        "field": name,
-        "about": quantity.about,
-        "kind": ("scalar", "vector", "tensor")[quantity.rank],
-        "stage": field.stage,
-        "shown_by": shown,
-        "needs": quantity.keyword,
-    }
+    kind = ("scalar", "vector", "tensor")[field.quantity.rank]
     if as_json:
-        click.echo(json.dumps(said, indent=1))
+        named = {"field": name, "about": about, "kind": kind, "stage": field.stage}
+        shared.show_document(named | {"shown_by": shown, "needs": keyword})
         return
-    needs = f"; needs fix rheo ... {quantity.keyword}" if quantity.keyword else ""
-    shared.show(f"{name}: {quantity.about} ({said['kind']}), of the stage {field.stage}; LAMMPS: {shown}{needs}", "  ")
+    needs = f"; needs fix rheo ... {keyword}" if keyword else ""
+    shared.show(f"{name}: {about} ({kind}), of the stage {field.stage}; LAMMPS: {shown}{needs}", "  ")
 
 
 def _verdict(name: str, as_json: bool) -> None:
-    """Say what a verdict means."""
     from lammps_cases.records.wording import MEANINGS
 
     meaning: str = {str(verdict): text for verdict, text in MEANINGS.items()}[name]
     if as_json:
-        click.echo(json.dumps({"verdict": name, "meaning": meaning}, indent=1))
+        shared.show_document({"verdict": name, "meaning": meaning})
     else:
         shared.show(f"{name}: {meaning}", "  ")
 
 
-def _explanation(case: Any, full: bool) -> dict[str, Any]:
-    from dataclasses import asdict
-
+def _explanation(case: Case, full: bool) -> dict[str, Any]:
     from eos_ref.eos import bounds
+    from lammps_cases.comparison.predictor import Predictor
+    from lammps_cases.comparison.store import open_store
     from lammps_cases.run.prepared_case import prepare
     from lammps_cases.setup import twins
     from lammps_cases.setup.plan import plan
+    from lammps_cases.verdict import exercise, problems
 
-    ready, the_plan = prepare(case), plan(case.scene)
+    ready, the_plan, scene = prepare(case), plan(case.scene), case.scene
     laws = [
         {
             "type": t,
@@ -150,72 +141,38 @@ def _explanation(case: Any, full: bool) -> dict[str, Any]:
         "about": case.about,
         "source": str(case.source),
         "particles": len(ready.atoms),
-        "compared": _compared(case.scene),
-        "expects": case.scene.expect.refused if case.scene.expect else None,
+        "compared": _compared(case),
+        "expects": scene.expect.refused if scene.expect else None,
         "laws": laws,
-        "evaluated_by": _evaluator(case, ready),
+        "evaluated_by": problems.evaluated_by(case, ready.atoms),
         "reference": [asdict(item) for item in the_plan.reference],
         "lammps": [asdict(item) for item in the_plan.lammps],
-        "exercises": _exercises(case, ready, full),
-        "stability": _stability(case, ready),
-        "twin": twins.describe(case.scene.twin) if case.scene.twin else None,
+        "exercises": exercise.rows(case, ready.eos, ready.atoms, Predictor(open_store()), full),
+        "stability": _stability(case, ready.atoms),
+        "twin": twins.describe(scene.twin) if scene.twin else None,
         "commands": _commands(ready.jobs[0]),
-        "commands_of_twin": _commands(ready.jobs[1]) if case.scene.twin else None,
+        "commands_of_twin": _commands(ready.jobs[1]) if scene.twin else None,
     }
 
 
-def _compared(scene: Scene) -> str | None:
+def _compared(case: Case) -> str | None:
     """Name the fields that are compared, and at which steps; None where LAMMPS is to refuse the scene."""
-    if scene.expect:
-        return None
-    steps = scene.snapshots
+    steps = case.scene.snapshots
     when = f" at step{'s' * (len(steps) > 1)} {', '.join(map(str, steps))}" if steps != (0,) else ""
-    return f"compared{when}: {', '.join(scene.compare)}"
+    return None if case.scene.expect else f"compared{when}: {', '.join(case.scene.compare)}"
 
 
-def _evaluator(case: Any, ready: Any) -> str | None:
-    """Name the body of the reference that judges a case, and the size that decides it."""
-    from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-    from lammps_cases.comparison.trajectory import COMPILED_ABOVE, evaluations, own_stages
-    from lammps_cases.verdict.problems import problem_of
-
-    scene = case.scene
-    if scene.expect:
-        return None
-    if not scene.whole_model:
-        return "the formula of the law, in numpy"
-    problem = problem_of(scene, ready.atoms, case.where, scene.snapshots)
-    name = "array" if issubclass(own_stages(problem), ArrayEvaluator) else "compiled"
-    return f"the {name} evaluator ({evaluations(problem)} evaluations of a particle; compiled above {COMPILED_ABOVE})"
-
-
-def _exercises(case: Any, ready: Any, full: bool) -> list[dict[str, Any]]:
-    """List the changes that a case has to see, or all that it sees, with the number of particles that each moves."""
-    from lammps_cases.comparison.predictor import Predictor
-    from lammps_cases.comparison.store import open_store
-    from lammps_cases.scene.changes import catalogue
-    from lammps_cases.verdict.exercise import exercised
-
-    names = tuple(catalogue()) if full else case.exercises
-    moved = exercised(case, ready.eos, ready.atoms, Predictor(open_store()), names)
-    return [
-        {"change": name, "what": catalogue()[name].what, "moved": count, "for": name in case.exercises}
-        for name, count in moved.items()
-        if count or name in case.exercises
-    ]
-
-
-def _stability(case: Any, ready: Any) -> list[str]:
-    """Say how far the scene lies from where it would fail."""
+def _stability(case: Case, atoms: Atoms) -> list[str]:
+    """Return how far the scene lies from where it would fail."""
     from lammps_cases.setup import reference_side
     from lammps_cases.studies.stability.advice import advice
 
-    scene, atoms = case.scene, ready.atoms
+    scene = case.scene
     if scene.expect or not scene.interacts:
         return []
     timestep = scene.evolve.timestep if scene.evolve and scene.evolve.steps else None
-    model, box = reference_side.model(scene, atoms, case.where), reference_side.box(scene, atoms)
-    return advice(model, box, reference_side.state(scene, atoms, case.where), timestep)
+    model, state = reference_side.model(scene, atoms, case.where), reference_side.state(scene, atoms, case.where)
+    return advice(model, reference_side.box(scene, atoms), state, timestep)
 
 
 def _commands(job: Job) -> list[str]:
@@ -240,10 +197,7 @@ def _list(cases: Sequence[Case]) -> None:
     for about in dict.fromkeys(case.about for case in cases):
         shared.show(about)
     columns = ("case", "laws", "exercises")
-    rows = [
-        (case.name, ", ".join(dict.fromkeys(law.style for law in case.scene.pressure)), ", ".join(case.exercises))
-        for case in cases
-    ]
+    rows = [(case.name, ", ".join(shared.laws(case)), ", ".join(case.exercises)) for case in cases]
     shared.table(columns, rows, counted(len(cases), "case"), drop=("laws",), prose=columns[2:])
     shared.show(f"next: eos-ref explain {cases[0].name}", "  ")
 
@@ -292,13 +246,86 @@ def _show_changes(exercises: Sequence[dict[str, Any]], full: bool) -> None:
 
 
 def _show_sides(explanation: dict[str, Any]) -> None:
-    """Show what is modelled, what LAMMPS is told, and why."""
-    for side in ("reference", "lammps"):
+    for side, title in (("reference", "modelled by the reference"), ("lammps", "told to LAMMPS")):
         rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
-        title = "modelled by the reference" if side == "reference" else "told to LAMMPS"
         shared.table(("", "what", "why"), rows, title, prose=("why",))
-    click.echo("LAMMPS commands:")
-    click.echo("\n".join(f"  {line}" for line in explanation["commands"]))
-    if explanation["commands_of_twin"]:
-        click.echo("LAMMPS commands of the twin:")
-        click.echo("\n".join(f"  {line}" for line in explanation["commands_of_twin"]))
+    for title, key in (("LAMMPS commands:", "commands"), ("LAMMPS commands of the twin:", "commands_of_twin")):
+        if explanation[key]:
+            click.echo("\n".join([title, *(f"  {line}" for line in explanation[key])]))
+
+
+def _particle(cases: Sequence[Case], atom: int, step: int | None, as_json: bool) -> None:
+    """Show the neighbours of a particle by the reference, and what each pair adds to its force, density and heat.
+
+    Raises
+    ------
+    InputError
+        More than one case, one without particles that interact, an id or a step that it has not.
+    """
+    import numpy as np
+
+    from eos_ref.errors import InputError
+    from lammps_cases.comparison.pair_sums import added_up, terms
+    from lammps_cases.records.wording import some
+    from lammps_cases.run.prepared_case import prepare
+    from lammps_cases.verdict.problems import problem_of
+
+    if len(cases) != 1:
+        such = some([case.name for case in cases], 2)
+        raise InputError("option --atom", f"needs a single case, but {len(cases)} match", such)
+    (case,) = cases
+    compared = case.scene.snapshots
+    if case.scene.expect or not case.scene.interacts:
+        raise InputError("case", "must have particles that interact", case.name, "option --atom")
+    if step is not None and step not in compared:
+        raise InputError("step", f"must be one that is compared: {', '.join(map(str, compared))}", step)
+    step = compared[-1] if step is None else step
+    scene, atoms = prepare(case).sides[0]
+    if atom not in atoms.id_n:
+        raise InputError("atom", f"must be an id of the {len(atoms)} particles", atom, "option --atom")
+    if not np.array_equal(atoms.id_n, np.arange(1, len(atoms) + 1)):
+        raise InputError("case", "must number its particles from 1 on", case.name, "option --atom")
+    given = terms(problem_of(scene, atoms, case.where, compared), step, atom, len(atoms) ** 2, True)
+    if as_json:
+        run = {"run": "original"} if case.scene.twin else {}
+        sums = {"sum": added_up(given.pairs)}
+        shared.show_document({"case": case.name, "step": step, **run, **asdict(given), **sums})
+    else:
+        _show_particle(case, given, step)
+
+
+def _show_particle(case: Case, given: Sum, step: int) -> None:
+    from lammps_cases.comparison.pair_sums import added_up
+    from lammps_cases.records.wording import counted, number
+
+    own, twin = given.particle, case.scene.twin
+    mass, rho, pressure = (number(value, DIGITS) for value in (own.mass, own.rho, own.pressure))
+    where, kind = ", ".join(number(x, DIGITS) for x in own.x), "solid" if own.solid else "fluid"
+    click.secho(f"{case.name}, particle {own.id} after {counted(step, 'step')}", bold=True)
+    shared.show(
+        f"type {own.type}, {kind}, at {where}; m {mass}, rho {rho}, P {pressure}; {counted(given.count, 'neighbour')}"
+    )
+    if twin:
+        shared.show(f"of the original of the two runs that are compared; {twin.kind} makes the other, its twin")
+    sums, axes = added_up(given.pairs), "xyz"[: len(own.x)] if "force" in added_up(given.pairs) else ""
+    names: dict[str, tuple[str, int | None]] = {f"f_{axis}": ("force", k) for k, axis in enumerate(axes)}
+    of_pressure = {f"of pressure {axis}": ("pressure_force", k) for k, axis in enumerate(axes)}
+    names |= of_pressure
+    names |= {name: (name, None) for name in ("drho", "heat") if name in sums}
+    rows = [
+        [str(pair.other.id), str(pair.other.type), "solid" if pair.other.solid else "fluid"]
+        + [number(pair.r, DIGITS), number(pair.w, DIGITS)]
+        + [number(_part(asdict(pair), *at), DIGITS) for at in names.values()]
+        for pair in given.pairs
+    ]
+    rows.append(["sum", "", "", "", "", *(number(_part(sums, *at), DIGITS) for at in names.values())])
+    columns = ["particle", "type", "phase", "r", "W", *names]
+    shared.table(columns, rows, drop=["type", "phase", "W", *of_pressure, "r"])
+    if given.force_with_fixes:
+        force = ", ".join(number(of, DIGITS) for of in given.force_with_fixes)
+        shared.show(f"force with the fixes of the case that add to it or set it: {force}")
+
+
+def _part(of: dict[str, Any], name: str, axis: int | None) -> float | None:
+    value: Any = of[name]
+    return None if value is None else float(value if axis is None else value[axis])

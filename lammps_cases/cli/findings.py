@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import LAUNCHER, Json
+from lammps_cases.cli.commands import LAUNCHER, Json, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import by_file, counted
@@ -57,7 +55,7 @@ def say(names: Sequence[str], as_json: bool) -> None:
             | {"cases": shown_by.get(entry.id, []), "variant": entry.named_variant}
             for entry in chosen
         ]
-        click.echo(json.dumps({"entries": entries}, indent=1))
+        shared.show_document({"entries": entries})
         return
     if names:
         for entry in chosen:
@@ -76,7 +74,7 @@ def show(entry: Finding, cases: Sequence[str]) -> None:
         shared.show(f"  {key}: {getattr(entry, key)}", "    ")
     if entry.scene:
         shared.show(f"  smallest scene: {entry.scene}; reproduced by: {entry.named_variant}", "    ")
-    shown = _cases(cases, entry.applies_to)
+    shown = by_file(cases) if cases else f"{', '.join(entry.applies_to) or 'no case'} (in no accepted run)"
     shared.show(f"  seen in: {', '.join(entry.engines) or 'none'}; shown by: {shown}", "    ")
     shared.show(f"  cause: {entry.cause}", "    ")
     shared.show(f"  upstream: {entry.upstream}; eos-ref report-bug {entry.id}", "    ")
@@ -89,11 +87,6 @@ def _versions(engines: Sequence[str]) -> str:
     at = [KNOWN.index(engine) for engine in engines if engine in KNOWN]
     in_a_row = len(at) > 2 and at == list(range(at[0], at[0] + len(engines)))
     return f"{engines[0]} to {engines[-1]}" if in_a_row else ", ".join(engines)
-
-
-def _cases(cases: Sequence[str], applies_to: Sequence[str]) -> str:
-    """Name cases, or count them by their files; without any, name what the finding applies to."""
-    return by_file(cases) if cases else f"{', '.join(applies_to) or 'no case'} (in no accepted run)"
 
 
 @command(LAUNCHER)
@@ -168,7 +161,7 @@ def shrink_command(
     reproduce = shrink.reproduced_by(shrunk, file, engine)
     report = shrunk.report(file, reproduce)
     if as_json:
-        click.echo(json.dumps(report, indent=1))
+        shared.show_document(report)
         return 0
     click.secho(f"{shrunk.case.name}: {shrunk.failure.words}", bold=True)
     before, after = report["before"], report["after"]

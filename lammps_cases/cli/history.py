@@ -6,22 +6,18 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import click
 from annotated_types import Ge
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import Json
+from lammps_cases.cli.commands import Json, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
-from lammps_cases.records.wording import brief, counted, plain
+from lammps_cases.records.wording import brief, counted
 
 if TYPE_CHECKING:
-    from lammps_cases.records.outcome import CaseOutcome
-    from lammps_cases.report.history.model import StoredRun
-    from lammps_cases.report.history.store import History
     from lammps_cases.report.history.views import CaseView, RunLine, Spread
 
 SHOWN = 20  # runs listed by default
@@ -31,10 +27,6 @@ ONLY = [
     click.Option([f"--{name}", "only"], flag_value=name, help=f"For cases, show only {what}.")
     for name, what in PARTS.items()
 ]
-# What the JSON document holds of an engine, of an outcome, and of each of its fields.
-ENGINE = ("name", "distribution", "version_string", "git", "library_sha256")
-OUTCOME = ("id", "case", "verdict", "expected", "natoms", "steps", "message", "explained_by", "worst", "worst_field")
-FIELD = ("field", "atom_type", "verdict", "max_over_bound", "max_abs", "digest", "explained_by")
 
 
 @dataclass(frozen=True)
@@ -71,15 +63,19 @@ def history_command(
               eos-ref history 'forces.*' --times --engine 2025.7.22
               eos-ref history --add reports/latest --last 5
     """
-    from lammps_cases.report.history import page, views
-    from lammps_cases.report.history.store import History
-    from lammps_cases.report.history.versions import engines
+    from lammps_cases.report.history import document, page, views
+    from lammps_cases.report.history.store import History, chosen_file
+    from lammps_cases.report.history.views import engines
 
-    with Bar(quiet=as_json) as bar, History(_file(db, bool(add))) as history:
+    with Bar(quiet=as_json) as bar, History(chosen_file(db, bool(add))) as history:
         if forget:
-            _forget(history, _day(forget, "--forget"), as_json)
+            count = history.forget(day := _day(forget, "--forget"))
+            text = f"{counted(count, 'run')} before {day} forgotten, {len(history.runs())} left"
+            click.echo(json.dumps({"forgotten": count}, indent=1) if as_json else text)
             return 0
-        _add(history, add, bar)
+        for k, path in enumerate(add):
+            bar.advance(k, len(add), str(path))
+            history.add_report(path)
         bar.advance(0, None, "reading the history")
         every = history.runs()
         since, last = _day(shown.since, "--since"), shown.last or (None if names else SHOWN)
@@ -95,7 +91,8 @@ def history_command(
             shared.page_folder(out)
             page_file = page.write(out, lines, case_views, labels, pictured=bool(names))
     if as_json:
-        click.echo(json.dumps(_document(history.path, lines, case_views if names else None), indent=1, allow_nan=False))
+        content = document(history.path, lines, case_views if names else None)
+        click.echo(json.dumps(content, indent=1, allow_nan=False))
         return 0
     if not every:
         click.echo(f"no run is kept yet in {history.path}; eos-ref run keeps every run, --add RUN adds earlier ones")
@@ -110,37 +107,6 @@ def history_command(
     return 0
 
 
-def _forget(history: History, before: str, as_json: bool) -> None:
-    count = history.forget(before)
-    text = f"{counted(count, 'run')} before {before} forgotten, {len(history.runs())} left"
-    click.echo(json.dumps({"forgotten": count}, indent=1) if as_json else text)
-
-
-def _add(history: History, reports: Sequence[Path], bar: Bar) -> None:
-    """Keep the runs of report folders, or of the run.json in them."""
-    from lammps_cases.records.documents import LARGEST
-    from lammps_cases.records.files import read_bytes
-    from lammps_cases.records.run_record import parse_run
-
-    for k, path in enumerate(reports):
-        bar.advance(k, len(reports), str(path))
-        folder = path.parent if path.name == "run.json" else path
-        content = read_bytes(folder / "run.json", "run", LARGEST)
-        history.add(parse_run(content, folder), content)
-
-
-def _file(db: Path | None, added: bool) -> Path:
-    from eos_ref import InputError
-    from lammps_cases.report.history.store import OFF, VARIABLE, history_file
-
-    if db is not None and not db.exists() and not added:
-        raise InputError("history", "does not exist", where=str(db))
-    place = db or history_file()
-    if place is None:
-        raise InputError("history", f"is switched off: {VARIABLE} is {OFF}; name a file with --db")
-    return place
-
-
 def _day(text: str, option: str) -> str:
     import datetime
 
@@ -150,31 +116,6 @@ def _day(text: str, option: str) -> str:
         return datetime.date.fromisoformat(text).isoformat() if text else ""
     except ValueError:
         raise InputError("date", "must be a day such as 2026-01-31", text, option) from None
-
-
-def _document(path: Path, lines: Sequence[RunLine], case_views: Sequence[CaseView] | None) -> dict[str, Any]:
-    """Return everything as one document; numbers that JSON has not are text, as in run.json."""
-    from dataclasses import asdict
-
-    from lammps_cases.records.documents import SCHEMAS
-
-    document: dict[str, Any] = {"schema": SCHEMAS["history"], "file": str(path)}
-    document["runs"] = [plain(asdict(line) | {"run": _run(line.run)}) for line in lines]
-    if case_views is not None:
-        document["cases"] = [
-            plain(asdict(view) | {"spans": [asdict(span) | {"outcome": _outcome(span.outcome)} for span in view.spans]})
-            for view in case_views
-        ]
-    return document
-
-
-def _run(run: StoredRun) -> dict[str, Any]:
-    return vars(run) | {"engine": {name: getattr(run.engine, name) for name in ENGINE}}
-
-
-def _outcome(outcome: CaseOutcome) -> dict[str, Any]:
-    fields = [{name: getattr(field, name) for name in FIELD} for field in outcome.fields.values()]
-    return {name: getattr(outcome, name) for name in OUTCOME} | {"fields": fields}
 
 
 def _show_runs(lines: Sequence[RunLine], every: int, more: str) -> None:
@@ -197,7 +138,8 @@ def _show_runs(lines: Sequence[RunLine], every: int, more: str) -> None:
 
 
 def _show_case(view: CaseView, only: Only | None) -> None:
-    from lammps_cases.report.history.draw import spark
+    from lammps_cases.report.history import change_lines
+    from lammps_cases.report.history.views import spark
 
     errors = spark([span.outcome.worst for span in view.spans], logarithmic=True)
     times = spark([span.lammps.median for span in view.spans])
@@ -217,31 +159,12 @@ def _show_case(view: CaseView, only: Only | None) -> None:
         columns["reference s"] = [_seconds(span.reference) for span in view.spans]
     least = ("date", "runs", "reference s", "LAMMPS s", "worst field")
     shared.table(list(columns), list(zip(*columns.values(), strict=True)), drop=[c for c in least if c in columns])
-    for text in _changes(view):
+    for text in change_lines(view):
         click.echo(text)
 
 
-def _changes(view: CaseView) -> list[str]:
-    """Return a line for every engine that changed a case."""
-    from lammps_cases.report.history.page import findings, steps
-
-    lines: list[str] = []
-    for step in steps([view]):
-        changes = step.cases[view.case]
-        parts = [f"{c.was} to {c.now}" for c in changes if c.kind == "verdict" and not c.field]
-        parts += [f"finding {was or 'none'} to {now or 'none'}" for was, now in findings(changes)]
-        bits = [c.field for c in changes if c.kind == "bits"]
-        parts += [f"different bits of {', '.join(bits)}"] if bits else []
-        fields = [c.field for c in changes if c.kind == "verdict" and c.field]
-        parts += [f"verdict of {', '.join(fields)}"] if fields else []
-        judge = " (judged by another eos-ref)" if changes[0].other_judge else ""
-        when = "then" if lines else "first"
-        lines.append(f"{when} changed in {step.engine}, from {step.before}: {'; '.join(parts)}{judge}")
-    return lines or ["the same on every engine" if len(view.times) > 1 else "run on one engine"]
-
-
 def _show_cases(case_views: Sequence[CaseView], labels: Sequence[str], only: Only | None) -> None:
-    from lammps_cases.report.history.draw import spark
+    from lammps_cases.report.history.views import spark
 
     rows = []
     for view in case_views:

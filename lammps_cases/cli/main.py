@@ -29,8 +29,8 @@ FIRST = {
         "report": ("run", "Render the report of a finished run again."),
         "compare": ("versions", "Compare two engines, two runs, or a run and a baseline, field by field."),
         "accept": ("versions", "Accept a run as the baseline of its engine, with a reason."),
-        "chart": ("chart", "Chart speed against accuracy: LAMMPS, the reference, other methods."),
-        "doctor": ("doctor", "Say what is installed, what works, and how to fix what does not."),
+        "chart": ("studies", "Chart speed against accuracy: LAMMPS, the reference, other methods."),
+        "doctor": ("tools", "Say what is installed, what works, and how to fix what does not."),
     }
 }
 DEV = {
@@ -56,12 +56,11 @@ DEV = {
         "bench": ("tools", "Measure speed relative to peers, as ratios."),
         "kit": ("tools", "Write the files that run this in a CI service, or in shards on a cluster."),
         "completion": (
-            "completion",
+            "commands",
             "Print the script that lets the shell complete cases, tags, findings and engines.",
         ),
     },
 }
-HELP = {"help_option_names": ["-h", "--help"]}
 COMMANDS = {name: at for page in (FIRST, DEV) for commands in page.values() for name, at in commands.items()}
 EARLIER = {"ledger": "findings"}  # earlier names, which go on working
 PIPE_CLOSED = 141  # exit code, as shells have it of SIGPIPE

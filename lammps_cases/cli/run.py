@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -12,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import CLUSTER, LAUNCHER, MEMORY, Json, Report, Run
+from lammps_cases.cli.commands import CLUSTER, LAUNCHER, MEMORY, Json, Report, Run, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import Files, RunOptions, Tag, paths
@@ -67,7 +65,7 @@ def run_command(
         from lammps_cases.engine import installations
         from lammps_cases.records import folders
         from lammps_cases.records.wording import counted
-        from lammps_cases.run import campaign, provenance, shards
+        from lammps_cases.run import campaign, provenance, report_files, shards
         from lammps_cases.scene import casefile
 
         every = casefile.load(options.paths, None if names or baseline else tag)
@@ -90,18 +88,17 @@ def run_command(
             store = open_store(options.fresh)
             asked = campaign.Request(provenance.command_line(), options.level, part, options.allow)
             run = campaign.run_cases(chosen, resolved, options.processes, folder, asked, bar, store, resume)
-        changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
+        changes: Iterable[str] = ()
+        if baseline is not None and not run.failed:
+            found = accepted.check(run, folder, baseline, {case.name for case in every})
+            past = report_files.past_of(run) if found.faults else None
+            changes = shared.compared(run, folder, found, as_json, f"eos-ref accept {folder}", past)
     if not as_json:
-        _show(_notes([case for case in chosen if not case.shipped], run), shared.stages(run) if profile else ())
+        for note in _notes([case for case in chosen if not case.shipped], run):
+            shared.show(note, "  ", fg="yellow")
+        for line in shared.stages(run) if profile else ():
+            click.echo(line)
     return shared.finish(run, folder, as_json, changes)
-
-
-def _show(notes: Iterable[str], stages: Iterable[str]) -> None:
-    """Print notes in yellow, and where the processor time went."""
-    for line in notes:
-        shared.show(line, "  ", fg="yellow")
-    for line in stages:
-        click.echo(line)
 
 
 def _notes(own: Sequence[Case], run: RunRecord) -> Iterator[str]:
@@ -116,24 +113,6 @@ def _notes(own: Sequence[Case], run: RunRecord) -> Iterator[str]:
     for mistakes, cases in unseen.items():
         if mistakes:
             yield f"note: {counted(cases, 'case')} cannot tell apart: {listed(mistakes)}"
-
-
-def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json: bool) -> Iterable[str]:
-    """Hold a run against what was accepted, unless the engine failed; return lines, and keep in the run what counts."""
-    from lammps_cases.report.annotations import announce_changes
-    from lammps_cases.run import report_files
-    from lammps_cases.versions import pairs
-    from lammps_cases.versions.baseline import check
-
-    if run.failed:
-        return ()
-    changes = check(run, out, baseline, cases)
-    run.changed = len(changes.faults)
-    if run.changed:
-        report_files.write_run(run, out, past=report_files.past_of(run))
-    if not as_json:
-        announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
-    return pairs.checked(changes, f"eos-ref accept {out}")
 
 
 @command()
@@ -155,16 +134,11 @@ def list_command(
     if names or tag:
         cases = casefile.select(cases, names, tag)
     if as_json:
-        click.echo(json.dumps({"cases": [_document(case) for case in cases]}, indent=1))
+        shared.show_document({"cases": [_document(case) for case in cases]})
         return 0
-    rows = [(c.name, ", ".join(c.tags), ", ".join(_laws(c)), c.scene.units) for c in cases]
+    rows = [(c.name, ", ".join(c.tags), ", ".join(shared.laws(c)), c.scene.units) for c in cases]
     shared.table(("case", "tags", "laws", "units"), rows, counted(len(cases), "case"), drop=("units", "laws", "tags"))
     return 0
-
-
-def _laws(case: Case) -> list[str]:
-    """Return the laws of a case, each once."""
-    return list(dict.fromkeys(law.style for law in case.scene.pressure))
 
 
 def _document(case: Case) -> dict[str, Any]:
@@ -177,7 +151,7 @@ def _document(case: Case) -> dict[str, Any]:
         "about": case.about,
         "file": str(case.source),
         "tags": list(case.tags),
-        "laws": _laws(case),
+        "laws": shared.laws(case),
         "units": scene.units,
         "dimension": scene.dimension,
         "atoms": len(atoms.build(case, None)),
@@ -219,13 +193,13 @@ def report_command(
         return 0
     if dashboard:
         from lammps_cases.records.files import write_atomically
-        from lammps_cases.report.dashboard import document
+        from lammps_cases.report import formats
         from lammps_cases.report.findings import outcome
 
         if _is_run(dashboard):
             raise InputError("--dashboard", "must not be the record of a run", where=str(dashboard))
         try:
-            write_atomically(dashboard, document(outcome(record)))
+            write_atomically(dashboard, formats.dashboard(outcome(record)))
         except OSError as error:
             raise InputError("--dashboard", f"cannot be written: {error.strerror}", where=str(dashboard)) from None
         click.echo(json.dumps({"dashboard": str(dashboard)}) if as_json else dashboard)

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from lammps_cases.records.headline import Headline
     from lammps_cases.records.run_record import RunRecord
     from lammps_cases.report.findings import Outcome
+    from lammps_cases.report.history import Past
+    from lammps_cases.scene.casefile import Case
+    from lammps_cases.versions.changes import Changes
 
 REPORTS = Path("reports")
 UNBROKEN = 10_000  # columns of a line in a file or a pipe
@@ -94,7 +97,6 @@ def page_folder(out: Path) -> None:
 
 
 def _remove_empty(made: Iterable[Path]) -> None:
-    """Remove folders in which there is nothing, the innermost first."""
     with contextlib.suppress(OSError):  # from the first on in which there is something
         for path in made:
             path.rmdir()
@@ -105,7 +107,7 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
     from lammps_cases.records.faults import part
     from lammps_cases.records.folders import is_part
     from lammps_cases.records.wording import lacks
-    from lammps_cases.report import bare
+    from lammps_cases.report import formats
     from lammps_cases.report.findings import outcome
 
     def judged() -> Outcome:
@@ -123,14 +125,34 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
         _details(run)
         selected = " (selected cases only: reports/latest is unchanged)" if is_part(directory) else ""
         click.echo(f"report: {directory / 'report.html'}{selected}")
-        part("output", run.faults, lambda: _close(of_run, directory) if of_run else say(bare.headline(run)), None)
+        part(
+            "output", run.faults, lambda: _close(of_run, directory) if of_run else say(formats.bare_headline(run)), None
+        )
         for line in lacks(run.faults):
             show(f"  {line}", "    ", fg="red")
     return run.exit_code(of_run.rejected if of_run else ())
 
 
+def compared(
+    run: RunRecord, folder: Path, changes: Changes, as_json: bool, accept: str, past: Past | None = None
+) -> Iterable[str]:
+    """Keep in a run how many changes against a baseline count, and tell the CI service; return lines.
+
+    ``accept`` is the command that accepts them, ``past`` what the report shows of earlier runs.
+    """
+    from lammps_cases.report.annotations import announce_changes
+    from lammps_cases.run import report_files
+    from lammps_cases.versions import pairs
+
+    run.changed = len(changes.faults)
+    if run.changed:
+        report_files.write_run(run, folder, past=past)
+    if not as_json:
+        announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
+    return pairs.checked(changes, accept)
+
+
 def _close(of_run: Outcome, directory: Path) -> None:
-    """Print the headline of a run, and what to do next; tell the CI service."""
     from lammps_cases.report.annotations import announce
 
     announce(of_run, directory, os.environ)
@@ -155,6 +177,16 @@ def _answer(of_run: Outcome) -> dict[str, Any]:
     if of_run.of_decks:
         answer["statements"] = {case.case: list(map(str, statements(case))) for case in of_run.run.cases}
     return answer
+
+
+def show_document(content: object) -> None:
+    """Print the one document of --json."""
+    click.echo(json.dumps(content, indent=1))
+
+
+def laws(case: Case) -> list[str]:
+    """Return the laws of a case, each once."""
+    return list(dict.fromkeys(law.style for law in case.scene.pressure))
 
 
 def say(headline: Headline) -> None:

@@ -1,25 +1,84 @@
-"""Studies beyond the cases: validate, stability, examples, inputs."""
+"""Studies beyond the cases: chart, validate, stability, examples, inputs."""
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import CLUSTER, LAUNCHER, Json, Processes, Resume
-from lammps_cases.cli.shared import page_folder
+from lammps_cases.cli.commands import CLUSTER, LAUNCHER, Engines, Json, Processes, Resume, cluster, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import EngineName, processes
 
 if TYPE_CHECKING:
     from lammps_cases.versions.inputs.table import InputTable
+
+SectionName = Literal["laws", "kernels", "timestep", "flows", "codes"]
+
+
+@command(LAUNCHER, cluster("search the worst errors of the laws; everything timed runs on this machine"))
+def chart_command(
+    sections: Annotated[tuple[SectionName, ...], Positional()] = (),
+    quick: Annotated[bool, Option("Fewer methods, regimes and resolutions: a minute or two.")] = False,
+    out: Annotated[Path, Option("Folder of the chart.")] = Path("reports/chart"),
+    engines: Engines = (),
+    pysph: Annotated[
+        str | None, Option("A Python with PySPH: one more of the complete codes.", metavar="PYTHON")
+    ] = None,
+    save_costs: Annotated[bool, Option('Save the laws\' times as those used by method="auto".')] = False,
+    resume: Resume = True,
+    as_json: Json = False,
+) -> int:
+    """Measure how accurate and how fast LAMMPS, the reference and its alternative methods are, and draw it.
+
+    SECTIONS: laws, kernels, timestep, flows, codes; all by default. Writes report.html, chart.json,
+    points.csv, convergence.csv and figures/ as SVG and PNG; an interrupted chart is resumed, section by section. For
+    several engines the figures overlay the frontiers; each but the first has its own chart in a subfolder.
+
+    \b
+    Example:  eos-ref chart --quick
+              eos-ref chart laws flows --out reports/chart
+              eos-ref chart codes --pysph ~/pysph/bin/python
+              eos-ref chart kernels --engine env --engine path:~/lammps/build
+    """
+    from eos_ref.errors import InputError
+    from lammps_cases.run.provenance import command_line
+    from lammps_cases.studies.chart import codes, collect, page, record
+
+    if pysph and sections and "codes" not in sections:
+        raise InputError("--pysph", "must come with the section codes", pysph)
+    shared.page_folder(out)
+    with record.sections(out).resumed(resume), Bar(quiet=as_json) as bar:
+        first, *others = engines or ("env",)
+        chart = collect.collect(sections, quick, out, command_line(), bar, first, pysph)
+        charts = [collect.beside(engine, sections, quick, out, resume, bar) for engine in others]
+        if charts:
+            page.write(chart, out, charts)
+        if save_costs:
+            from lammps_cases.studies.chart import costs
+
+            costs.save(bar)
+    if as_json:
+        shared.show_document(record.points_document(chart))
+        return 0
+    for section in chart.sections:
+        best = sum(not p.dominated_by for panel in section.panels for p in panel.points)
+        total = sum(len(panel.points) for panel in section.panels)
+        flows = f", {len({run.flow for run in section.flows})} flows" if section.flows else ""
+        if section.codes:
+            for row in codes.rows(section.codes):
+                click.echo("{:16s} {:8s} {:12s} N {:>3s} {:>6s} particles {:>6s} steps {:>8s} s  {}".format(*row))
+        else:
+            click.echo(f"{section.title:28s} {total:4d} points, {best} on a frontier{flows} ({section.seconds:.0f} s)")
+    if words := codes.without(chart):
+        click.echo(words)
+    click.echo(f"report: {out / 'report.html'}")
+    return 0
 
 
 @command(LAUNCHER)
@@ -42,8 +101,6 @@ def validate_command(
 
     Exit codes: 0, also where LAMMPS lost atoms, which page and table say; 2 for bad input, 3 without a LAMMPS.
     """
-    import json
-
     from eos_ref.errors import InputError, nearest
     from lammps_cases.run.provenance import command_line
     from lammps_cases.studies.flows import record, run
@@ -54,17 +111,17 @@ def validate_command(
             raise InputError("flow", f"must be one of {', '.join(VALIDATIONS)}{nearest(name, VALIDATIONS)}", name)
     short = [name for name, of in VALIDATIONS.items() if of.quick or not quick]
     chosen = [VALIDATIONS[name] for name in dict.fromkeys(names or short)]
-    page_folder(out)
+    shared.page_folder(out)
     with record.runs(out).resumed(resume), Bar(quiet=as_json) as bar:
         validated = run.validate(chosen, out, command_line(), quick=quick, engine=engine, progress=bar)
     if as_json:
-        click.echo(json.dumps(record.DOCUMENT.plain(validated), indent=1))
+        shared.show_document(record.DOCUMENT.plain(validated))
     else:
-        _show(validated, out)
+        _show_flows(validated, out)
     return 0
 
 
-def _show(validated: Any, out: Path) -> None:
+def _show_flows(validated: Any, out: Path) -> None:
     from lammps_cases.studies.flows.catalogue import VALIDATIONS
     from lammps_cases.studies.flows.page import stopped
     from lammps_cases.studies.flows.record import LAMMPS, REFERENCE
@@ -145,7 +202,7 @@ def stability_command(
         limits.save(limits.measured(edges, by_id, measured.engine.get("distribution", "")))
     unexplained = maps.unexplained(measured.disagreements)
     if as_json:
-        click.echo(json.dumps(record.document(measured), indent=1))
+        shared.show_document(record.document(measured))
     else:
         _show_stability(measured, len(unexplained), out)
     return int(bool(unexplained))
@@ -162,7 +219,6 @@ def _show_stability(atlas: Any, unexplained: int, out: Path) -> None:
 
 
 def _one_cell(name: str, out: Path, site: str | None, as_json: bool) -> int:
-    """Run a cell on both engines."""
     from lammps_cases.engine.workers import Workers
     from lammps_cases.studies.stability import maps, page, probe
     from lammps_cases.studies.stability.model import MapCell
@@ -182,7 +238,7 @@ def _one_cell(name: str, out: Path, site: str | None, as_json: bool) -> int:
 
         document: dict[str, Any] = {"cell": cell.name, "deck": path}
         document |= {side: asdict(outcome) for side, outcome in ends.items()}
-        click.echo(json.dumps(plain(document), indent=1))
+        shared.show_document(plain(document))
         return int(differ)
     click.secho(f"{of.title}: {of.x.name} = {cell.x:.6g}, {of.y.name} = {cell.y:.6g} {cell.layer}".rstrip(), bold=True)
     for side, o in ends.items():
@@ -228,7 +284,7 @@ def examples_command(
         )
         examples.write(made, out)
     if as_json:
-        click.echo(json.dumps(examples.DOCUMENT.plain(made), indent=1))
+        shared.show_document(examples.DOCUMENT.plain(made))
         return examples.of_outcome(made).exit_code
     for line in examples.lines(made):
         click.echo(line)
@@ -277,7 +333,7 @@ def inputs_command(
         measured = table.measure(chosen, installations.resolve(engine).site, processes(jobs), command_line(), bar)
     table.write(measured, out)
     if as_json:
-        click.echo(json.dumps(table.DOCUMENT.plain(measured), indent=1))
+        shared.show_document(table.DOCUMENT.plain(measured))
     else:
         _show_inputs(measured, out)
         for old, new in table.changes(before.rows, measured.rows) if before else ():

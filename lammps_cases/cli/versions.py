@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.cli.commands import command
-from lammps_cases.cli.options import ACCEPTED, LAUNCHER, Baselines, Deck, Json, Run
+from lammps_cases.cli.commands import ACCEPTED, LAUNCHER, Baselines, Deck, Json, Run, command
 from lammps_cases.records.options import Option, Positional
 from lammps_cases.records.progress import Bar
 from lammps_cases.run.options import CaseOptions, CompareOptions, Jobs, processes
@@ -59,7 +58,7 @@ def compare_command(
         how = _on_decks(deck, how, cases, options)
         comparison = compare_into(out, side_names, cases, options, how, timing=not no_timing and deck is None)
     if as_json:
-        click.echo(json.dumps(pairs.document(comparison), indent=1))
+        shared.show_document(pairs.document(comparison))
     else:
         _show(comparison)
         click.echo(f"report: {out / 'compare.html'}")
@@ -205,7 +204,7 @@ def accept_command(
             "dropped": list(accepted.dropped),
             "fields": [pairs.row(change) for change in changes.faults] if changes else [],
         }
-        click.echo(json.dumps(document, indent=1))
+        shared.show_document(document)
         return 0
     if changes is None:
         click.echo(f"first baseline of this engine: {accepted.cases} cases")

@@ -1,4 +1,4 @@
-"""What CI services show beside the code: GitHub's workflow commands and job summary, GitLab's code quality.
+"""What CI services show next to the code: GitHub's workflow commands and job summary, GitLab's code quality.
 
 The functions are pure but for `announce`, which writes where the service that runs this job says.
 """
@@ -22,6 +22,7 @@ from lammps_cases.records.headline import LOOKS
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.yaml_files import LARGEST
 from lammps_cases.report.findings import Outcome
+from lammps_cases.report.markdown import summary
 from lammps_cases.scene.casefile import SHIPPED
 
 MOST = 10  # annotations of one level that GitHub shows of a step; it drops the rest without a word
@@ -60,7 +61,6 @@ def case_lines(path: Path) -> dict[str, int]:
 
 
 def _children(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:
-    """Return key and value nodes of a mapping, by the key's text."""
     pairs = node.value if isinstance(node, yaml.MappingNode) else []
     return {str(key.value): (key, value) for key, value in pairs}
 
@@ -123,11 +123,12 @@ def workflow_commands(of_run: Outcome, root: Path) -> list[str]:
     cases, headline = of_run.unaccepted, of_run.headline
     words = f"{headline.sentence}\n{wording.engine(of_run.run.engine)}"
     lines = [command(headline.look.level, words, {"title": f"eos-ref: {headline.state}"})]
-    room = MOST - 1  # beside the headline
+    room = MOST - 1  # with the headline
     for case in cases[: room if len(cases) <= room else room - 1]:
         at = place(case, root)
         where = {"file": at[0], "line": str(at[1])} if at else {}
-        lines.append(command("error", _message(of_run, case), {**where, "title": f"{wording.kind(case)}: {case.case}"}))
+        words = "\n".join(filter(None, (of_run.sentence(case), case.reproduce)))
+        lines.append(command("error", words, {**where, "title": f"{wording.kind(case)}: {case.case}"}))
     if len(cases) > room:
         rest = f"{len(cases) - room + 1} more cases are not as expected: see the job summary"
         lines.append(command("error", rest, {"title": "eos-ref"}))
@@ -145,13 +146,8 @@ def _escaped(text: str, of_property: bool = False) -> str:
     return "".join(characters.get(c, c) for c in text)
 
 
-def _message(of_run: Outcome, case: CaseRecord) -> str:
-    """Say why a case is not as expected, and how to reproduce it."""
-    return "\n".join(filter(None, (of_run.sentence(case), case.reproduce)))
-
-
 def fitted(summary: str, taken: int, limit: int = SUMMARY_LIMIT) -> str:
-    """Keep as many whole lines of a summary as fit beside ``taken`` bytes, and a word on what was left out."""
+    """Keep as many whole lines of a summary as fit with ``taken`` bytes, and a word on what was left out."""
     room = limit - taken
     if len(summary.encode()) <= room:
         return summary
@@ -223,8 +219,6 @@ def _say(lines: Iterable[str]) -> None:
 
 
 def _summary(of_run: Outcome, directory: Path) -> str:
-    from lammps_cases.report.markdown import summary
-
     written = directory / "summary.md"
     return written.read_text(encoding="utf-8") if written.is_file() else summary(of_run)
 

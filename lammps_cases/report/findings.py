@@ -1,4 +1,7 @@
-"""Which findings of the ledger a run shows, and what the run is by them: headline, exit code, accepted or not."""
+"""Which findings of the ledger a run shows, and what the run is by them: headline, exit code, accepted or not.
+
+And the particle model on one table: each field at each step, over all cases of a run.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +9,19 @@ import math
 import shlex
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
 from lammps_cases.findings import KNOWN, LEDGER, Finding, accepted_cases, severities
 from lammps_cases.findings.engines import nearest
 from lammps_cases.records import deck_wording, wording
+from lammps_cases.records.case_parts import StepRecord, Verdict
 from lammps_cases.records.headline import Headline, headline, how_severe, of_decks
 from lammps_cases.records.levels import SEVERITIES, Severity, fails
 from lammps_cases.records.run_record import CarriedOver, CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
+from lammps_cases.scene.fields import FIELDS, in_step_order
 
 Status = Literal["seen", "unseen", "absent"]
 STATUSES: tuple[Status, ...] = ("seen", "unseen", "absent")
@@ -72,9 +77,6 @@ class Outcome:
         each = [deck_wording.severity(case, finding) for case in self.run.cases if finding in case.findings]
         return min(each, key=SEVERITIES.index, default="high")
 
-    def _severity_and_change(self, finding: str) -> tuple[int, float]:
-        return SEVERITIES.index(self._severity(finding)), -self.change(finding)
-
     @cached_property
     def shown(self) -> list[RunFinding]:
         """The findings that the run shows: new ones, then the most severe; of equal severity those of most cases."""
@@ -105,12 +107,14 @@ class Outcome:
         named = [finding.entry.id for finding in self.findings if finding.status == "seen"]
         named += [finding for case in self.run.cases for finding in case.findings]
         if self.of_decks:
-            return {name: self._severity(name) for name in sorted(named, key=self._severity_and_change)}
+            levels = {name: self._severity(name) for name in named}
+            order = sorted(levels, key=lambda name: (SEVERITIES.index(levels[name]), -self.change(name)))
+            return {name: levels[name] for name in order}
         return severities(named, [f.entry for f in self.findings])
 
     @cached_property
     def rejected(self) -> frozenset[str]:
-        """The findings that fail the run, by what it was told."""
+        """The findings that fail the run, by its options."""
         if self.of_decks:
             return frozenset(name for case in self.run.cases for name in self._rejected_of(case))
         failing = (name for name, severity in self.known.items() if fails(severity, self.run.fail_on))
@@ -226,7 +230,7 @@ def of_run(run: RunRecord, ledger: Sequence[Finding]) -> list[RunFinding]:
     return sorted(shown, key=lambda f: (SEVERITIES.index(f.entry.severity), STATUSES.index(f.status)))
 
 
-def carried_over(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> CarriedOver | None:
+def compare_with_ledger(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> CarriedOver | None:
     """Return what a run says of the ledger; None on a known engine that shows what it showed when it was taken in."""
     engine = run.engine.distribution
     if not engine:
@@ -270,3 +274,102 @@ def _finding(
 def _tells(case: CaseRecord) -> bool:
     """Return whether a case without a finding says that LAMMPS does not have it: not what was not judged, or is red."""
     return case.as_expected and case.verdict != "skipped"
+
+
+@dataclass
+class WorstCase:
+    """Number of cases with some verdict, the largest difference/bound among them and whose it is."""
+
+    cases: int = 0
+    ratio: float | None = None
+    case: str = ""
+
+    def add(self, case: str, ratio: float) -> None:
+        """Count one case."""
+        self.cases += 1
+        if wording.size(ratio) > wording.size(self.ratio):
+            self.ratio, self.case = ratio, case
+
+
+@dataclass
+class AgreementCell:
+    """A field at a step: cases with the same bits, inside the bound, explained, and outside it."""
+
+    exact: WorstCase = field(default_factory=WorstCase)
+    inside: WorstCase = field(default_factory=WorstCase)
+    explained: WorstCase = field(default_factory=WorstCase)
+    outside: WorstCase = field(default_factory=WorstCase)
+
+    def add(self, case: str, at: StepRecord) -> None:
+        """Count a case by its verdict."""
+        kinds = {"exact": self.exact, "pass": self.inside, "explained": self.explained}
+        kinds.get(at.verdict, self.outside).add(case, at.max_over_bound)
+
+    @property
+    def cases(self) -> int:
+        """Number of cases that compare the field at the step."""
+        return self.agree + self.explained.cases + self.outside.cases
+
+    @property
+    def agree(self) -> int:
+        """Number of cases inside the bound, the same bits included."""
+        return self.exact.cases + self.inside.cases
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst verdict of the cases."""
+        if self.outside.cases:
+            return "differs"
+        return "explained" if self.explained.cases else "pass" if self.inside.cases else "exact"
+
+
+@dataclass(frozen=True)
+class AgreementRow:
+    """A field with the stage of a step that it comes from."""
+
+    field: str
+    stage: str
+    cells: list[AgreementCell | None]
+
+    @property
+    def exact(self) -> bool:
+        """Return whether all cases have the same bits at all steps."""
+        return all(cell is None or cell.verdict == "exact" for cell in self.cells)
+
+
+@dataclass(frozen=True)
+class Matrix:
+    """Fields against steps."""
+
+    title: str
+    twins: bool
+    cases: int
+    steps: list[int]
+    rows: list[AgreementRow]
+    explained: list[str]
+
+
+def matrices(run: RunRecord) -> list[Matrix]:
+    """Return LAMMPS against the reference and, where a run has such cases, against itself; empty without the model."""
+    stepped = [case for case in run.cases if any(record.steps for record in case.fields)]
+    kinds = {
+        "LAMMPS against the reference": [case for case in stepped if not case.twin],
+        "LAMMPS against itself": [case for case in stepped if case.twin],
+    }
+    return [matrix(title, cases) for title, cases in kinds.items() if cases]
+
+
+def matrix(title: str, cases: Sequence[CaseRecord]) -> Matrix:
+    """Collect all fields that are compared at steps, in the order of a step."""
+    cells: dict[str, dict[int, AgreementCell]] = {}
+    for case in cases:
+        for record in case.fields:
+            for at in record.steps:
+                cells.setdefault(record.field, {}).setdefault(at.step, AgreementCell()).add(case.case, at)
+    steps = sorted({step for of_field in cells.values() for step in of_field})
+    rows = [
+        AgreementRow(name, FIELDS[name].stage if name in FIELDS else "", [cells[name].get(step) for step in steps])
+        for name in in_step_order(cells)
+    ]
+    explained = dict.fromkeys(entry for case in cases for entry in case.findings)
+    return Matrix(title, bool(cases[0].twin), len(cases), steps, rows, sorted(explained))

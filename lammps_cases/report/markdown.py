@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
 from lammps_cases.records import wording
 from lammps_cases.records.faults import part
 from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
-from lammps_cases.report import agreement
+from lammps_cases.report import findings
 from lammps_cases.report.findings import Outcome, RunFinding
 from lammps_cases.report.statements import statements
 
@@ -30,7 +30,12 @@ def summary(of_run: Outcome) -> str:
         _carried(run),
         "\n".join(f"> **Note:** {text(note)}" for note in [*wording.lacks(run.faults), *wording.notes(run)]),
         "" if of_run.of_decks else _unseen(of_run.findings),
-        *part("agreement in summary.md", run.faults, lambda: [*_agreements(run)], []),
+        *part(
+            "agreement in summary.md",
+            run.faults,
+            lambda: [_twins(m) if m.twins else _agreement(m) for m in findings.matrices(run)],
+            [],
+        ),
         _slowest(run),
         _worst_conditioned(run),
         _provenance(run),
@@ -84,7 +89,6 @@ def _failure(case: CaseRecord) -> Sequence[str]:
 
 
 def _known(of_run: Outcome) -> str:
-    """Return one line per finding that the run shows."""
     rows = [
         (
             of_run.known[f.entry.id],
@@ -100,13 +104,11 @@ def _known(of_run: Outcome) -> str:
 
 
 def _statements(case: CaseRecord) -> str:
-    """List what is said of an audited deck."""
     lines = [f"* {text(str(line))}" for line in statements(case)]
     return f"### {text(case.case)}\n\n" + "\n".join(lines) if lines else ""
 
 
 def _unseen(of_run: Sequence[RunFinding]) -> str:
-    """Return one line per finding that the run could have shown, and does not."""
     rows = [(f.entry.severity, code(f.entry.id), text(f.entry.title), len(f.unseen)) for f in of_run if f.unseen]
     absent = sum(f.status == "absent" for f in of_run)
     rest = f"{counted(absent, 'finding')} of the ledger not applicable in this run." if absent else ""
@@ -114,12 +116,7 @@ def _unseen(of_run: Sequence[RunFinding]) -> str:
     return "\n\n".join(filter(None, [f"### Not seen where they apply\n\n{table(head, rows)}" if rows else "", rest]))
 
 
-def _agreements(run: RunRecord) -> Iterator[str]:
-    for matrix in agreement.matrices(run):
-        yield _twins(matrix) if matrix.twins else _agreement(matrix)
-
-
-def _agreement(matrix: agreement.Matrix) -> str:
+def _agreement(matrix: findings.Matrix) -> str:
     """Tabulate fields against steps: cases inside the bound with the largest difference/bound, then those outside."""
     rows = [(text(row.field), *map(_cell, row.cells)) for row in matrix.rows if not row.exact]
     same = [row.field for row in matrix.rows if row.exact]
@@ -132,7 +129,7 @@ def _agreement(matrix: agreement.Matrix) -> str:
     return "\n\n".join(block for block in blocks if block)
 
 
-def _twins(matrix: agreement.Matrix) -> str:
+def _twins(matrix: findings.Matrix) -> str:
     cells = [cell for row in matrix.rows for cell in row.cells if cell is not None]
     exact, inside, explained, outside = (
         sum(of.cases for of in column)
@@ -144,7 +141,7 @@ def _twins(matrix: agreement.Matrix) -> str:
     return f"{matrix.title} ({counted(matrix.cases, 'case')}), fields at steps: {counts}."
 
 
-def _cell(cell: agreement.AgreementCell | None) -> str:
+def _cell(cell: findings.AgreementCell | None) -> str:
     if cell is None:
         return ""
     words = [f"{cell.agree} ({wording.brief(cell.inside.ratio) or 0})"] if cell.agree else []

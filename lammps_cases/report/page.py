@@ -1,34 +1,41 @@
-"""``report.html``: one page that opens offline, with everything inside."""
+"""``report.html``: one page that opens offline, with everything inside, and the data that it draws each case from."""
 
 from __future__ import annotations
 
 import importlib.util
 import itertools
+import json
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import jinja2
+import numpy as np
+import numpy.typing as npt
 from markupsafe import Markup
 
+from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
+from lammps_cases.comparison.compare import excess, worst_component
 from lammps_cases.records import case_wording, deck_wording, wording
 from lammps_cases.records.case_parts import CheckRecord, FieldRecord, StepRecord
 from lammps_cases.records.faults import MissingPart, part
 from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.run_record import CaseRecord, RunRecord
-from lammps_cases.report import agreement, plots
-from lammps_cases.report.drawn import Drawn, drawn_from
+from lammps_cases.report import findings, plots
 from lammps_cases.report.findings import Outcome
-from lammps_cases.report.history.draw import RunMark
-from lammps_cases.report.history.reported import Past
+from lammps_cases.report.history import Past
+from lammps_cases.report.history.views import RunMark
 from lammps_cases.report.pages import frame
-from lammps_cases.report.pages.packed import packed, packed_once
+from lammps_cases.report.pages.frame import packed, packed_once
 from lammps_cases.report.statements import SUBJECTS, statements
 from lammps_cases.scene.changes import catalogue
+from lammps_cases.verdict.case_arrays import SIDES, read
 
 ASSETS = Path(__file__).parent / "assets"
 HISTORY_CSS = Path(__file__).parent / "history" / "assets" / "history.css"
@@ -36,6 +43,90 @@ ROWS = 200  # checks of an audit listed per case
 LISTED = 1000  # cases that the page lists: a browser opens twice as many in two seconds
 PICTURES = "pictures"  # what a case lacks
 WHOLE = 100  # cases of a run whose fields are all drawn at all steps
+
+
+@dataclass(frozen=True)
+class WorstAtom:
+    """Exact numbers of the worst atom of a field."""
+
+    field: str
+    values: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The data that the page draws a case from, as JSON; the fields in it; exact numbers of worst atoms.
+
+    ``more``: the other steps of fields but that in which a difference enters, whose steps are in the data.
+    """
+
+    data: Markup | None = None
+    more: Markup | None = None
+    fields: tuple[str, ...] = ()
+    worst: tuple[WorstAtom, ...] = ()
+
+
+def plot_data(case: CaseRecord, arrays: plots.Arrays, further: plots.Arrays = MappingProxyType({})) -> Drawn:
+    """Return the data drawn from the arrays of a case, which may be empty, and from its file ``CASE@page.npz``."""
+    # A case without fields was not compared in this run: a file of its name is left over from an earlier one.
+    at_hand = bool(case.fields) and "id" in arrays and bool(arrays["id"].size)
+    reduced = one_per_atom({name: np.asarray(arrays[name]) for name in sorted(arrays)}) if at_hand else None
+    differences = {} if reduced is None else plots.differences(reduced)
+    data, more = plots.payload(case, reduced, differences, further)
+    fields = tuple((data or {}).get("fields", ()))
+    # Of the model only the field in which a difference enters: it has a dozen.
+    stepped = any(record.steps for record in case.fields)
+    if stepped:
+        exact_numbers = [name for name in fields if name == (data or {})["first"]]
+    else:
+        exact_numbers = [name for name, (difference_n, _) in differences.items() if difference_n.any()]
+    return Drawn(
+        None if data is None else embedded(data),
+        embedded(more) if more else None,
+        fields,
+        tuple(_worst(case, reduced, name, *differences[name]) for name in exact_numbers) if reduced else (),
+    )
+
+
+def plot_data_of(case: CaseRecord, fields: Path, every_step: bool = True) -> Drawn:
+    """Return what is shown of the arrays of a case in the folder ``fields``, at the worst step of a field or at all."""
+    own, further = read(fields, case.case) if case.fields else ({}, {})
+    shown = further if every_step else {name: values for name, values in further.items() if name.startswith("@pairs ")}
+    return plot_data(case, own, shown)
+
+
+def one_per_atom(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+    """Reduce compared vectors and tensors, shape (n, ...), to their component closest to its bound, shape (n,)."""
+    reduced = dict(arrays)
+    for name in arrays:
+        field, _, side = name.rpartition(".")
+        sides = [f"{field}.{of}" for of in SIDES]
+        if side != "lammps" or arrays[name].ndim == 1 or not all(of in arrays for of in sides):
+            continue
+        lammps_n, reference_n, bound_n = (np.asarray(arrays[of], float) for of in sides)
+        ratio_n = excess(lammps_n, reference_n, bound_n)[1]
+        for of, values_n in zip(sides, (lammps_n, reference_n, bound_n), strict=True):
+            reduced[of] = worst_component(values_n, ratio_n)
+    return reduced
+
+
+def embedded(data: Any) -> Markup:
+    """Return JSON that cannot end the script element it stands in, nor open a comment there."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+
+def _worst(
+    case: CaseRecord, arrays: plots.Arrays, field: str, difference_n: FloatArray, ratio_n: FloatArray
+) -> WorstAtom:
+    at = int(np.argmax(ratio_n))
+    names = ("id", "type", "rho", "e", f"{field}.lammps", f"{field}.reference", f"{field}.bound")
+    values = {name.removeprefix(f"{field}."): repr(arrays[name][at].item()) for name in names if name in arrays}
+    values |= {"difference": repr(difference_n[at].item()), "difference/bound": repr(ratio_n[at].item())}
+    delta_n = plots.offsets(case, arrays["type"][at : at + 1], np.asarray(arrays["rho"][at : at + 1], float))
+    values |= {"(rho - rho0)/rho0": repr(delta_n[0].item())}
+    values["position"] = ", ".join(repr(float(c)) for c in arrays["x"][at])
+    return WorstAtom(field, values)
 
 
 @dataclass(frozen=True)
@@ -153,7 +244,7 @@ class RunPage:
     ) -> None:
         self.of_run, self.history = of_run, history
         run = of_run.run
-        self.matrices = part("agreement", run.faults, lambda: agreement.matrices(run), [])
+        self.matrices = part("agreement", run.faults, lambda: findings.matrices(run), [])
         self.claims = part("claims", run.faults, lambda: verdicts.summary(run), None)
         cases = listed(of_run, _named(self.matrices, self.claims))
         self.entries = [CaseEntry(case, of_run.accepted(case)) for case in cases]
@@ -233,7 +324,7 @@ def listed(of_run: Outcome, named: Collection[str] = ()) -> list[CaseRecord]:
     return [case for case in cases if case.case in first]
 
 
-def _named(matrices: Sequence[agreement.Matrix], claims: verdicts.Summary | None) -> set[str]:
+def _named(matrices: Sequence[findings.Matrix], claims: verdicts.Summary | None) -> set[str]:
     """Return the cases that the page leads to from what it says of all of them."""
     cells = [cell for matrix in matrices for row in matrix.rows for cell in row.cells if cell is not None]
     worst = {extreme.case for cell in cells for extreme in (cell.inside, cell.explained, cell.outside)}
@@ -262,7 +353,7 @@ def _rows(case: CaseRecord, steps: list[int], drawn: Collection[str]) -> list[St
 
 
 def _article(entry: CaseEntry, family: Family) -> CaseArticle:
-    case, drawn = entry.record, drawn_from(entry.record, family.fields, family.whole or not entry.accepted)
+    case, drawn = entry.record, plot_data_of(entry.record, family.fields, family.whole or not entry.accepted)
     steps = sorted({at.step for record in case.fields for at in record.steps})
     return CaseArticle(
         record=case,

@@ -22,7 +22,7 @@ from eos_ref.eos.table import EOS, FloatArray
 from eos_ref.errors import InputError
 from lammps_cases.comparison.compare import excess
 from lammps_cases.records import wording
-from lammps_cases.records.case_parts import CheckRecord, FieldRecord, LawRecord
+from lammps_cases.records.case_parts import CheckRecord, FieldRecord
 from lammps_cases.records.run_record import CaseRecord
 
 Arrays = Mapping[str, npt.NDArray[Any]]
@@ -37,19 +37,19 @@ NEIGHBOURS = 40  # nearest ones listed of an atom
 
 
 def payload(
-    case: CaseRecord, arrays: Arrays | None, by_field: Differences, beside: Arrays = MappingProxyType({})
+    case: CaseRecord, arrays: Arrays | None, by_field: Differences, further: Arrays = MappingProxyType({})
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
     """Return what the page needs to draw a case, as JSON data, and more of it that a long page leaves out.
 
-    None if there is nothing to draw. ``beside`` are the arrays of other steps and of pairs.
+    None if there is nothing to draw. ``further`` are the arrays of other steps and of pairs.
     """
     data: dict[str, Any] = {}
     more: dict[str, Any] = {}
     if arrays is not None:
-        data, more = _atoms(case, arrays, by_field, beside)
+        data, more = _atoms(case, arrays, by_field, further)
         if first := more.pop(data.get("first", ""), None):
             data["fields"][data["first"]] |= first
-        data |= _pairs(beside)
+        data |= _pairs(further)
     if case.checks:
         data["checks"] = _checks(case.checks)
     return data or None, more
@@ -109,7 +109,7 @@ def offsets(case: CaseRecord, type_n: npt.NDArray[Any], rho_n: FloatArray) -> Fl
 
 
 def _atoms(
-    case: CaseRecord, arrays: Arrays, by_field: Differences, beside: Arrays
+    case: CaseRecord, arrays: Arrays, by_field: Differences, further: Arrays
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return what is drawn of the atoms of a case; nothing of a model case whose fields all have the same bits.
 
@@ -135,7 +135,7 @@ def _atoms(
         data |= _of_audit(case, arrays, fields, worst)
     if "e" in arrays:
         data["energy"] = _column((rho_n * arrays["e"])[picked])
-    return data, _other_steps(beside, fields, picked)
+    return data, _other_steps(further, fields, picked)
 
 
 def _drawn_fields(case: CaseRecord, by_field: Differences, always: list[str]) -> list[str]:
@@ -164,7 +164,7 @@ def _particles(case: CaseRecord, arrays: Arrays, picked: npt.NDArray[np.intp]) -
 
 
 def _of_model(case: CaseRecord, arrays: Arrays, fields: list[str], picked: npt.NDArray[np.intp]) -> dict[str, Any]:
-    """Return what a case of the particle model has besides: steps, the first field outside its bound, phases."""
+    """Return what a case of the particle model has in addition: steps, the first field outside its bound, phases."""
     data: dict[str, Any] = {
         "steps": {record.field: record.worst_step for record in case.fields if record.steps and record.field in fields},
         "other": "twin" if case.twin else "reference",
@@ -177,7 +177,7 @@ def _of_model(case: CaseRecord, arrays: Arrays, fields: list[str], picked: npt.N
 
 
 def _worst(case: CaseRecord, fields: Collection[str]) -> str:
-    """Return the field to blame, of those at hand: worst verdict, then largest ratio; pressure if all are the same."""
+    """Return the field to blame, of those drawn: worst verdict, then largest ratio; pressure if all are the same."""
     records = [record for record in case.fields if record.field in fields]
     first = sorted(records, key=lambda record: record.field != "pressure")
     return max(first, key=wording.how_bad).field if first else ""
@@ -231,22 +231,22 @@ def _field(arrays: Arrays, field: str, picked: npt.NDArray[np.intp], model: bool
     }
 
 
-def _other_steps(beside: Arrays, fields: list[str], picked: npt.NDArray[np.intp]) -> dict[str, Any]:
+def _other_steps(further: Arrays, fields: list[str], picked: npt.NDArray[np.intp]) -> dict[str, Any]:
     """Return the other steps of every field drawn, by field and step, of the atoms drawn."""
     others: dict[str, Any] = {}
-    for name in sorted(name for name in beside if " lammps " in name):
+    for name in sorted(name for name in further if " lammps " in name):
         step, field = name.removeprefix("@").split(" lammps ")
         if field in fields:
-            sides = {f"{field}.{side}": beside[f"@{step} {side} {field}"] for side in ("lammps", "reference", "bound")}
+            sides = {f"{field}.{side}": further[f"@{step} {side} {field}"] for side in ("lammps", "reference", "bound")}
             others.setdefault(field, {"at": {}})["at"][step] = _field(sides, field, picked, True)
     return others
 
 
-def _pairs(beside: Arrays) -> dict[str, Any]:
+def _pairs(further: Arrays) -> dict[str, Any]:
     """Return the nearest pairs of the atoms that are looked at, with what each adds, and the sums over all pairs."""
-    if "@pairs step" not in beside:
+    if "@pairs step" not in further:
         return {}
-    of = {name.removeprefix("@pairs "): values for name, values in beside.items() if name.startswith("@pairs ")}
+    of = {name.removeprefix("@pairs "): values for name, values in further.items() if name.startswith("@pairs ")}
     names, begin_k = of["names"].tolist(), np.cumsum(of["count"]) - of["count"]
     shown_k = np.minimum(of["count"], NEIGHBOURS)
     rows = np.concatenate([np.arange(a, a + n) for a, n in zip(begin_k, shown_k, strict=True)]).astype(int)
@@ -266,7 +266,6 @@ def _pairs(beside: Arrays) -> dict[str, Any]:
 
 
 def _same(of: Arrays, names: list[str], k: int) -> bool:
-    """Return whether pressure makes all of the force along an axis."""
     force = names.index(names[k].removeprefix("pressure_"))
     return bool(np.array_equal(of["pair"][:, k], of["pair"][:, force]))
 
@@ -280,16 +279,12 @@ def _curves(case: CaseRecord, arrays: Arrays) -> list[dict[str, Any]]:
         if not rho_n.size or (energy_n is None and LAWS[record.style].needs_energy):
             continue
         try:
-            law = _law(record)
+            law = EOS(cast(Style, record.style), record.rho0, record.cs, record.parameter, record.background)
         except InputError:  # a scene may test what LAMMPS makes of parameters outside the law's domain: no curve
             continue
         named = {"type": record.type, "style": record.style, "rho0": record.rho0}
         curves.append(named | _curve(law, rho_n, energy_n))
     return curves
-
-
-def _law(record: LawRecord) -> EOS:
-    return EOS(cast(Style, record.style), record.rho0, record.cs, record.parameter, record.background)
 
 
 def _curve(law: EOS, rho_n: FloatArray, energy_n: FloatArray | None) -> dict[str, Any]:

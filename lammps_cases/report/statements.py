@@ -1,19 +1,70 @@
-"""What an audit says of a deck beside the verdicts of its fields: the same statements in every output."""
+"""What an audit states about a deck in addition to the verdicts of its fields, the same in every output.
+
+Of a known bug: what it does to the deck, what is possible there against it and not yet done, and a version without it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+import re
+from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple, get_args
 
-from lammps_cases.findings import LEDGER
+from lammps_cases.findings import KNOWN, LEDGER, Finding
+from lammps_cases.findings.forces import FORCE_PER_VOLUME
+from lammps_cases.findings.thermal import HEAT_OVER_DENSITY
+from lammps_cases.findings.walls import WALL_VELOCITY_LOST
 from lammps_cases.records import case_wording, deck_wording
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.report.advice import advice
+from lammps_cases.records.wording import number
 from lammps_cases.scene.fields import FIELDS
 
+_VERSION = re.compile(r"\b20\d\d\.\d")  # a workaround that names versions itself
 Subject = Literal["state", "lost atoms", "stopped", "known bug", "warning", "stability", "not checked"]
 SUBJECTS: tuple[Subject, ...] = get_args(Subject)  # what matters most first
 NEVER = {name: field.unaudited for name, field in FIELDS.items() if field.unaudited}  # and why
+
+
+def advice(finding: Finding, case: CaseRecord) -> str:
+    """Return what to do about a finding on a deck, and the last version of LAMMPS without it; empty if nothing."""
+    to_do = _OF_DECK[finding.id](finding, case) if finding.id in _OF_DECK else finding.workaround
+    last = next((engine for engine in reversed(KNOWN) if engine not in finding.engines), "")
+    names_versions = _VERSION.search(to_do) is not None
+    without = f"LAMMPS {last} does not have this bug." if last and finding.engines and not names_versions else ""
+    return " ".join(filter(None, (to_do, without)))
+
+
+def _unit_volumes(finding: Finding, case: CaseRecord) -> str:
+    """Name the volumes that are not 1: if all are, there is nothing left to choose."""
+    known = [(law.type, law.mass / law.rho0) for law in case.laws if law.mass and law.style != "ideal/gas"]
+    if not known or len(known) < len(case.laws):
+        return finding.workaround
+    off: dict[str, list[str]] = {}
+    for t, volume in known:
+        if not math.isclose(volume, 1, rel_tol=1e-9):
+            off.setdefault(number(volume), []).append(str(t))
+    if not off:
+        return "m/rho0 is 1 already; what remains is the factor rho/rho0."
+    values = ", ".join(f"{volume} (type{'s' * (len(types) > 1)} {', '.join(types)})" for volume, types in off.items())
+    return f"{finding.workaround} Here it is {values}."
+
+
+def _over_density(finding: Finding, case: CaseRecord) -> str:
+    """Ask for no factor of 1."""
+    all_one = bool(case.laws) and all(law.rho0 == 1 for law in case.laws)
+    return "rho0 is 1 already; what remains is the mean density of the pair." if all_one else finding.workaround
+
+
+def _walls(finding: Finding, case: CaseRecord) -> str:
+    """Ask for walls at rest where solids are walls: ice moves with the fluid."""
+    return "" if any(law.freezes for law in case.laws) else finding.workaround
+
+
+_OF_DECK: Mapping[str, Callable[[Finding, CaseRecord], str]] = {
+    FORCE_PER_VOLUME.id: _unit_volumes,
+    HEAT_OVER_DENSITY.id: _over_density,
+    WALL_VELOCITY_LOST.id: _walls,
+}
 
 
 class Statement(NamedTuple):

@@ -23,7 +23,7 @@ from lammps_cases.records.faults import part
 from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import SILENT, Progress, stage
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage
-from lammps_cases.report.findings import carried_over
+from lammps_cases.report.findings import compare_with_ledger
 from lammps_cases.run.flow import JUDGING, faulty, outcomes_of, record_case
 from lammps_cases.run.judged import CaseJournal, RunStart, start
 from lammps_cases.run.prepared_case import Kept, PreparedCase, discard, prepare
@@ -260,7 +260,7 @@ def run_of(begun: RunStart, records: Mapping[str, CaseRecord]) -> RunRecord:
     run = begun.run.model_copy(update={"faults": []})
     run.cases = sorted(records.values(), key=lambda record: record.case)
     run.missing = len(begun.cases) - len(run.cases)
-    run.carried = part("carried findings", run.faults, lambda: carried_over(run), None)
+    run.carried = part("carried findings", run.faults, lambda: compare_with_ledger(run), None)
     return run.counted()
 
 

@@ -5,7 +5,7 @@
 3. `lammps_cases.run.prepared_case.Answers`: LAMMPS' answers to the jobs, and what it is run again for.
 4. `lammps_cases.comparison.predictor.Predictor`: the reference's fields with their bounds, computed or stored.
 5. `lammps_cases.verdict.cases.compare_case`: each field of the answer against the prediction.
-6. `lammps_cases.verdict.explanation.Trial.explain`: the findings that reproduce what is outside, and what is left.
+6. `lammps_cases.verdict.particle_model.Trial.explain`: the findings that reproduce what is outside, and what is left.
 7. `record_case`: arrays and record into the folder of the run. All else (pictures, triage, reports) reads these.
 
 A campaign (`lammps_cases.run.campaign`) takes the cases through these steps in its workers.
@@ -31,12 +31,11 @@ from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run.judged import CaseJournal, JudgedBefore
 from lammps_cases.run.prepared_case import Answers, Kept, Outcomes, PreparedCase
 from lammps_cases.verdict import case_arrays
-from lammps_cases.verdict.case_arrays import Arrays, pair_arrays, sampled
+from lammps_cases.verdict.case_arrays import Arrays, asks_for_lists, pair_arrays, sampled
 from lammps_cases.verdict.cases import compare_case, first_step
 from lammps_cases.verdict.exercise import exercised
 from lammps_cases.verdict.outcome import blank_record
 from lammps_cases.verdict.particle_model import Reason
-from lammps_cases.verdict.snapshots import asks_for_lists
 from lammps_cases.verdict.twins import compare_twin
 
 JUDGING = 1800.0  # seconds that judging a case may take

@@ -15,9 +15,9 @@ from lammps_cases.records.documents import LARGEST
 from lammps_cases.records.faults import part
 from lammps_cases.records.files import read_bytes, write_atomically
 from lammps_cases.records.run_record import HeadlineRecord, RunRecord
-from lammps_cases.report import bare, history, junit, markdown, page, write_report
+from lammps_cases.report import formats, history, markdown, page
 from lammps_cases.report.findings import outcome
-from lammps_cases.report.history.reported import Past
+from lammps_cases.report.history import Past
 from lammps_cases.report.page import Articles, Family, FamilyArticles, Making
 
 WHAT = "output folder"
@@ -73,12 +73,12 @@ def write_run(
     past: Past | None = None,
     making: Making | None = None,
 ) -> None:
-    """Write run.json and the reports made from it; what is given is as in `lammps_cases.report.write_report`."""
+    """Write run.json and the reports made from it; see `lammps_cases.report.formats.write_report`."""
     with _uncollected():
-        made = lambda: write_report(run, folder, history=past, making=making)  # noqa: E731
+        made = lambda: formats.write_report(run, folder, history=past, making=making)  # noqa: E731
         if part("report", run.faults, made, None) is None:
-            write_atomically(folder / "summary.md", bare.summary(run))
-            write_atomically(folder / "report.html", bare.page(run))
+            write_atomically(folder / "summary.md", formats.bare_summary(run))
+            write_atomically(folder / "report.html", formats.bare_page(run))
         write_atomically(folder / "run.json", run.to_json())  # last: it holds what the report lacks
 
 
@@ -115,9 +115,9 @@ def write_partial(run: RunRecord, folder: Path) -> None:
     def made() -> tuple[str, bytes]:
         of_run = outcome(run)
         run.headline = HeadlineRecord(state=of_run.headline.state, sentence=of_run.headline.sentence)
-        return markdown.summary(of_run), junit.document(of_run)
+        return markdown.summary(of_run), formats.junit(of_run)
 
-    summary, document = part("summary.md", run.faults, made, None) or (bare.summary(run), None)
+    summary, document = part("summary.md", run.faults, made, None) or (formats.bare_summary(run), None)
     write_atomically(folder / "run.json", run.to_json())
     write_atomically(folder / "summary.md", summary)
     if document:

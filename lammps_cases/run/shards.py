@@ -23,11 +23,11 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import strictest
 from lammps_cases.records.run_record import SHARD, RunRecord, read_run
 from lammps_cases.records.wording import counted
-from lammps_cases.report.findings import carried_over
 from lammps_cases.run.campaign import cases_of, triaged
 from lammps_cases.run.provenance import command_line
 from lammps_cases.run.report_files import output_folder, write_kept_run
 from lammps_cases.scene.casefile import Case
+from tests.lammps_cases.verdict.test_outcome import carried_over
 
 NAMED = 100  # missing shards in a complaint
 Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]

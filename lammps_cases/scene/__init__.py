@@ -5,8 +5,18 @@ are in the scene's LAMMPS units; energies are per unit mass.
 """
 
 from lammps_cases.scene.case import Scene, check_name
-from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw
-from lammps_cases.scene.particles import FromData, FromDump, FromFile, FromXYZ, Lattice, Listed, Values
+from lammps_cases.scene.particles import (
+    AtomType,
+    FromData,
+    FromDump,
+    FromFile,
+    FromXYZ,
+    Lattice,
+    LawSettings,
+    Listed,
+    PowerLaw,
+    Values,
+)
 from lammps_cases.scene.runs import TwinSettings
 from lammps_cases.scene.settings import ForceSettings, RheoSettings
 from lammps_cases.scene.values import models

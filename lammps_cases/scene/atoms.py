@@ -114,7 +114,7 @@ def _build(case: Case, eos: EOSTable | None) -> Atoms:
         file = _from_file(case, scene.positions)
     x_nc, low_c, high_c, periodic, spacing = (file[k] for k in ("x", "low", "high", "periodic", "spacing"))
     n = len(x_nc)
-    type_n = file["type"] if "type" in file else _types(case, n)
+    type_n = file["type"] if "type" in file else _deal(case, n, range(1, len(scene.types) + 1))
     wrong = type_n[(type_n < 1) | (type_n > len(scene.types))]
     if wrong.size:
         raise InputError("type", f"must lie within 1 to {len(scene.types)}", int(wrong[0]), key="positions")
@@ -126,7 +126,9 @@ def _build(case: Case, eos: EOSTable | None) -> Atoms:
     e_n = _field(case, "energy", scene.energy, type_n, rho0_n) if scene.energy else file.get("e")
     energy_n = file.get("energy") if e_n is None else mass_n * e_n
     e_n = energy_n / mass_n if e_n is None and energy_n is not None else e_n
-    _check_masses(mass_n)
+    bad = np.flatnonzero(~(np.isfinite(mass_n) & (mass_n > 0)))
+    if bad.size:
+        raise InputError("mass", "must be positive", float(mass_n[bad[0]]), f"atom {bad[0] + 1}")
     _check_fields(case, eos, type_n, rho_n, e_n)
     v_nc = _velocities(case, type_n, file.get("v"))
     atoms = Atoms(np.arange(1, n + 1), type_n, x_nc, mass_n, low_c, high_c, periodic, spacing, v_nc, rho_n, energy_n)
@@ -248,12 +250,7 @@ def _sites(lattice: Lattice, dimension: int) -> tuple[FloatArray, FloatArray]:
     return np.hstack([x_nc, padding]), np.concatenate([high_c, np.zeros(3 - dimension)])
 
 
-def _types(case: Case, n: int) -> IntArray:
-    return _deal(case, n, range(1, len(case.scene.types) + 1))
-
-
 def _deal(case: Case, n: int, types: Sequence[int]) -> IntArray:
-    """Return equal shares of some types."""
     type_n = np.array(types)[np.arange(n) * len(types) // max(n, 1)]
     if case.scene.arrangement == "shuffled":
         _random(case, "types").shuffle(type_n)
@@ -311,12 +308,6 @@ def _column(folder: Path, table: ValueTable, key: str) -> FloatArray:
     return values_n
 
 
-def _check_masses(mass_n: FloatArray) -> None:
-    bad = np.flatnonzero(~(np.isfinite(mass_n) & (mass_n > 0)))
-    if bad.size:
-        raise InputError("mass", "must be positive", float(mass_n[bad[0]]), f"atom {bad[0] + 1}")
-
-
 def _check_fields(
     case: Case, eos: EOSTable | None, type_n: IntArray, rho_n: FloatArray | None, e_n: FloatArray | None
 ) -> None:
@@ -354,7 +345,7 @@ def _check_fields(
 
 
 def _from_file(case: Case, positions: FromXYZ | FromData | FromDump) -> dict[str, Any]:
-    """Return the particles of a file beside a scene: x, low, high, periodic, spacing and what else it holds."""
+    """Return the particles of a scene's file: x, low, high, periodic, spacing and what else it holds."""
     folder, scene = case.source.parent, case.scene
     if isinstance(positions, FromXYZ):
         from lammps_cases.scene.ase_io import read_extxyz

@@ -17,14 +17,23 @@ from eos_ref.model.units import UNITS, UnitStyle
 from eos_ref.syntax.manual import FIRST, Manual
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.scene.fields import FieldName
-from lammps_cases.scene.manual import ExampleSettings
-from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw
-from lammps_cases.scene.particles import PLANAR, FromFile, Lattice, Listed, Positions, Values, Velocity, check_tilt
-from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings
+from lammps_cases.scene.manual import ExampleSettings, Violation
+from lammps_cases.scene.particles import (
+    PLANAR,
+    AtomType,
+    FromFile,
+    Lattice,
+    LawSettings,
+    Listed,
+    Positions,
+    PowerLaw,
+    Values,
+    Velocity,
+    check_tilt,
+)
+from lammps_cases.scene.runs import AS_TEXT, FOR_EACH_ATOM, LOSES_MASSES, EngineSettings, Expect, Stretch, TwinSettings
 from lammps_cases.scene.settings import DeformSettings, Evolve, ForceSettings, PairSettings, RheoSettings
-from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM, LOSES_MASSES, Stretch
 from lammps_cases.scene.values import BrokenRule, SceneModel
-from lammps_cases.scene.violations import Violation
 
 METHOD_KEYS = ("method", "tolerance")  # of the Python interface; a scene is judged by the reference's own body
 MAX_ATOMS = 10_000_000
@@ -355,7 +364,7 @@ class Scene(SceneModel):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The files beside its own that a scene is read from."""
+        """The other files that a scene is read from."""
         positions = (self.positions.file,) if isinstance(self.positions, FromFile) else ()
         tables = (values.table for values in (self.mass, self.rho, self.energy) if values)
         return (*positions, *(table.csv for table in tables if table))

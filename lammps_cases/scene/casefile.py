@@ -115,7 +115,6 @@ def merge(base: Any, patch: Any) -> Any:
 
 @functools.cache
 def _format() -> Format:
-    """Return the keys of a case file and its scene."""
     file, scene = CaseFile.model_json_schema(), Scene.model_json_schema()
     return Format({"properties": {**file["properties"], "scene": scene}, "$defs": scene["$defs"]})
 
@@ -160,7 +159,7 @@ def _check_name(name: str, source: Source, keys: Keys, at_key: bool = False) -> 
 
 
 def _of_scenes(data: Mapping[str, Any], source: Source) -> list[Complaint]:
-    """Return what is wrong with the scenes of a file that has mistakes besides, as far as there are scenes."""
+    """Return what is wrong with the scenes of a file that has other mistakes, too, as far as there are scenes."""
     try:
         file = CaseFile.model_validate({"name": "unnamed", "about": ""} | {k: data[k] for k in data if k in SCENES})
     except ValidationError:
@@ -204,12 +203,10 @@ def _combined(file: CaseFile, source: Source) -> Iterator[Combination]:
 
 
 def _labels(name: str) -> str:
-    """Return the labels of a case, without the name of its file."""
     return name.partition(".")[2]
 
 
 def _exercises(file: CaseFile, name: str) -> tuple[str, ...]:
-    """Return the changes that a file names for one of its cases, each once."""
     chosen = [changes for pattern, changes in file.exercises.items() if fnmatch.fnmatchcase(_labels(name), pattern)]
     return tuple(dict.fromkeys(itertools.chain.from_iterable(chosen)))
 

@@ -37,7 +37,7 @@ class Change:
     Attributes
     ----------
     what : the change, in words
-    mistake : a law or a stage of `lammps_cases.verdict.law_mistakes` or `model_mistakes`, named by ``what``; otherwise
+    mistake : a law or a stage of `lammps_cases.verdict.mistakes`, named by ``what``; otherwise
         an edit of the source:
     function : the function or method, ``eos_ref.MODULE:NAME``
     replace, by : the expression or the statements in it, and those in their place

@@ -145,7 +145,7 @@ class Source:
 def _below(nodes: Sequence[yaml.Node], part: str | int) -> tuple[yaml.Node | None, list[yaml.Node]]:
     """Return the last node of a key and the nodes of its value, in mappings each of which patches those before.
 
-    As `lammps_cases.scene.casefile.merge` has it: mappings stay beside one another, ``key+`` is put behind a list,
+    As `lammps_cases.scene.casefile.merge` has it: mappings are joined, ``key+`` is put behind a list,
     and anything else stands instead of what was there.
     """
     if isinstance(part, int):
@@ -156,8 +156,8 @@ def _below(nodes: Sequence[yaml.Node], part: str | int) -> tuple[yaml.Node | Non
         for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
             if key.value not in (part, f"{part}+"):
                 continue
-            beside = key.value != part or isinstance(value, yaml.MappingNode)
-            last, nodes_there = key, [*nodes_there, value] if beside else [value]
+            joined = key.value != part or isinstance(value, yaml.MappingNode)
+            last, nodes_there = key, [*nodes_there, value] if joined else [value]
     return last, nodes_there
 
 
@@ -195,7 +195,8 @@ def _keys(loc: tuple[str | int, ...], content: Any, kind: str) -> tuple[Keys, tu
     keys: list[str | int] = []
     alternative = (0, "")
     for at, part in enumerate(loc):
-        inside = part in content if isinstance(content, Mapping) else _is_member(part, content)
+        listed = isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
+        inside = part in content if isinstance(content, Mapping) else listed
         if inside:
             content = content[part]
         if inside or (kind == "missing" and at == len(loc) - 1):
@@ -205,12 +206,7 @@ def _keys(loc: tuple[str | int, ...], content: Any, kind: str) -> tuple[Keys, tu
     return tuple(keys), alternative
 
 
-def _is_member(part: str | int, content: Any) -> bool:
-    return isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
-
-
 def _complaint(error: ErrorDetails, keys: Keys) -> Complaint:
-    """Say what is wrong in words of YAML."""
     kind, value = error["type"], error.get("input")
     context = error.get("ctx", {})
     if kind == "missing" and isinstance(keys[-1], int):
@@ -254,7 +250,6 @@ def _one_each(every: Sequence[Complaint]) -> list[Complaint]:
 
 
 def _with_hint(complaint: Complaint, words: Sequence[str]) -> Complaint:
-    """Return a complaint about a value that is none of some words, with the one that was probably meant."""
     hint = nearest(str(complaint.found), words)
     rule = "must be a known name" if hint and len(words) > MANY else complaint.rule
     return replace(complaint, rules=(("", rule + hint),))
@@ -269,7 +264,7 @@ class Format:
     def __init__(self, schema: Mapping[str, Any]) -> None:
         self._schema = schema
 
-    def beside(self, keys: Keys) -> set[str]:
+    def sibling_keys(self, keys: Keys) -> set[str]:
         """Return the keys that can stand where some key stands."""
         return set(self._children(self._level(keys[:-1])))
 
@@ -325,7 +320,7 @@ def _parts(node: Mapping[str, Any]) -> list[Any]:
 
 
 def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
-    """Return complaints with unknown keys first, and what was probably meant; a key so meant is not missing besides."""
+    """Return complaints with unknown keys first, and what was probably meant; a key so meant is not missing, too."""
     missing = {each.keys for each in every if each.kind == "missing"}
     first, meant = list[Complaint](), set[Keys]()
     for each in every:
@@ -347,7 +342,7 @@ def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
 def _meant(keys: Keys, missing: set[Keys], allowed: Format) -> tuple[str, Keys]:
     """Return the hint for an unknown key, and the key that was probably meant.
 
-    In this order: a similar key that is missing beside it, the same key at another level, any similar one beside it.
+    In this order: a similar key missing at its level, the same key at another level, any similar one at its level.
     """
     *parent, last = keys
     name = str(last)
@@ -358,7 +353,7 @@ def _meant(keys: Keys, missing: set[Keys], allowed: Format) -> tuple[str, Keys]:
     if not key and 1 <= len(homes) <= 2:
         under = " or ".join(f"{'.'.join(home[len(home) > 1 :])}:" if home else "no other key" for home in homes)
         return f" (belongs under {under})", (*homes[0], name)
-    key = key or similar(name, sorted(allowed.beside(keys)))
+    key = key or similar(name, sorted(allowed.sibling_keys(keys)))
     return nearest(name, [key]), (*parent, key) if key else ()
 
 

@@ -45,7 +45,7 @@ class Field:
     compute : another compute that shows it, by its style and arguments; empty if there is none
     overall : whether that compute has one number or tensor for all atoms, which each of them gets
     unaudited : why no audit can check it; None if the audit has the same array under another name
-    of_solids : whether it is a number of solids alone, 0 for fluid; LAMMPS' phases are read beside it
+    of_solids : whether it is a number of solids alone, 0 for fluid; LAMMPS' phases are read with it
     """
 
     name: str

@@ -147,7 +147,6 @@ def read_dump(path: Path, scene: Scene, step: int | None, named: Mapping[str, st
 
 @contextmanager
 def _at(place: str) -> Iterator[None]:
-    """Say in which file a mistake is."""
     try:
         yield
     except InputError as error:
@@ -326,7 +325,6 @@ def _unpacked(path: Path) -> bytes:
 
 
 def _plain(content: bytes) -> str:
-    """Return the text of a dump; other formats are refused."""
     if other := next((name for start, name in OTHERS.items() if content.startswith(start)), ""):
         rule = f"must be of dump custom, not of {other}: OVITO converts it, or let the deck write dump custom as well"
         raise InputError("dump", rule)

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema,
 from eos_ref.kernels.styles import KernelStyle
 from eos_ref.model.box import Remap
 from eos_ref.syntax.fixes import SurfaceStyle
-from lammps_cases.scene.stops import Stop, counted
+from lammps_cases.scene.runs import Stop, counted
 from lammps_cases.scene.values import RANGE_SCHEMA, BrokenRule, Finite, NonNegative, Positive, SceneModel, TypeRange
 
 SNAPSHOTS = (0, 1, 10, 100)  # steps compared by default: the set-up, the first step, and the growth of rounding

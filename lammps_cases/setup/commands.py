@@ -15,9 +15,9 @@ from lammps_cases.engine.session import Compute, Job, RunCommand
 from lammps_cases.scene import ForceSettings, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.fields import FIELDS, Field
+from lammps_cases.scene.manual import with_broken_rule
+from lammps_cases.scene.runs import Stop
 from lammps_cases.scene.settings import Evolve, ShiftSettings, SurfaceDetectionSettings
-from lammps_cases.scene.stops import Stop
-from lammps_cases.scene.violations import broken
 from lammps_cases.setup.plan import Plan
 from lammps_cases.setup.stops import Lines, interlude
 
@@ -39,7 +39,7 @@ def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists:
     lists : bool
         Read the list of neighbours with them.
     """
-    setup = broken(_setup(scene, atoms, plan), scene.violate)
+    setup = with_broken_rule(_setup(scene, atoms, plan), scene.violate)
     (style,) = (line.split()[1] for line in setup if line.startswith("atom_style"))
     given = {"rho": atoms.rho_n, "esph": atoms.energy_n}
     per_atom = {name: given_n for name in ARRAYS_OF[style] if (given_n := given[name]) is not None}
@@ -47,7 +47,7 @@ def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists:
         per_atom["rmass"] = atoms.mass_n
     return Job(
         setup=setup,
-        commands=broken(_physics(scene, atoms, plan), scene.violate),
+        commands=with_broken_rule(_physics(scene, atoms, plan), scene.violate),
         runs=tuple(_runs(scene, every_step, lambda stop: _interlude(stop, scene, atoms, plan))),
         id_n=atoms.id_n,
         type_n=atoms.type_n,

@@ -24,7 +24,7 @@ from eos_ref.syntax.manual import weighs_distance
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.scene import AtomType, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
-from lammps_cases.scene.stops import Stop
+from lammps_cases.scene.runs import Stop
 
 
 def model(scene: Scene, atoms: Atoms, where: str) -> Model:

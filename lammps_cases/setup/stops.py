@@ -1,4 +1,4 @@
-"""What LAMMPS is given between two runs: the commands of every route that `lammps_cases.scene.stops` names."""
+"""What LAMMPS is given between two runs: the commands of every route that `lammps_cases.scene.runs` names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from eos_ref.syntax.ranges import type_range
 from lammps_cases.engine.interlude import FOLDER, Interlude, InterludeAction
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
-from lammps_cases.scene.stops import Displacement, Stop, upper_corners
+from lammps_cases.scene.runs import Displacement, Stop, upper_corners
 
 # Another scene: another dimension, atom style, number of types and cutoff, with all keywords of fix rheo. Its kernel is
 # the quintic one: beside walls, reproducing kernels with few neighbours give what the memory of the process decides.
@@ -159,7 +159,7 @@ def _route(stop: Stop, scene: Scene, lines: Lines, atoms: Atoms) -> list[Interlu
             return [InterludeAction(_set(scene), "for each atom", len(atoms))]
         case "recreated":
             groups = [line for line in lines.model if line.startswith("group ")]  # new atoms are in none of them
-            return [*_recreated(scene, len(atoms), stop.renews(len(atoms))), *_given(groups)]
+            return [*_recreated(scene, len(atoms), stop.count_recreated_atoms(len(atoms))), *_given(groups)]
 
 
 def _by_hand(file: str, scene: Scene, atoms: Atoms) -> Iterable[InterludeAction]:

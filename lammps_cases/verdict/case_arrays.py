@@ -1,8 +1,8 @@
-"""The per-atom arrays of a case: both sides and the bound of every field, and the files that they lie in.
+"""The per-atom arrays of a case: LAMMPS' fields by name, both sides and the bound of each, and the files they lie in.
 
-``CASE.npz`` holds the atoms and every field at its worst step; ``CASE@page.npz`` what the page of a report shows
-besides, which begins with ``@``: other steps, pairs of the worst atoms; ``CASE@steps.npz`` LAMMPS' fields of a red case
-at all steps compared. No case has a name with ``@``.
+``CASE.npz`` holds the atoms and every field at its worst step; ``CASE@page.npz`` what the page of a report shows in
+addition, which begins with ``@``: other steps, pairs of the worst atoms; ``CASE@steps.npz`` LAMMPS' fields of a red
+case at all steps compared. No case has a name with ``@``.
 """
 
 from __future__ import annotations
@@ -16,19 +16,44 @@ import numpy as np
 from lammps_cases.comparison.compare import Comparison, components, excess, worst_component
 from lammps_cases.comparison.pair_sums import LARGEST
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.engine.session import Answer
+from lammps_cases.engine.session import Answer, Array
+from lammps_cases.findings import applicable
+from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.records.files import arrays_files, read_arrays, write_arrays
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
+from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.problems import problem_of
-from lammps_cases.verdict.snapshots import read_snapshots
 
 Arrays = dict[str, Any]
 SIDES = ("lammps", "reference", "bound")
 ALL_KEPT = 50_000  # atoms of a case; of more only some are written to disk
 SAMPLE, WORST = 5000, 50  # evenly spaced ones, and the worst of each field
+
+
+def snapshot(scene: Scene, arrays: dict[str, Array]) -> Snapshot:
+    """Return LAMMPS' fields of one step by name, vectors with as many components as dimensions."""
+    return {name: FIELDS[name].of(arrays, scene.dimension) for name in scene.compare}
+
+
+def read_snapshots(scene: Scene, answer: Answer, steps: Sequence[int] = ()) -> list[Snapshot]:
+    """Return LAMMPS' fields at all steps read, or at some of those compared; the first holds its neighbour lists."""
+    at = [scene.snapshots.index(step) for step in steps] or range(len(answer.snapshots))
+    snapshots = [snapshot(scene, answer.snapshots[k]) for k in at]
+    if answer.lists:
+        snapshots[0]["lists"] = tuple(NeighbourList.read(answer.arrays["id"], **arrays) for arrays in answer.lists)
+    return snapshots
+
+
+def asks_for_lists(case: Case, scene: Scene, atoms: Atoms) -> bool:
+    """Return whether a scene shows findings whose variants need LAMMPS' neighbour lists."""
+    variants = (
+        entry.model_variant for entry in applicable(problem_of(scene, atoms, case.where, scene.snapshots), True)
+    )
+    return any(variant is not None and variant.lists for variant in variants)
 
 
 def field_arrays(
@@ -85,7 +110,7 @@ def looked_at(record: CaseRecord, steps: Sequence[int]) -> list[tuple[int, int]]
 def sampled(arrays: Arrays) -> Arrays:
     """Return the arrays of some atoms of a case that has very many: evenly spaced ones, and the worst of every field.
 
-    They are told by their ids; verdicts are of all atoms.
+    Their ids distinguish them; verdicts are of all atoms.
     """
     n = len(arrays.get("id", ()))
     if n <= ALL_KEPT:
@@ -102,22 +127,22 @@ def sampled(arrays: Arrays) -> Arrays:
 
 def write(fields: Path, case: str, arrays: Arrays) -> None:
     """Write the arrays of a case; of vectors and tensors at other steps the component closest to its bound."""
-    own, beside = ({n: a for n, a in arrays.items() if n.startswith("@") == other} for other in (False, True))
-    for name in [name for name in beside if " lammps " in name]:
+    own, further = ({n: a for n, a in arrays.items() if n.startswith("@") == other} for other in (False, True))
+    for name in [name for name in further if " lammps " in name]:
         names = [name.replace(" lammps ", f" {side} ") for side in SIDES]
-        sides = [np.asarray(beside[each], float) for each in names]
+        sides = [np.asarray(further[each], float) for each in names]
         if sides[0].ndim > 1:
             ratio_n = excess(*sides)[1]
-            beside |= {of: worst_component(values, ratio_n) for of, values in zip(names, sides, strict=True)}
+            further |= {of: worst_component(values, ratio_n) for of, values in zip(names, sides, strict=True)}
     write_arrays(fields / f"{case}.npz", own)
-    if beside:
-        write_arrays(fields / f"{case}@page.npz", beside)
+    if further:
+        write_arrays(fields / f"{case}@page.npz", further)
 
 
 def read(fields: Path, case: str) -> tuple[Arrays, Arrays]:
-    """Return the arrays of a case, and those beside them, of the files that there are."""
-    own, beside = (read_arrays(path) if path.is_file() else {} for path in arrays_files(fields, case)[:2])
-    return own, beside
+    """Return the arrays of a case, and those of its page, of the files that exist."""
+    own, further = (read_arrays(path) if path.is_file() else {} for path in arrays_files(fields, case)[:2])
+    return own, further
 
 
 def write_steps(fields: Path, case: str, scene: Scene, answer: Answer) -> None:

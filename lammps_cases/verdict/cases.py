@@ -1,32 +1,40 @@
 """One case compared: LAMMPS' answer against the reference, with the findings that explain what differs.
 
-A case of laws compares the pressure of LAMMPS' own density and energy; one of the whole model compares every field at
-every step asked for.
+First the input: what LAMMPS is given and carries over at stops, against what it holds (stage `input`). Then a case of
+laws compares the pressure of LAMMPS' own density and energy; one of the whole model compares every field at every step
+asked for.
 """
 
 from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from eos_ref import EOSTable, InputError
+from eos_ref.eos.bounds import EPS
+from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model
-from lammps_cases.comparison.compare import Comparison, EosState, compare_pressure
+from lammps_cases.comparison.compare import Comparison, EosState, compare_field, compare_pressure
 from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import Finding, explain_pressure, with_gap
-from lammps_cases.records.case_parts import Blame, OtherSteps, worst
+from lammps_cases.records import wording
+from lammps_cases.records.case_parts import Beyond, Blame, OtherSteps, worst
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.scene.atoms import Atoms
+from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.runs import AS_TEXT, FOR_EACH_ATOM
 from lammps_cases.verdict import particle_model
-from lammps_cases.verdict.case_arrays import Arrays, field_arrays
-from lammps_cases.verdict.inputs import compare_inputs, compare_model_inputs, first_input_outside, prefer_input
-from lammps_cases.verdict.law_mistakes import unseen
+from lammps_cases.verdict.case_arrays import Arrays, field_arrays, read_snapshots
+from lammps_cases.verdict.mistakes import undetected_in_laws
+from lammps_cases.verdict.model_fields import blame_of
 from lammps_cases.verdict.outcome import (
     blank_record,
     explain_ending,
@@ -37,11 +45,123 @@ from lammps_cases.verdict.outcome import (
     record_lost_atoms,
 )
 from lammps_cases.verdict.particle_model import Reason
-from lammps_cases.verdict.problems import problem_of
+from lammps_cases.verdict.problems import TEXT_DIGITS, problem_of, stops_of
 from lammps_cases.verdict.runaway import Attempts, diverged, left_open
-from lammps_cases.verdict.snapshots import read_snapshots
 
+BY_IMAGES = "; two roundings of place and edge of a particle outside the box; fractions of tilted edges"
 LINT_ATOMS = 2000  # a mistake that 2000 evenly spaced states do not show is taken as undetected
+
+
+def compare_model_inputs(
+    case: Case, atoms: Atoms, answer: Answer, predictor: Predictor
+) -> list[tuple[int, Comparison]]:
+    """Compare what LAMMPS holds at the beginning and carries over at stops, each with its step."""
+    scene = case.scene
+    through_text = any(stop.step == 0 and stop.digits for stop in stops_of(scene, atoms))
+    unchanged = scene.snapshots[0] == 0 and not scene.rheo.interface_reconstruct and not through_text
+    held = compare_inputs(case, atoms, answer.snapshots[0], unchanged)
+    problem = problem_of(scene, atoms, case.where, scene.snapshots, predictor)
+    return [*((0, comparison) for comparison in held), *compare_carried(case, atoms, answer, TEXT_DIGITS, problem)]
+
+
+def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> list[Comparison]:
+    """Compare the input with what LAMMPS holds (stage `input`, bound 0), for arrays that have not changed since."""
+    zero_n = np.zeros(len(atoms))
+    given: Arrays = {"type": atoms.type_n}
+    if unchanged and atoms.rho_n is not None and not case.scene.rho_sum:
+        given["rho"] = atoms.rho_n
+    if unchanged and atoms.energy_n is not None and "esph" in got:
+        given["esph"] = atoms.energy_n
+    return [
+        compare_field(
+            wording.given(name) if case.scene.whole_model else name,
+            "input",
+            got["id"],
+            got[name],
+            values_n,
+            zero_n,
+            derivation="the same doubles",
+        )
+        for name, values_n in given.items()
+    ]
+
+
+def compare_carried(
+    case: Case, atoms: Atoms, answer: Answer, digits: int, problem: Problem
+) -> list[tuple[int, Comparison]]:
+    """Compare the state after every stop with that before it (stage `input`): bit for bit, or to a text's digits.
+
+    Positions are those of any image: LAMMPS may move a particle into the box at a stop. Returned with the steps.
+    """
+    comparisons = []
+    scene = case.scene
+    stops = scene.evolve.stops if scene.evolve else ()
+    for stop, carried in zip(stops, answer.carried, strict=True):
+        text = stop.by in AS_TEXT
+        half = 0.5 * 10.0 ** (1 - digits) + EPS / 2 if text else 0.0  # and what reading the text rounds
+        derivation = f"half a unit of the {digits}th digit of the text" if text else "the same doubles"
+        for name, before_n in carried.before.items():
+            if name == "id" or (name == "x" and (stop.displace or stop.stretch)):
+                continue
+            after_n, why = carried.after[name], derivation
+            bound_n = half * np.abs(before_n)
+            if name == "rheo_status" and stop.by in FOR_EACH_ATOM:  # set gives the phase alone
+                before_n, after_n = before_n & 1, after_n & 1
+            if name == "x":
+                around = problem.box_before(stop.at)
+                box = atoms.within(around).box()
+                box = replace(box, tilt=box.tilt or (0.0,) * 3) if around.tilt else box
+                places = box, before_n, after_n, half, kernel_cut(scene, atoms.spacing)
+                after_n, bound_n = _images(*places)
+                if scene.dimension == 2:  # a file has 0 where a box that is stretched has rounded it
+                    before_n, after_n, bound_n = before_n[:, :2], after_n[:, :2], bound_n[:, :2]
+                why += BY_IMAGES if bound_n.any() and not text else ""
+            comparisons.append(
+                (
+                    stop.at,
+                    compare_field(
+                        wording.after_stop(name, stop.by, stop.at),
+                        "input",
+                        atoms.id_n,
+                        after_n,
+                        before_n,
+                        bound_n,
+                        derivation=why,
+                    ),
+                )
+            )
+    return comparisons
+
+
+def _images(box: Box, before_nc: Any, after_nc: Any, half: float, reach: float) -> tuple[Any, Any]:
+    """Return positions as those of the images that were there before, and the bound of each, both (n, 3).
+
+    A period that is added and taken away again rounds twice; tilted edges see `Box.rounding`.
+    """
+    turned_nc = box.shift(box.periods(before_nc - after_nc))
+    left_nc = box.images(before_nc) != 0
+    size_nc = np.abs(before_nc) + np.where(left_nc, np.abs(box.cell_cc).sum(axis=0), 0.0)
+    bound_nc = (half + EPS * left_nc) * size_nc + box.rounding(reach)
+    return np.where(turned_nc != 0, after_nc + turned_nc, after_nc), bound_nc
+
+
+def first_input_outside(comparisons: Sequence[tuple[int, Comparison]], id_n: Any) -> Blame | None:
+    """Return the first of some comparisons, each with its step, that leaves its bound."""
+    outside = (blame_of(comparison, id_n, step) for step, comparison in comparisons if comparison.record.outside)
+    return next(outside, None)
+
+
+def prefer_input(reason: Reason | None, news: Blame | None) -> Reason | None:
+    """Return why a case differs with the first of its inputs outside, which no finding explains, in its place."""
+    if reason is None or news is None:
+        return reason if news is None else Reason(news)
+    step, left = news.step or 0, reason.beyond
+    if step <= (reason.first.step or 0):  # the input comes before what is made of it
+        return Reason(news)
+    if (left is None and not reason.explained) or (left and step > (left.blame.step or 0)):
+        return reason
+    others = left.findings if left else [entry.id for entry in reason.explained]
+    return Reason(reason.first, Beyond(findings=others, blame=news))
 
 
 def compare_case(
@@ -54,7 +174,7 @@ def compare_case(
 ) -> tuple[CaseRecord, Arrays]:
     """Judge how a case ended; returns its record and the arrays of ``fields/CASE.npz`` (empty without an answer).
 
-    Without a predictor everything is computed anew.
+    Without a predictor everything is computed again.
     """
     begin = time.perf_counter()
     predictor = predictor or Predictor()
@@ -93,7 +213,7 @@ def compare_laws(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, an
     unchanged = case.scene.evolve is None and not case.scene.rheo.interface_reconstruct
     comparisons = compare_inputs(case, atoms, got, unchanged=unchanged)
     state = EosState(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
-    # Twice: the array that the forces read, and the output, which LAMMPS evaluates anew from the density.
+    # Twice: the array that the forces read, and the output, which LAMMPS evaluates again from the density.
     used = compare_pressure(eos, state, got["pressure"], "pressure_used", digits=False)
     pressure = compare_pressure(eos, state, got["q.pressure"])
     for comparison in (used, pressure):
@@ -137,7 +257,7 @@ def _blame(comparisons: list[Comparison], state: EosState) -> Blame | None:
 def _lint(eos: EOSTable, state: EosState, pressure: Comparison) -> list[str]:
     every = slice(None, None, max(1, len(state.id_n) // LINT_ATOMS))
     thinned = replace(state, **{name: side_n[every] for name, side_n in vars(state).items() if side_n is not None})
-    return unseen(eos, thinned, pressure.reference_n[every], pressure.bound_n[every])
+    return undetected_in_laws(eos, thinned, pressure.reference_n[every], pressure.bound_n[every])
 
 
 def compare_model(

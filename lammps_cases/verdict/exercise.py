@@ -22,7 +22,7 @@ from lammps_cases.comparison.trajectory import Prediction, visit
 from lammps_cases.scene.atoms import Atoms, seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.changes import Change, catalogue
-from lammps_cases.verdict import law_mistakes, model_mistakes
+from lammps_cases.verdict.mistakes import LAW_MUTANTS, MODEL_MUTANTS
 from lammps_cases.verdict.problems import problem_of
 
 
@@ -55,6 +55,18 @@ def exercised(
     return predictor.counts(repr(changes), problem, counts)
 
 
+def rows(
+    case: Case, eos: EOSTable | None, atoms: Atoms, predictor: Predictor, every: bool = False
+) -> list[dict[str, Any]]:
+    """List the changes that a case has to see, or every one that it sees, with the number of particles moved."""
+    moved = exercised(case, eos, atoms, predictor, tuple(catalogue()) if every else None)
+    return [
+        {"change": name, "what": catalogue()[name].what, "moved": count, "for": name in case.exercises}
+        for name, count in moved.items()
+        if count or name in case.exercises
+    ]
+
+
 class _Law:
     """States of the equations of state of a case, their pressures and bounds."""
 
@@ -74,7 +86,7 @@ class _Law:
     def moved(self, change: Change) -> int:
         with np.errstate(all="ignore"):
             if change.mistake == "law":
-                p_n = law_mistakes.MUTANTS[change.what](self.eos, self.state)
+                p_n = LAW_MUTANTS[change.what](self.eos, self.state)
             elif change.function:
                 with made(change):
                     p_n = evaluate(self.eos, self.state)
@@ -98,7 +110,7 @@ def _moved(change: Change, problem: Problem, prediction: Prediction) -> int:
 
 def _changed(change: Change, problem: Problem) -> Generator[dict[str, Any]]:
     """Yield the fields of the changed reference at the steps of a problem."""
-    stages = model_mistakes.MUTANTS[change.what].stages if change.mistake == "stage" else ArrayEvaluator
+    stages = MODEL_MUTANTS[change.what].stages if change.mistake == "stage" else ArrayEvaluator
     with made(change) if change.function else nullcontext(), sharing([]):  # no neighbours found without the change
         sim: Simulation = problem.simulation(in_blocks(stages, len(problem.state.x_nc)))
         for _ in visit(sim, problem.steps, problem.timestep, problem.stops):

@@ -26,7 +26,6 @@ LACKS = re.compile(
     r"(?:Unrecognized|Unknown(?! command)|Illegal|Invalid(?= keyword))\b.*?\b(?:style|keyword|command|option[^,]*)\b"
     r"[:,]? '?(?!keyword|missing)([a-zA-Z][\w/]*)"
 )
-BY_IMAGES = "; two roundings of place and edge of a particle outside the box; fractions of tilted edges"
 
 
 def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms, engine: EngineRecord) -> CaseRecord:

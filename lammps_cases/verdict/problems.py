@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem, ProblemStop
+from lammps_cases.comparison.trajectory import COMPILED_ABOVE, evaluations, own_stages
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
-from lammps_cases.scene.stops import AS_TEXT, FROM_FILE, upper_corners
+from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.runs import AS_TEXT, FROM_FILE, upper_corners
 from lammps_cases.setup import reference_side
 
 TEXT_DIGITS = 16  # significant digits of a number in a file of write_data
@@ -42,7 +45,7 @@ def stops_of(scene: Scene, atoms: Atoms) -> tuple[ProblemStop, ...]:
     return tuple(
         ProblemStop(
             stop.at,
-            np.arange(len(atoms)) >= len(atoms) - stop.renews(len(atoms)),
+            np.arange(len(atoms)) >= len(atoms) - stop.count_recreated_atoms(len(atoms)),
             stop.timestep,
             reference_side.displacement(stop, scene, atoms),
             stop.by in FROM_FILE,
@@ -53,3 +56,14 @@ def stops_of(scene: Scene, atoms: Atoms) -> tuple[ProblemStop, ...]:
         )
         for stop in (evolve.beginnings if evolve else ())
     )
+
+
+def evaluated_by(case: Case, atoms: Atoms) -> str | None:
+    """Name the evaluator of the reference that judges a case, and the size that decides it; None of a refusal."""
+    if case.scene.expect:
+        return None
+    if not case.scene.whole_model:
+        return "the formula of the law, in numpy"
+    problem = problem_of(case.scene, atoms, case.where, case.scene.snapshots)
+    name = "array" if issubclass(own_stages(problem), ArrayEvaluator) else "compiled"
+    return f"the {name} evaluator ({evaluations(problem)} evaluations of a particle; compiled above {COMPILED_ABOVE})"

@@ -1,4 +1,4 @@
-"""Why a run went wrong: the reference goes on from a state, with and without the findings of the engine."""
+"""Why a run went wrong: the reference continues from a state, with and without the findings of the engine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STEPS = (50, 500)  # that an attempt takes at least and at most, else twice as m
 MOST = 2_000  # particles of an attempt; of more, those around the one that is likeliest to run away are cut out
 RIM = 2  # cutoffs: who moves, and whom these meet, have all their neighbours
 FINER = 10  # a time step is too large if this part of it is not
-RUNAWAY = 10.0  # a speed, density or energy beyond this many times the largest there was is none of a fluid
+RUNAWAY = 10.0  # a speed, density or energy beyond this many times the largest there was is not one of a fluid
 
 # What LAMMPS says where particles have run away.
 LOST = re.compile(

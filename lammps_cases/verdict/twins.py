@@ -23,8 +23,7 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.setup.twins import Twin
-from lammps_cases.verdict.case_arrays import Arrays, field_arrays
-from lammps_cases.verdict.explanation import Trial
+from lammps_cases.verdict.case_arrays import Arrays, field_arrays, read_snapshots
 from lammps_cases.verdict.model_fields import compare_all, first_outside, over_steps
 from lammps_cases.verdict.outcome import (
     blank_record,
@@ -33,8 +32,8 @@ from lammps_cases.verdict.outcome import (
     record_failure,
     record_lost_atoms,
 )
+from lammps_cases.verdict.particle_model import Trial
 from lammps_cases.verdict.problems import problem_of
-from lammps_cases.verdict.snapshots import read_snapshots
 
 
 def compare_twin(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lammps_cases.records.case_parts import Predictions, Seconds
 from lammps_cases.records.run_record import read_run
-from lammps_cases.report import write_report
+from lammps_cases.report.formats import write_report
 
 
 def report(directory: Path, scratch: Path) -> dict[str, bytes]:

@@ -23,8 +23,8 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.case_arrays import read_snapshots
 from lammps_cases.verdict.problems import problem_of
-from lammps_cases.verdict.snapshots import read_snapshots
 from tests.support.printed import ENTRIES
 
 Floats = npt.NDArray[np.floating]

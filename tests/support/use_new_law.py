@@ -15,10 +15,10 @@ from lammps_cases.comparison.compare import EosState, compare_pressure
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import build
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.materials import entries
+from lammps_cases.scene.particles import entries
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.verdict import law_mistakes
+from lammps_cases.verdict import mistakes
 
 STYLE, GAMMA, RHO0, CS = "stiffened/gas", 1.7, 1.25, 3.5
 random = np.random.default_rng(3)
@@ -87,7 +87,7 @@ assert f"rheo/pressure * {STYLE} 1.7 * background 0.3" in commands, commands
 one, every_n = EOSTable((law,)), np.ones(rho_n.size, int)
 state = EosState(np.arange(rho_n.size) + 1, every_n, rho_n, mass_n, e_n * mass_n)
 own_n = bounds.comparison(one, rho_n, every_n, e_n)
-blind = law_mistakes.unseen(one, state, one.pressure(rho_n, every_n, e_n), own_n)
+blind = mistakes.undetected_in_laws(one, state, one.pressure(rho_n, every_n, e_n), own_n)
 assert blind == [], blind
 assert compare_pressure(one, state, theirs_n).record.verdict == "exact"
 

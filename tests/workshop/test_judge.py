@@ -15,7 +15,7 @@ from tests.workshop import judge
 RESULTS = """
     lammps_cases.verdict.outcome.x_judge_failure__mutmut_13: survived
     lammps_cases.findings.entry.xǁFindingǁpredicts__mutmut_2: no tests
-    lammps_cases.verdict.law_mistakes.x__each_law__mutmut_1: killed
+    lammps_cases.verdict.mistakes.x__each_law__mutmut_1: killed
 To show the diff of a mutant: mutmut show NAME
 """
 DIFF = """# lammps_cases.findings.engines.x_document__mutmut_5: survived
@@ -36,14 +36,14 @@ def test_statuses_and_functions_are_read_from_the_results() -> None:
     assert [judge.function_of(mutant) for mutant in statuses] == [
         "lammps_cases.verdict.outcome.judge_failure",
         "lammps_cases.findings.entry.Finding.predicts",
-        "lammps_cases.verdict.law_mistakes._each_law",
+        "lammps_cases.verdict.mistakes._each_law",
     ]
 
 
 def test_mutants_are_counted_by_module() -> None:
     assert judge.table(judge.statuses(RESULTS)) == [
         "findings.entry: 1 mutants, 1 no tests",
-        "verdict.law_mistakes: 1 mutants, 1 killed",
+        "verdict.mistakes: 1 mutants, 1 killed",
         "verdict.outcome: 1 mutants, 1 survived",
         "all: 3 mutants, 1 killed, 1 no tests, 1 survived",
     ]

@@ -1,8 +1,9 @@
-"""An SQLite file that keeps runs.
+"""An SQLite file that keeps runs, and a run and a case of it as they are stored.
 
-How a case ended is kept once for all runs in which it ended so: a run of an engine that is known costs a line per
-case. A run is added in one transaction: a kill leaves it in whole or not at all, and writers wait for each other. The
-rollback journal is used, not WAL, which needs shared memory and a folder that readers can write.
+How a case ended (`lammps_cases.records.outcome`) is kept once for all runs in which it ended so: a run of a known
+engine costs a line per case. A run is added in one transaction: a kill leaves it in whole or not at all, and writers
+wait for each other. The rollback journal is used, not WAL, which needs shared memory and a folder that readers can
+write.
 """
 
 from __future__ import annotations
@@ -12,25 +13,27 @@ import json
 import math
 import os
 import sqlite3
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 import platformdirs
 
 from eos_ref.errors import InputError
+from lammps_cases.records.documents import LARGEST
+from lammps_cases.records.files import read_bytes
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome
-from lammps_cases.records.run_record import EngineRecord, RunRecord
-from lammps_cases.records.wording import finding_ids, listed
-from lammps_cases.report.history.model import StoredCase, StoredRun
+from lammps_cases.records.run_record import EngineRecord, RunRecord, parse_run
+from lammps_cases.records.wording import by_severity, finding_ids, kind, listed
 
 VARIABLE = "EOS_REF_HISTORY"  # environment variable that names another file, or `off`
 OFF = "off"
 VERSION = 1  # of the schema, in user_version
 APPLICATION = 0x454F5352  # "EOSR", in application_id: whose file it is
 PATIENCE = 10.0  # seconds to wait for another writer
-
 _SCHEMA = """
 CREATE TABLE runs (
     id INTEGER PRIMARY KEY, sha256 TEXT NOT NULL UNIQUE, date TEXT NOT NULL,
@@ -52,8 +55,65 @@ CREATE TABLE results (
 CREATE INDEX results_of_outcome ON results (outcome);
 """
 _RUN = "id, sha256, date, engine, distribution, version_string, git, library_sha256, revision, reference, machine, "
-_RUN += "command, strict, shard, seconds, counts"
 _OUTCOME = "id, case_name, verdict, expected, natoms, steps, message, explained_by, worst, worst_field"
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A run without its cases; ``counts`` is the number of cases of each kind of verdict.
+
+    ``revision`` is the git revision of eos-ref (empty: unknown), ``reference`` the versions of its packages.
+    """
+
+    id: int
+    sha256: str
+    date: str
+    engine: EngineRecord
+    revision: str
+    reference: dict[str, str]
+    machine: dict[str, str]
+    command: str
+    strict: bool
+    shard: str
+    seconds: float
+    counts: dict[str, int]
+
+    @classmethod
+    def of(cls, run: RunRecord, sha256: str = "", revision: str = "") -> StoredRun:
+        """Return a run record without its cases; ``revision`` is used where the run holds none."""
+        counts = dict(Counter(kind(case) for case in run.cases))
+        engine = run.engine.model_copy(update={"library": "", "mpi": ""})  # a path, and what the hash says already
+        made_by = engine, run.reference.get("git", "") or revision, run.reference, run.machine
+        return cls(0, sha256, run.date, *made_by, run.command, run.fail_on == "low", run.shard, run.seconds, counts)
+
+    @property
+    def cases(self) -> int:
+        """Number of cases."""
+        return sum(self.counts.values())
+
+    @property
+    def ordered_counts(self) -> dict[str, int]:
+        """The counts, from the best verdict to the worst."""
+        return by_severity(self.counts)
+
+    @property
+    def made_by(self) -> tuple[str, str]:
+        """The eos-ref that judged: version and git revision."""
+        return self.reference.get("eos-ref", ""), self.revision
+
+
+@dataclass(frozen=True)
+class StoredCase:
+    """A case in a run: ids of the run and of the outcome, seconds in LAMMPS and in the reference."""
+
+    run: int
+    outcome: int
+    case: str
+    lammps: float
+    reference: float
+
+
+_RUN += "command, strict, shard, seconds, counts"
 
 
 def history_file() -> Path | None:
@@ -62,6 +122,22 @@ def history_file() -> Path | None:
     if named == OFF:
         return None
     return Path(named) if named else Path(platformdirs.user_data_dir("eos-ref")) / "history.sqlite"
+
+
+def chosen_file(db: Path | None, made: bool) -> Path:
+    """Return a history file by name, or the user's own.
+
+    Raises
+    ------
+    InputError
+        It does not exist, unless it is to be ``made``, or the user's own is switched off.
+    """
+    if db is not None and not db.exists() and not made:
+        raise InputError("history", "does not exist", where=str(db))
+    place = db or history_file()
+    if place is None:
+        raise InputError("history", f"is switched off: {VARIABLE} is {OFF}; name a file with --db")
+    return place
 
 
 class History:
@@ -112,6 +188,12 @@ class History:
                 times = case.seconds.lammps, case.seconds.reference
                 connection.execute("INSERT INTO results VALUES (?, ?, ?, ?)", (number, outcome, *times))
         return True
+
+    def add_report(self, path: Path) -> None:
+        """Keep the run of a report folder, or of the run.json in it."""
+        folder = path.parent if path.name == "run.json" else path
+        content = read_bytes(folder / "run.json", "run", LARGEST)
+        self.add(parse_run(content, folder), content)
 
     def runs(self) -> list[StoredRun]:
         """Return all runs, by date."""

@@ -1,18 +1,72 @@
-"""What a history says: what changed from run to run and from engine to engine, and how one case went."""
+"""How runs and cases went from one engine to the next: engines by version, differences, spans, marks and bars."""
 
 from __future__ import annotations
 
 import itertools
+import math
+import re
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
+from packaging.version import InvalidVersion, Version
+
 from eos_ref.errors import InputError, nearest, unknown
 from lammps_cases.records.outcome import PARTS, CaseOutcome, Part, differences
-from lammps_cases.report.history.model import StoredCase, StoredRun
-from lammps_cases.report.history.store import History
-from lammps_cases.report.history.versions import EngineRuns, engines
+from lammps_cases.records.run_record import HASH
+from lammps_cases.records.wording import counted
+from lammps_cases.report.history.store import History, StoredCase, StoredRun
+
+_BARS = "▁▂▃▄▅▆▇█"
+FLOOR = -4  # decade below which errors are not distinguished
+
+
+@dataclass(frozen=True)
+class EngineRuns:
+    """An engine and its runs, by date; ``label`` distinguishes it from all others."""
+
+    key: str
+    label: str
+    runs: tuple[StoredRun, ...]
+
+
+def natural(version: str) -> tuple[bool, Version | list[tuple[int, str]]]:
+    """Return the key by which versions sort: 1.2 < 1.10rc1 < 1.10 < 1.10.post1; labels that are none come first.
+
+    Numbers within such labels sort as people count, between words in the order of the alphabet.
+    """
+    try:
+        return True, Version(version)
+    except InvalidVersion:
+        parts = re.findall(r"\d+|[a-z]+", version.lower())
+        return False, [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+
+def engines(runs: Sequence[StoredRun]) -> list[EngineRuns]:
+    """Sort runs by engine: releases by version, then what was built here by the date of its first run."""
+    of: dict[str, list[StoredRun]] = {}
+    for run in sorted(runs, key=lambda run: (run.date, run.id)):
+        of.setdefault(run.engine.key, []).append(run)
+    groups = sorted(of.values(), key=_version_place)
+    labels = [_release(group) or group[-1].engine.label for group in groups]
+    lines = []
+    for label, group in zip(labels, groups, strict=True):
+        engine = group[0].engine
+        hash_digits = f" {engine.library_sha256[:HASH]}"
+        unique = labels.count(label) == 1 or label.endswith(hash_digits)
+        lines.append(EngineRuns(engine.key, label if unique else label + hash_digits, tuple(group)))
+    return lines
+
+
+def _release(group: Sequence[StoredRun]) -> str:
+    """Return the release that a library is of, under whatever name it was run; empty for a build of one's own."""
+    return next((run.engine.release for run in group if run.engine.release), "")
+
+
+def _version_place(group: Sequence[StoredRun]) -> tuple[object, ...]:
+    release = _release(group)
+    return (0, natural(release), group[0].date) if release else (1, group[0].date, group[0].engine.key)
 
 
 @dataclass(frozen=True)
@@ -251,7 +305,7 @@ def _case_view(
         spans += _spans(line.label, here, outcomes)
         run, result = here[-1]
         ended.append((line, run, outcomes[result.outcome]))
-    return CaseView(case, tuple(spans), times, tuple(_changes(case, ended)))
+    return CaseView(case, tuple(spans), times, tuple(_case_changes(case, ended)))
 
 
 def _spans(
@@ -264,10 +318,90 @@ def _spans(
         yield Span(label, members[0][0].date, members[-1][0].date, outcomes[outcome], lammps, reference)
 
 
-def _changes(case: str, ended: Sequence[tuple[EngineRuns, StoredRun, CaseOutcome]]) -> Iterator[EngineChange]:
+def _case_changes(case: str, ended: Sequence[tuple[EngineRuns, StoredRun, CaseOutcome]]) -> Iterator[EngineChange]:
     first = ""
     for (line, run, was), (later, later_run, now) in itertools.pairwise(ended):
         for field, kind, before, after in differences(was, now):
             first = first or later.label
             judge = run.made_by != later_run.made_by
             yield EngineChange(case, field, kind, later.label, line.label, before, after, first == later.label, judge)
+
+
+@dataclass(frozen=True)
+class RunMark:
+    """A mark: its column's label and lesser label, kind of verdict, difference/bound, what a pointer over it says."""
+
+    label: str
+    under: str
+    kind: str
+    ratio: float | None
+    says: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """What changed from one engine to the next: the cases of every kind of change, and all changes of every case."""
+
+    engine: str
+    before: str
+    counts: dict[Part, int]
+    cases: dict[str, list[EngineChange]]
+
+    @property
+    def ordered_counts(self) -> dict[Part, int]:
+        """The counts, verdicts first."""
+        return {kind: self.counts[kind] for kind in PARTS if kind in self.counts}
+
+
+def steps(views: Sequence[CaseView]) -> list[Step]:
+    """Collect the changes of some cases by the pair of engines."""
+    by_engines: dict[tuple[str, str], Step] = {}
+    for view in views:
+        for change in view.changes:
+            step = by_engines.setdefault((change.engine, change.before), Step(change.engine, change.before, {}, {}))
+            of_case = step.cases.setdefault(change.case, [])
+            if all(change.kind != other.kind for other in of_case):
+                step.counts[change.kind] = step.counts.get(change.kind, 0) + 1
+            of_case.append(change)
+    return list(by_engines.values())
+
+
+def changed_findings(changes: Sequence[EngineChange]) -> list[tuple[str, str]]:
+    """List every pair of findings before and after, once."""
+    return list(dict.fromkeys((change.was, change.now) for change in changes if change.kind == "finding"))
+
+
+def spark(values: Sequence[float | None], logarithmic: bool = False) -> str:
+    """Draw a line of bars, lowest to highest; ``·`` for nothing, ``×`` for what is not finite."""
+    scaled = [_scaled(value, logarithmic) for value in values]
+    finite = [value for value in scaled if value is not None and math.isfinite(value)]
+    low, high = min(finite, default=0.0), max(finite, default=0.0)
+
+    def bar(value: float | None) -> str:
+        if value is None:
+            return "·"
+        if not math.isfinite(value):
+            return "×"
+        return _BARS[round((len(_BARS) - 1) * (value - low) / (high - low))] if high > low else _BARS[0]
+
+    return "".join(map(bar, scaled))
+
+
+def _scaled(value: float | None, logarithmic: bool) -> float | None:
+    if value is None or not logarithmic or not math.isfinite(value):
+        return value
+    return max(FLOOR, math.log10(value)) if value > 0 else float(FLOOR)
+
+
+def mark(label: str, day: str, when: str, outcome: CaseOutcome) -> RunMark:
+    """Return the mark of an outcome on an engine; ``when`` says in full of which runs it is."""
+    field = f", worst in {outcome.worst_field}" if outcome.worst_field else ""
+    return RunMark(label, day, outcome.kind, outcome.worst, f"{label}, {when}: {outcome.kind}{field}")
+
+
+def points(view: CaseView) -> list[RunMark]:
+    """Return a mark for every span of a case."""
+    return [
+        mark(span.label, span.since[:10], f"{span.days}, {counted(span.lammps.count, 'run')}", span.outcome)
+        for span in view.spans
+    ]

@@ -1,9 +1,14 @@
-"""What the pages share: one frame, one style sheet, one set of parts; each is one file that opens offline."""
+"""What the pages share: one frame, one style sheet, one set of parts; each is one file that opens offline.
+
+Parts that a reader may never open are compressed in the page, and unpacked by the browser when they are opened.
+"""
 
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
+import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,11 +18,37 @@ from markupsafe import Markup
 
 from eos_ref.cache import cache_folder
 from lammps_cases.records import wording
-from lammps_cases.report.pages.packed import packed
+from lammps_cases.records.files import replace_file
 
 SHARED = Path(__file__).parent / "assets"
 FILTER = SHARED / "filter.js"  # a script of pages that filter rows
 PACKED = SHARED / "packed.js"  # a script of pages with parts that `packed` made
+
+
+def packed(text: str) -> Markup:
+    """Return text in the zlib format as base64, for an element ``<script type="text/plain" class="packed">``.
+
+    The class is ``packed script`` if the text is a script. ``packed.js`` reads it by the browser's DecompressionStream.
+    """
+    return Markup(base64.b64encode(zlib.compress(text.encode(), 6)).decode("ascii"))
+
+
+def packed_once(text: str) -> Markup:
+    """Return the same of a text that many pages hold, kept in the user's cache, with a hash of both."""
+    name = hashlib.sha256(text.encode()).hexdigest()
+    file = cache_folder("packed") / name
+    with contextlib.suppress(OSError, ValueError):
+        hashed, _, kept = file.read_text(encoding="ascii").partition("\n")
+        if hashed == _packed_hash(name, kept):
+            return Markup(kept)
+    made = packed(text)
+    with contextlib.suppress(OSError):
+        replace_file(file, f"{_packed_hash(name, made)}\n{made}")
+    return made
+
+
+def _packed_hash(name: str, content: str) -> str:
+    return hashlib.sha256(f"{name}\n{content}".encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -72,7 +103,7 @@ def page(
     unpacked : sequence of str
         Scripts that the page holds packed.
     filters : mapping
-        Of the page, besides ``packed`` and ``number``, ``brief`` and ``counted`` of `lammps_cases.records.wording`.
+        Of the page, with ``packed`` and ``number``, ``brief`` and ``counted`` of `lammps_cases.records.wording`.
     content
         What the template shows.
     """
@@ -122,5 +153,4 @@ def policy(scripts: Iterable[str]) -> str:
 
 
 def _script(path: Path) -> Markup:
-    """Return a script as it may stand in a page."""
     return Markup(path.read_text(encoding="utf-8").replace("</script", "<\\/script"))

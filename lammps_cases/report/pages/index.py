@@ -126,13 +126,8 @@ def _render(pages: Sequence[Page], reports: Path) -> str:
         contents=[(kind.command, f"{kind.heading} ({len(group)})") for kind, group in present],
         sections=present,
         files=[(name, path.relative_to(reports)) for path, name in _files(reports).items()],
-        shown=_shown,
+        shown=lambda page: page.date[:16].replace("T", " "),
     )
-
-
-def _shown(page: Page) -> str:
-    """Return the date of a page as the index shows it."""
-    return page.date[:16].replace("T", " ")
 
 
 def _paths(reports: Path) -> Iterator[Path]:
@@ -216,5 +211,5 @@ def _fill(reports: Path, page: Page, of_kind: Sequence[tuple[str, str, Path]]) -
         if after != before:
             replace_file(path, after)
             os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))
-    except OSError:  # it is being replaced; whoever does so fills the bar
+    except OSError:  # it is being replaced by a command that fills the bar
         return

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref import InputError
-from lammps_cases.claims.probes.reaction import said
+from lammps_cases.claims.probes.probe import error_words
 from lammps_cases.studies.chart import pysph as peer
 from lammps_cases.studies.chart.record import Chart
 from lammps_cases.studies.flows.cavity import CAVITY, STORED
@@ -145,7 +145,7 @@ def rows(runs: Sequence[Convergence]) -> Iterator[tuple[str, ...]]:
                     *(case.flow.name, case.measure, name(run), str(n), f"{run.particles[k]}", f"{run.steps[k]}"),
                     *(
                         f"{run.seconds[k]:.2g}",
-                        f"{error:.2g}" if np.isfinite(error) else said(run.messages.get(n, "no number")),
+                        f"{error:.2g}" if np.isfinite(error) else error_words(run.messages.get(n, "no number")),
                     ),
                 )
 

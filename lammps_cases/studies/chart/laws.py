@@ -28,7 +28,7 @@ from lammps_cases.records.measure import Timing, in_turns
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, build
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.materials import entries
+from lammps_cases.scene.particles import entries
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.chart.points import Crossing, Map, MethodPoint, Panel, bisected, measured

@@ -24,7 +24,7 @@ from eos_ref import InputError
 from eos_ref.analytic import waves
 from eos_ref.eos.table import EOS, FloatArray, examples
 from lammps_cases.scene.atoms import seed
-from lammps_cases.scene.materials import entries
+from lammps_cases.scene.particles import entries
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, relative
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
 

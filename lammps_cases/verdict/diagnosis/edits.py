@@ -144,7 +144,7 @@ class FunctionEdits:
         ]
 
     def __iter__(self) -> Iterator[ExpressionEdit]:
-        places = list(_places(self.node, self.scope))
+        places = [place for statement in self.node.body for place in _inside(statement, self.scope, "")]
         for place in places:
             before, around = ast.unparse(place.node), place.statement
             seen = {before}
@@ -246,7 +246,6 @@ def _names_of(scope: Scope) -> tuple[str, ...]:
 
 
 def _structural(node: ast.expr) -> Iterator[ast.expr]:
-    """Yield what follows from the form of an expression alone."""
     match node:
         case ast.BinOp(left=left, op=ast.Mult(), right=right):
             yield from (left, right)
@@ -341,7 +340,6 @@ def _parsed(text: str) -> ast.expr:
 
 
 def _is_operand(node: ast.AST) -> bool:
-    """Return whether a node is a variable, an attribute or an element of one: no call, no operator."""
     match node:
         case ast.Name(ctx=ast.Load()):
             return True
@@ -398,13 +396,8 @@ def _updates(statement: ast.Assign) -> bool:
     return any(isinstance(n, ast.Name | ast.Attribute) and ast.unparse(n) == target for n in ast.walk(statement.value))
 
 
-def _places(function: ast.FunctionDef, scope: dict[str, Any]) -> Iterator[_Place]:
-    """Yield the expressions of a function, of comprehensions with what their variables are at first."""
-    for statement in function.body:
-        yield from _inside(statement, scope, "")
-
-
 def _inside(node: ast.AST, scope: dict[str, Any], around: str) -> Iterator[_Place]:
+    """Yield the expressions of a statement, of comprehensions with what their variables are at first."""
     if isinstance(node, ast.stmt):
         around = ast.unparse(node).partition("\n")[0]
     if isinstance(node, ast.ListComp | ast.GeneratorExp | ast.SetComp | ast.DictComp):

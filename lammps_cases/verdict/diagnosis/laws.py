@@ -4,24 +4,102 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from eos_ref import EOSTable
+from eos_ref import EOS, EOSTable
 from eos_ref.eos import bounds
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import EosState, evaluate, excess
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.scene.casefile import Case
-from lammps_cases.verdict import law_mistakes
+from lammps_cases.verdict import mistakes
 from lammps_cases.verdict.diagnosis.edits import made
-from lammps_cases.verdict.diagnosis.law_changes import law_changes
 from lammps_cases.verdict.diagnosis.reached import reached
 
+Law = Callable[[EOSTable], EOSTable]
+OtherType = Callable[[int, int], int]  # of a type, and of how many there are; all from 0
+_LAW_PARAMETERS = {
+    "speed of sound": "cs",
+    "equilibrium density": "rho0",
+    "parameter": "parameter",
+    "background": "background",
+}
+_POWERS: dict[str, Callable[[float], float]] = {
+    "a {} of 1": lambda value: 1.0,
+    "the square root of the {}": lambda value: value**0.5,
+    "the square of the {}": lambda value: value**2,
+    "twice the {}": lambda value: 2 * value,
+    "half the {}": lambda value: value / 2,
+}
+_EXPONENTS: dict[str, Callable[[float], float]] = {
+    "one more than it is": lambda value: value + 1,
+    "one less than it is": lambda value: value - 1,
+    "0": lambda value: 0.0,
+    "7": lambda value: 7.0,
+    "of the other sign": lambda value: -value,
+}
 Pressure = Callable[[EOSTable, EosState], tuple[FloatArray, FloatArray] | None]  # with its bound
+
+
+def law_changes(types: int) -> Iterator[tuple[str, Law]]:
+    """Yield changes of the laws of all types, in words; some mean nothing for some laws and raise there."""
+    if types > 1:
+        for k in range(types):
+            yield from _of_another(f"type {k + 1}", lambda t, count, k=k: k)  # type: ignore[misc]
+        yield from _of_another("the next type", lambda t, count: (t + 1) % count)
+        yield from _of_another("the previous type", lambda t, count: (t - 1) % count)
+    yield from _of_numbers()
+    yield "the background pressure were missing", _each(lambda law: replace(law, background=0.0))
+    yield "the background pressure had the other sign", _each(lambda law: replace(law, background=-law.background))
+    yield (
+        "every law were linear",
+        _each(lambda law: law if law.needs_energy else EOS("linear", law.rho0, law.cs, None, law.background)),
+    )
+    for words, other in _EXPONENTS.items():
+        yield f"the parameter of every law (gamma, A3) were {words}", _each(_with_parameter(other))
+
+
+def _each(change: Callable[[EOS], EOS]) -> Law:
+    return lambda table: EOSTable(tuple(map(change, table.laws)))
+
+
+def _of_another(words: str, other: OtherType) -> Iterator[tuple[str, Law]]:
+    """Yield what a law could have taken from that of another type: a parameter, or all of it."""
+
+    def taken(key: str) -> Law:
+        def change(law: EOS, of: EOS) -> EOS:
+            return replace(law, **{key: getattr(of, key)}) if key else of
+
+        return lambda table: EOSTable(
+            tuple(change(law, table[other(t, len(table)) + 1]) for t, law in enumerate(table.laws))
+        )
+
+    for name, key in _LAW_PARAMETERS.items():
+        yield f"the pressure of every particle used the {name} of {words}", taken(key)
+    yield f"the pressure of every particle followed the law of {words}", taken("")
+
+
+def _of_numbers() -> Iterator[tuple[str, Law]]:
+
+    def powered(key: str, number: Callable[[float], float]) -> Law:
+        def change(law: EOS) -> EOS:
+            changed: Any = {key: number(getattr(law, key))}
+            return replace(law, **changed)
+
+        return _each(change)
+
+    for name in ("speed of sound", "equilibrium density"):
+        for words, number in _POWERS.items():
+            yield f"the pressure of every particle used {words.format(name)}", powered(_LAW_PARAMETERS[name], number)
+
+
+def _with_parameter(other: Callable[[float], float]) -> Callable[[EOS], EOS]:
+    return lambda law: law if law.parameter is None else replace(law, parameter=other(law.parameter))
 
 
 @dataclass(frozen=True)
@@ -92,7 +170,7 @@ def _changes(types: int) -> Iterator[tuple[str, Pressure]]:
             return evaluate(other, state), bounds.comparison(other, state.rho_n, state.type_n, state.e_n)
 
         yield sentence, of_law
-    for name, mutant in law_mistakes.MUTANTS.items():
+    for name, mutant in mistakes.LAW_MUTANTS.items():
 
         def of_mistake(table: EOSTable, state: EosState, mutant=mutant) -> tuple[FloatArray, FloatArray] | None:  # type: ignore[no-untyped-def]
             p_n = mutant(table, state)
@@ -111,7 +189,6 @@ def _changes(types: int) -> Iterator[tuple[str, Pressure]]:
 
 
 def _edits(case: _RedLaw) -> Iterator[tuple[str, Pressure]]:
-    """Yield edits of the functions that the laws of a case go through."""
     for function in reached(lambda: evaluate(case.table, case.state)):
         for edit in function.edits():
 

@@ -61,7 +61,9 @@ class Reached:
     def edits(self) -> Iterator[ExpressionEdit]:
         """Yield its edits, but for those that make no difference to the call."""
         again = self._repeatable()
-        for edit in self._all():
+        mine = "." in self.function.__qualname__ and isinstance(self.scope.get("self"), ArrayEvaluator)
+        tree, others = _tree(self.function.__module__), _of_stages() if mine else ()
+        for edit in FunctionEdits(self.function, tree, self.scope, others):
             if not (again and self._idle(edit)):
                 yield edit
 
@@ -87,11 +89,6 @@ class Reached:
                 return self._as_before()
         except (SyntaxError, TypeError, ValueError):
             return True
-
-    def _all(self) -> Iterator[ExpressionEdit]:
-        tree = _tree(self.function.__module__)
-        mine = "." in self.function.__qualname__ and isinstance(self.scope.get("self"), ArrayEvaluator)
-        yield from FunctionEdits(self.function, tree, self.scope, _of_stages() if mine else ())
 
 
 @cache
@@ -153,7 +150,6 @@ def _function(module: str, name: str) -> FunctionType | None:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Return whether results are the same bits."""
     if isinstance(a, list | tuple):
         return isinstance(b, list | tuple) and len(a) == len(b) and all(map(_same, a, b))
     if is_dataclass(a):

@@ -1,4 +1,4 @@
-"""The triage of a red run: groups of one first cause, what their scenes have in common, hypotheses.
+"""The triage of a red run: groups of one first cause, what their scenes have in common and green ones lack, hypotheses.
 
 Cases are grouped by how they ended, or by the first step, stage and field outside the bound. A group in which some
 hypothesis reproduces only a part of the cases is split: what is left is a group of its own.
@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from eos_ref import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
@@ -22,20 +25,133 @@ from lammps_cases.findings.variants import combined
 from lammps_cases.records import case_wording
 from lammps_cases.records.faults import part
 from lammps_cases.records.run_record import CaseRecord, Hypothesis, RunRecord, Triage, TriageGroup
+from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import build, seed
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.particles import FromFile, Lattice, PowerLaw
 from lammps_cases.verdict.case_arrays import read_steps
 from lammps_cases.verdict.diagnosis import laws
-from lammps_cases.verdict.diagnosis.features import features, in_common
 from lammps_cases.verdict.diagnosis.trials import HypothesisSearch, RedCase, Tried, Work, red_case
 from lammps_cases.verdict.problems import problem_of
 
+LONGEST = 3  # features that are named together
+MANY = 60  # features combined; those that fewest green scenes have go first
 SECONDS = 30.0  # of work on hypotheses, as estimated
 STARTS = 3  # cases of a group, at most, whose formulas are searched from the beginning
 TRIED = 12  # hypotheses of one case that are tried on the others of its group
 NAMED = 6  # hypotheses of a group that are named; the others are counted
-
 Key = tuple[str, ...]
+
+
+_TESTS: dict[str, Callable[[Scene], bool]] = {
+    "more than one type": lambda s: len(s.types) > 1,
+    "more than two types": lambda s: len(s.types) > 2,
+    "one type": lambda s: len(s.types) == 1,
+    "types of different mass": lambda s: len({t.mass for t in s.types}) > 1,
+    "types of different rho0": lambda s: len(set(s.rho0 or ())) > 1,
+    "types of different speed of sound": lambda s: len(set(s.cs or ())) > 1,
+    "types of different viscosity": lambda s: len({repr(t.viscosity) for t in s.types}) > 1,
+    "laws of different styles": lambda s: len({law.style for law in s.pressure}) > 1,
+    "solid particles": lambda s: any(t.phase == "solid" for t in s.types),
+    "no solid particles": lambda s: all(t.phase == "fluid" for t in s.types),
+    "moving solids": lambda s: any(t.phase == "solid" and any(t.velocity or ()) for t in s.types),
+    "`interface_reconstruct`": lambda s: s.rheo.interface_reconstruct,
+    "no `interface_reconstruct`": lambda s: not s.rheo.interface_reconstruct,
+    "`rho_sum`": lambda s: s.rho_sum,
+    "no `rho_sum`": lambda s: not s.rho_sum,
+    "`self_mass`": lambda s: s.rheo.self_mass,
+    "`rho_sum` without `self_mass`": lambda s: s.rho_sum and not s.rheo.self_mass,
+    "`shift`": lambda s: s.rheo.shifting is not None,
+    "no `shift`": lambda s: s.rheo.shifting is None,
+    "`shift` with `exclude`": lambda s: bool(s.rheo.shifting and s.rheo.shifting.exclude),
+    "`shift` with `scale_cross_type`": lambda s: bool(s.rheo.shifting and s.rheo.shifting.scale_cross_type),
+    "`surface_detection`": lambda s: s.rheo.surface_detection is not None,
+    "`surface_detection` by coordination": lambda s: _surface(s) == "coordination",
+    "`surface_detection` by divergence": lambda s: _surface(s) == "divergence",
+    "`zmin`": lambda s: s.rheo.zmin > 0,
+    "`artificial_visc`": lambda s: s.pair.artificial_visc > 0,
+    "no `artificial_visc`": lambda s: s.pair.artificial_visc == 0,
+    "`rho_damp`": lambda s: s.pair.rho_damp > 0,
+    "no `rho_damp`": lambda s: s.pair.rho_damp == 0,
+    "`harmonic_means`": lambda s: s.pair.harmonic_means,
+    "no `harmonic_means`": lambda s: not s.pair.harmonic_means,
+    "particles with energy": lambda s: s.thermal,
+    "no energy": lambda s: not s.thermal,
+    "latent heat": lambda s: any(t.latent_heat for t in s.types),
+    "a freezing temperature": lambda s: any(t.T_freeze is not None for t in s.types),
+    "power-law viscosity": lambda s: any(isinstance(t.viscosity, PowerLaw) for t in s.types),
+    "a background pressure": lambda s: any(law.entry.style == "background" or law.P_b for law in s.pressure),
+    "external forces": lambda s: bool(s.forces),
+    "time steps": lambda s: s.evolve is not None,
+    "no time steps": lambda s: s.evolve is None,
+    "more than one time step": lambda s: s.evolve is not None and s.evolve.steps > 1,
+    "a twin": lambda s: s.twin is not None,
+    "two ranks": lambda s: s.engine.ranks > 1 or bool(s.twin and s.twin.ranks),
+    "newton off": lambda s: not s.engine.newton,
+    "newton of bonds apart": lambda s: len(set(s.engine.newton_flags)) > 1,
+    "particles from a file": lambda s: isinstance(s.positions, FromFile),
+    "a face that is not periodic": lambda s: _open(s),
+    "all axes periodic": lambda s: isinstance(s.positions, Lattice) and not _open(s),
+    "disorder": lambda s: isinstance(s.positions, Lattice) and s.positions.disorder > 0,
+    "velocities": lambda s: bool(s.velocity.random or any(s.velocity.uniform or ())),
+    "a refusal that is expected": lambda s: s.expect is not None,
+}
+
+
+def _surface(scene: Scene) -> str:
+    return scene.rheo.surface_detection.style if scene.rheo.surface_detection else ""
+
+
+def _open(scene: Scene) -> bool:
+    positions = scene.positions
+    return isinstance(positions, Lattice) and positions.periodic is not None and not all(positions.periodic)
+
+
+def features(scene: Scene) -> set[str]:
+    """Return what can be said of a scene."""
+    said = {name for name, test in _TESTS.items() if test(scene)}
+    said |= {f"dimension {scene.dimension}", f"units {scene.units}", f"kernel {scene.rheo.kernel}"}
+    if scene.rheo.kernel in ("RK1", "RK2"):
+        said.add("a kernel that corrects gradients")
+    said |= {f"law {law.style}" for law in scene.pressure}
+    said |= {f"fix {force.style}" for force in scene.forces}
+    if isinstance(scene.positions, Lattice):
+        said.add(f"lattice {scene.positions.lattice}")
+    if scene.twin:
+        said.add(f"twin {scene.twin.kind}")
+    if scene.whole_model:
+        said |= {f"comparing `{name}`" for name in scene.compare}
+    return said
+
+
+@dataclass(frozen=True)
+class Common:
+    """Features that all red scenes have, and how many green ones have them all too."""
+
+    features: tuple[str, ...]
+    green: int
+
+
+def in_common(red: Sequence[set[str]], green: Sequence[set[str]]) -> Common:
+    """Return the fewest features that all red scenes have together and the fewest green ones.
+
+    A combination is taken only if it leaves fewer green scenes than any shorter one.
+    """
+    order = {name: at for at, name in enumerate(_TESTS)}
+    shared = sorted(set.intersection(*red)) if red else []
+    table = {name: np.array([name in scene for scene in green], bool) for name in shared}
+    # What fewest green scenes have tells most; among equals what is a property of the model before what is compared.
+    ranked = sorted(shared, key=lambda name: (int(table[name].sum()), order.get(name, len(order)), name))[:MANY]
+    best = Common((), len(green))
+    for size in range(1, LONGEST + 1):
+        for names in itertools.combinations(ranked, size):
+            both: Any = np.logical_and.reduce([table[name] for name in names])
+            left = int(both.sum())
+            if left < best.green:
+                best = Common(names, left)
+        if best.green == 0:
+            break
+    return best
 
 
 def triage(
@@ -177,12 +293,14 @@ class _Diagnosis:
         return [record for record in records if record.case in best], [Hypothesis(sentence=s) for s in sentences]
 
     def _holds(self, changes: Tried, record: CaseRecord, work: Work) -> bool:
-        """Return whether changes reproduce a case."""
         return any(case.reproduced(changes, Work(max(work.left, 1.0))) for case in self._started(record))
 
     def _started(self, record: CaseRecord) -> list[RedCase]:
-        """Return a case beside the findings with which it is red last: those that come furthest, or none."""
-        made = [case for base in _bases(record) if (case := self._red(record, base)) is not None]
+        """Return a case with the findings with which it is red last: those that come furthest, or none."""
+        beyond = record.beyond
+        others = tuple(dict.fromkeys(beyond.known + beyond.findings)) if beyond else ()
+        bases = (others, ()) if others else ((),)
+        made = [case for base in bases if (case := self._red(record, base)) is not None]
         last = max((case.place for case in made), default=None)
         return [case for case in made if case.place == last]
 
@@ -209,12 +327,6 @@ class _Diagnosis:
             return red_case(record.case, problem, snapshots, made, seed(f"{record.case}/moved runs"), self.predictor)
         except InputError:  # another case now than the one that ran
             return None
-
-
-def _bases(record: CaseRecord) -> list[tuple[str, ...]]:
-    """Return the findings beside which a case is diagnosed: those that it shows, and none."""
-    beside = tuple(dict.fromkeys(record.beyond.known + record.beyond.findings)) if record.beyond else ()
-    return [beside, ()] if beside else [()]
 
 
 def _group(

@@ -22,8 +22,7 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Fields, Prediction, predict, visit
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.scene.fields import in_step_order
-from lammps_cases.verdict.diagnosis.candidates import candidates
-from lammps_cases.verdict.diagnosis.changes import Change, Watched
+from lammps_cases.verdict.diagnosis.changes import Change, Watched, candidates
 from lammps_cases.verdict.diagnosis.edits import made
 from lammps_cases.verdict.model_fields import nearest_image, sides
 
@@ -44,7 +43,7 @@ class Spent(Exception):
 
 @dataclass
 class Work:
-    """Seconds that trials take, as estimated from their size, so that the same run is diagnosed alike anywhere."""
+    """Seconds that trials take, estimated from their size: the diagnosis of a run is the same on any machine."""
 
     left: float
 
@@ -69,7 +68,7 @@ class RedCase:
     problem : compared up to the first red step
     snapshots : LAMMPS' fields at its steps
     red_field : the first red one
-    base : stages and stepping of the findings that the case shows beside
+    base : stages and stepping of the findings that the case shows as well
     reference : what the reference predicts with these
     """
 
@@ -100,11 +99,9 @@ class RedCase:
     @cached_property
     def up_to_field(self) -> RedCase:
         """Return the case with the fields up to the first red one."""
-        return replace(self, problem=replace(self.problem, fields=self._up_to_field()))
-
-    def _up_to_field(self) -> tuple[str, ...]:
         names = in_step_order(self.problem.fields)
-        return tuple(names[: names.index(self.red_field) + 1])
+        fields = tuple(names[: names.index(self.red_field) + 1])
+        return replace(self, problem=replace(self.problem, fields=fields))
 
     def made(self, tried: Sequence[Change]) -> Made | None:
         """Return stages and stepping with some changes; None where they have no meaning together."""

@@ -22,8 +22,7 @@ from eos_ref.model.parameters import Model, PairRheo, Viscosity
 from eos_ref.model.state import State, check_state
 from eos_ref.syntax.ranges import type_range
 from eos_ref.syntax.words import Words, split
-from lammps_cases.claims.probes.probe import Commands, Input, Probe, base, commands, load, load_scene
-from lammps_cases.claims.probes.reaction import offending
+from lammps_cases.claims.probes.probe import Commands, Input, Probe, base, commands, load, load_scene, offending
 from lammps_cases.scene.fields import FIELDS
 
 # Other commands of the decks, always the same.

@@ -16,8 +16,7 @@ import numpy as np
 
 from eos_ref.errors import unknown
 from lammps_cases.claims.probes import run
-from lammps_cases.claims.probes.probe import Input
-from lammps_cases.claims.probes.reaction import ERRORS, REACTIONS, Reaction, reaction
+from lammps_cases.claims.probes.probe import ERRORS, REACTIONS, Input, Reaction, reaction
 from lammps_cases.claims.probes.run import Reply
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER

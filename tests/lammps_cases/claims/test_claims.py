@@ -15,8 +15,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.claims import model
 from lammps_cases.claims.model import KINDS, Claim, Page, claims
-from lammps_cases.claims.trace import trace
-from lammps_cases.claims.verdicts import Names
+from lammps_cases.claims.verdicts import Names, trace
 from lammps_cases.comparison.trajectory import predict
 from lammps_cases.findings import LEDGER
 from lammps_cases.run import prepared_case

@@ -13,7 +13,7 @@ import platformdirs
 import pytest
 import yaml
 
-from lammps_cases.cli import completion
+from lammps_cases.cli import commands
 from lammps_cases.cli.main import COMMANDS, DEV
 from lammps_cases.findings import KNOWN, LEDGER
 from lammps_cases.scene import casefile
@@ -26,7 +26,7 @@ HEAVY = {"numpy", "scipy", "numba", "ase", "pandas", "rich", "matplotlib", "lamm
 def completed(line: str) -> list[str]:
     """What bash is given for a line that ends where the cursor is."""
     words = line.split(" ")
-    given = {completion.VARIABLE: "bash_complete", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
+    given = {commands.VARIABLE: "bash_complete", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
     command = [sys.executable, "-m", "lammps_cases.cli.main"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env={**os.environ, **given})
     return [line.removeprefix("plain,") for line in done.stdout.splitlines()]
@@ -53,18 +53,18 @@ def test_the_shell_completes(line: str, names: list[str]) -> None:
 
 def test_what_is_completed_is_what_there_is() -> None:
     cases = casefile.load()
-    assert {case.name for case in cases} <= set(completion.case_names())
-    assert {name.split(".")[0] for name in completion.case_names()} == {case.name.split(".")[0] for case in cases}
-    assert completion.tag_names() == {tag for case in cases for tag in case.tags}
-    assert sorted(completion.finding_names()) == sorted(entry.id for entry in LEDGER)
-    assert completion.engine_names() == ["env", *(f"pypi:{version}" for version in KNOWN), "path:"]
+    assert {case.name for case in cases} <= set(commands.case_names())
+    assert {name.split(".")[0] for name in commands.case_names()} == {case.name.split(".")[0] for case in cases}
+    assert commands.tag_names() == {tag for case in cases for tag in case.tags}
+    assert sorted(commands.finding_names()) == sorted(entry.id for entry in LEDGER)
+    assert commands.engine_names() == ["env", *(f"pypi:{version}" for version in KNOWN), "path:"]
 
 
 @pytest.mark.parametrize(
-    "call", ["main.group.main(['--help'], 'eos-ref', standalone_mode=False)", "completion.cases(0, 0, 'n')"]
+    "call", ["main.group.main(['--help'], 'eos-ref', standalone_mode=False)", "commands.completed('cases', 'n')"]
 )
 def test_nothing_heavy_is_imported(call: str) -> None:
-    code = f"import sys\nfrom lammps_cases.cli import completion, main\n{call}\nprint(*sys.modules, file=sys.stderr)"
+    code = f"import sys\nfrom lammps_cases.cli import commands, main\n{call}\nprint(*sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert HEAVY.isdisjoint(done.stderr.split())
 
@@ -73,7 +73,7 @@ def test_names_are_kept_until_a_file_changes(tmp_path: Path, monkeypatch: pytest
     folder = tmp_path / "root" / "data" / "cases"
     folder.mkdir(parents=True)
     (folder / "one.yaml").write_text("name: one\ntags: [small]\nmatrix: {}\n")
-    monkeypatch.setattr(completion, "ROOT", tmp_path / "root")
+    monkeypatch.setattr(commands, "ROOT", tmp_path / "root")
     monkeypatch.setattr(platformdirs, "user_cache_dir", lambda _: str(tmp_path))
     reads: list[int] = []
     load = yaml.load
@@ -84,25 +84,25 @@ def test_names_are_kept_until_a_file_changes(tmp_path: Path, monkeypatch: pytest
 
     monkeypatch.setattr(yaml, "load", counted)
     for _ in range(2):
-        assert (completion.case_names()[0], completion.tag_names()) == ("one", {"small"})
+        assert (commands.case_names()[0], commands.tag_names()) == ("one", {"small"})
     assert len(reads) == 1
     (folder / "two.yaml").write_text("name: two\n")
-    assert "two" in completion.case_names() and len(reads) == 3
+    assert "two" in commands.case_names() and len(reads) == 3
     (tmp_path / "completion.json").write_text('{"key": 5')
-    assert "two" in completion.case_names() and len(reads) == 5
+    assert "two" in commands.case_names() and len(reads) == 5
     (tmp_path / "completion.json").unlink()
     (tmp_path / "completion.json").mkdir()
-    assert "two" in completion.case_names() and len(reads) == 7
+    assert "two" in commands.case_names() and len(reads) == 7
 
 
-@pytest.mark.parametrize("shell", completion.INSTALLED)
+@pytest.mark.parametrize("shell", commands.INSTALLED)
 def test_the_script_is_printed_and_nothing_is_written(
     shell: str, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     code, out, err = eos_ref_command("completion", shell)
-    assert (code, err) == (0, "") and completion.VARIABLE in out
-    assert out.splitlines()[0] == f"# eos-ref completion {shell} {completion.INSTALLED[shell]}"
+    assert (code, err) == (0, "") and commands.VARIABLE in out
+    assert out.splitlines()[0] == f"# eos-ref completion {shell} {commands.INSTALLED[shell]}"
     assert not [*tmp_path.iterdir()]
 
 

@@ -180,7 +180,7 @@ def _imported(module: str) -> set[str]:
 
 
 def test_the_context_holds_every_module_that_predictions_go_through() -> None:
-    reached, left = set(), {"lammps_cases.comparison.predictor", "lammps_cases.verdict.model_mistakes"}
+    reached, left = set(), {"lammps_cases.comparison.predictor", "lammps_cases.verdict.mistakes"}
     while left:
         name = left.pop()
         reached.add(name)

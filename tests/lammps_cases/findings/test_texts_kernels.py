@@ -16,7 +16,7 @@ from lammps_cases.comparison.trajectory import predict
 from lammps_cases.findings import forces
 from lammps_cases.findings.kernels import WENDLAND_C4, WendlandC4
 from lammps_cases.findings.variants import Snapshot
-from lammps_cases.verdict.snapshots import read_snapshots
+from lammps_cases.verdict.case_arrays import read_snapshots
 from tests.support.printed import printed, quoted, recomputes
 from tests.support.small_scene import Engine, SmallScene, small_scene
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lammps_cases.records.run_record import RunRecord
-from lammps_cases.report import write_report
+from lammps_cases.report.formats import write_report
 from tests.support.made_report import FINDINGS, Page, example
 from tests.support.pages import unpacked
 

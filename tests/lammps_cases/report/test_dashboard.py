@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from lammps_cases.records.case_parts import StepRecord
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.report import dashboard, junit
+from lammps_cases.report import formats
 from lammps_cases.report.findings import outcome
 from lammps_cases.run.report_files import write_run
 from tests.support.made_runs import case, run
@@ -33,7 +33,7 @@ def steps(*verdicts: str) -> list[StepRecord]:
 
 
 def documented(*cases: CaseRecord) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads(dashboard.document(outcome(run(cases=list(cases)))))
+    document: dict[str, Any] = json.loads(formats.dashboard(outcome(run(cases=list(cases)))))
     return document
 
 
@@ -73,9 +73,9 @@ def test_counts_are_those_of_the_statuses() -> None:
 def test_tests_are_named_as_in_junit_xml() -> None:
     """The key of LAMMPS' merge_results.py: class, stroke, name."""
     of_run = outcome(run(cases=list(CASES)))
-    cases = ET.fromstring(junit.document(of_run)).iter("testcase")
+    cases = ET.fromstring(formats.junit(of_run)).iter("testcase")
     names = [f"{found.get('classname')}/{found.get('name')}" for found in cases]
-    assert names == list(json.loads(dashboard.document(of_run))["tests"])
+    assert names == list(json.loads(formats.dashboard(of_run))["tests"])
 
 
 def test_a_known_bug_fails_by_its_name() -> None:
@@ -112,7 +112,7 @@ def test_where_a_case_leaves_its_bound_first() -> None:
 def test_the_commit_is_that_of_the_build(git: str, commit: str | None) -> None:
     record = run()
     record.engine.git = git
-    metadata = json.loads(dashboard.document(outcome(record)))["metadata"]
+    metadata = json.loads(formats.dashboard(outcome(record)))["metadata"]
     assert metadata.get("commit") == metadata.get("sha") == commit
     assert metadata.get("branch") == (git.split()[0] if commit else None)
     assert ("git_info" in metadata["properties"]) == bool(commit)

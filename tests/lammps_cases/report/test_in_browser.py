@@ -11,7 +11,8 @@ import pytest
 
 from lammps_cases.records.case_parts import CheckRecord, FieldRecord
 from lammps_cases.records.run_record import CaseRecord, RunRecord
-from lammps_cases.report import plots, write_report
+from lammps_cases.report import plots
+from lammps_cases.report.formats import write_report
 from tests.support.browser import browser
 from tests.support.made_report import Page
 

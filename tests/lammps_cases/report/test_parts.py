@@ -10,8 +10,8 @@ import pytest
 from lammps_cases.records.case_parts import FieldRecord, LawRecord, StepRecord, Verdict
 from lammps_cases.records.outcome import CaseOutcome
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
-from lammps_cases.report import agreement, markdown, plots
-from lammps_cases.report.history import draw
+from lammps_cases.report import findings, markdown, plots
+from lammps_cases.report.history import views
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_fields_against_steps() -> None:
         _stepped("t", "f", (1, "differs", 2.0), twin="newton"),
         CaseRecord(case="law", verdict="pass"),
     ]
-    of_reference, of_twins = agreement.matrices(RunRecord(engine=EngineRecord(), reference={}, cases=cases))
+    of_reference, of_twins = findings.matrices(RunRecord(engine=EngineRecord(), reference={}, cases=cases))
     assert (of_reference.cases, of_reference.steps, of_reference.explained) == (4, [0, 1, 5], ["x", "y"])
     assert [(row.field, row.exact) for row in of_reference.rows] == [("f", False), ("rho", True)], "as a step computes"
     first, second, last = of_reference.rows[0].cells
@@ -82,15 +82,15 @@ def test_fields_against_steps() -> None:
     assert (second.cases, second.agree, second.inside.cases) == (3, 2, 2)
     assert (second.inside.ratio, second.inside.case, second.explained.ratio) == (0.5, "a", 7.0)
     assert (last.outside.case, of_twins.twins, of_twins.cases) == ("b", True, 1)
-    assert agreement.matrices(RunRecord(engine=EngineRecord(), reference={}, cases=cases[-1:])) == []
+    assert findings.matrices(RunRecord(engine=EngineRecord(), reference={}, cases=cases[-1:])) == []
 
 
 def test_the_mark_of_an_outcome() -> None:
     outcome = CaseOutcome("one", "differs", False, worst=3.0, worst_field="f")
-    assert draw.mark("1.0", "2026-01-02", "2 runs", outcome) == draw.RunMark(
+    assert views.mark("1.0", "2026-01-02", "2 runs", outcome) == views.RunMark(
         "1.0", "2026-01-02", "differs", 3.0, "1.0, 2 runs: differs, worst in f"
     )
-    assert draw.mark("1.0", "", "1 run", CaseOutcome("one", "pass", True)).says == "1.0, 1 run: pass"
+    assert views.mark("1.0", "", "1 run", CaseOutcome("one", "pass", True)).says == "1.0, 1 run: pass"
 
 
 def test_an_audit_begins_with_its_worst_field_and_says_at_which_step() -> None:

@@ -11,7 +11,7 @@ import pytest
 from eos_ref.eos import bounds
 from lammps_cases.records.case_parts import LawRecord
 from lammps_cases.records.run_record import CaseRecord, RunRecord
-from lammps_cases.report import drawn, plots
+from lammps_cases.report import page, plots
 from tests.support.made_report import NAME, WATER, Page, column, numbers
 
 
@@ -126,7 +126,7 @@ def test_extreme_states_are_packed(parameter: float) -> None:
     arrays |= {f"pressure.{side}": arrays["rho"] for side in ("lammps", "reference", "bound")}
     case = CaseRecord(case="x", verdict="pass", laws=laws)
     data, _ = plots.payload(case, arrays, plots.differences(arrays))
-    assert data is not None and json.loads(drawn.embedded(data)) == data
+    assert data is not None and json.loads(page.embedded(data)) == data
     assert {law["type"] for law in data["laws"]} >= {1, 2, 3, 4}
 
 

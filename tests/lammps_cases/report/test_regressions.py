@@ -83,7 +83,7 @@ def test_a_run_on_an_unknown_version_tells_new_from_known_and_gone() -> None:
     ]
     lacking = CaseRecord(case="g2", verdict="skipped", ended="skipped", lacks="cubic")
     red = CaseRecord(case="g3", verdict="refused", ended="refused")
-    carried = findings.carried_over(
+    carried = findings.compare_with_ledger(
         run_of(explained("a", "new"), explained("b", "known"), case("g1"), lacking, red), ledger
     )
     assert carried is not None and carried.nearest == NEW
@@ -102,12 +102,12 @@ def test_a_finding_that_follows_lists_is_gone_where_the_accepted_runs_showed_it(
         finding("other", 2, engines=(NEW,), model=Variant(lambda problem: True)),  # its cases say it themselves
         finding("elsewhere", 3, engines=(OLD,), model=FOLLOWS),
     ]
-    carried = findings.carried_over(run_of(case("a"), case("b", verdict), case("c"), version=NEW), ledger)
+    carried = findings.compare_with_ledger(run_of(case("a"), case("b", verdict), case("c"), version=NEW), ledger)
     assert carried is not None and (carried.gone, carried.partly) == ({"listing": count}, {})
-    shown = findings.carried_over(run_of(case("a"), explained("b", "listing"), version=NEW), ledger)
+    shown = findings.compare_with_ledger(run_of(case("a"), explained("b", "listing"), version=NEW), ledger)
     assert shown is not None and (shown.gone, shown.partly) == ({}, {"listing": 1})
     refused = explained("b", "other").model_copy(update={"fields": []})  # by another finding: nothing was compared
-    assert findings.carried_over(run_of(case("c"), refused, version=NEW), ledger[::2]) is None
+    assert findings.compare_with_ledger(run_of(case("c"), refused, version=NEW), ledger[::2]) is None
 
 
 def test_a_word_that_lammps_does_not_have_is_one_line_and_fails() -> None:

@@ -15,7 +15,8 @@ from eos_ref import EOSTable
 from lammps_cases.records import case_wording, wording
 from lammps_cases.records.case_parts import OutlookRecord
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
-from lammps_cases.report import agreement, drawn, findings, markdown, page, plots, write_report
+from lammps_cases.report import findings, markdown, page, plots
+from lammps_cases.report.formats import write_report
 from lammps_cases.scene.fields import in_step_order
 from tests.support.made_report import FINDINGS, HOSTILE, NAME, WATER, Page, entry, model, numbers, scene
 from tests.support.pages import unpacked
@@ -53,8 +54,8 @@ def test_hostile_text_stays_text(parsed: Page, html: str, run: RunRecord) -> Non
     assert parsed.scripts == 4 + len(parsed.data) + others
     text = (Path("x") / markdown.summary(findings.outcome(run, FINDINGS))).as_posix()
     assert "<img" not in text and "<script" not in text
-    assert drawn.embedded({"a": "</script><!--"}).count("<") == 0
-    assert json.loads(drawn.embedded({"a": "</script>&"})) == {"a": "</script>&"}
+    assert page.embedded({"a": "</script><!--"}).count("<") == 0
+    assert json.loads(page.embedded({"a": "</script>&"})) == {"a": "</script>&"}
 
 
 def test_fields_against_steps(parsed: Page, html: str) -> None:
@@ -138,7 +139,7 @@ def test_an_outcome_that_is_not_as_predicted_is_not_seen() -> None:
 
 
 def test_agreement(run: RunRecord, html: str, folder: Path) -> None:
-    model, twins = agreement.matrices(run)
+    model, twins = findings.matrices(run)
     assert (model.cases, model.steps, twins.cases) == (2, [0, 10], 1)
     assert [row.field for row in model.rows] == ["grad/v", "pressure", "f"]
     force = model.rows[2].cells[0]

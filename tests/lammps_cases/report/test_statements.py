@@ -14,10 +14,9 @@ from lammps_cases.cli import audit, shared
 from lammps_cases.findings import KNOWN, LEDGER
 from lammps_cases.records.case_parts import LawRecord
 from lammps_cases.records.run_record import CaseRecord, read_run
-from lammps_cases.report.advice import advice
 from lammps_cases.report.annotations import deck_place, place, workflow_commands
 from lammps_cases.report.findings import outcome
-from lammps_cases.report.statements import SUBJECTS, statements
+from lammps_cases.report.statements import SUBJECTS, advice, statements
 from lammps_cases.run.report_files import write_run
 from tests.support.made_audits import BUG, HOSTILE, OTHER, acting, deck, everything, run
 from tests.support.pages import unpacked

@@ -44,10 +44,13 @@ COLOURS = {"green": 1.0, "red": 2.0}  # of runs in which LAMMPS' pressures are s
 PARTS = {  # what a room may cost; the others make what all of a page or summary needs
     "verdict.diagnosis.": {"triage"},
     "report.history.": {"history", "entry in the history"},
-    "report.agreement.matri": {"agreement", "agreement in summary.md"},
-    "report.drawn.": {"pictures"},
+    "report.findings.matri": {"agreement", "agreement in summary.md"},
+    "report.page.plot_data": {"pictures"},
+    "report.page.one_per_atom": {"pictures"},
+    "report.page.embedded": {"pictures"},
     "report.plots.": {"pictures"},
-    "report.junit.": {"junit.xml"},
+    "report.formats.junit": {"junit.xml"},
+    "report.formats.case_text": {"junit.xml"},
     "report.markdown.": {"summary.md", "agreement in summary.md"},
     "report.annotations.": set[str](),
 }

@@ -6,15 +6,15 @@ from collections import defaultdict
 
 from lammps_cases.scene import casefile
 from lammps_cases.scene.changes import catalogue
-from lammps_cases.verdict import law_mistakes, model_mistakes
 from lammps_cases.verdict.exercise import can_see
+from lammps_cases.verdict.mistakes import LAW_MUTANTS, MODEL_MUTANTS
 
 WITNESSES = 2
 CASES = casefile.load()
 
 
 def test_mistakes_of_the_report_are_in_the_catalogue() -> None:
-    for of, mistakes in (("law", law_mistakes.MUTANTS), ("stage", model_mistakes.MUTANTS)):
+    for of, mistakes in (("law", LAW_MUTANTS), ("stage", MODEL_MUTANTS)):
         assert [change.what for change in catalogue().values() if change.mistake == of] == list(mistakes)
     assert all(bool(change.function) != bool(change.mistake) for change in catalogue().values())
 

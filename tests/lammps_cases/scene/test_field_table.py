@@ -26,8 +26,8 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS, Field, in_step_order
 from lammps_cases.setup import commands, twins
 from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.case_arrays import snapshot
 from lammps_cases.verdict.problems import problem_of
-from lammps_cases.verdict.snapshots import snapshot
 from tests.support.outcome import Solver
 from tests.workshop.faults import output_faults
 from tests.workshop.faults.substitute import in_place_of

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from eos_ref import EOS, resolve
 from eos_ref.syntax.fixes import PressureEntry
-from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw, entries
+from lammps_cases.scene.particles import AtomType, LawSettings, PowerLaw, entries
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from lammps_cases.scene.manual import EXAMPLES, ExampleSettings
+from lammps_cases.scene.runs import Stop
 from lammps_cases.scene.settings import (
     DeformSettings,
     Evolve,
@@ -17,7 +18,6 @@ from lammps_cases.scene.settings import (
     ShiftSettings,
     SurfaceDetectionSettings,
 )
-from lammps_cases.scene.stops import Stop
 from lammps_cases.scene.values import SceneModel
 
 DETECTION = {"style": "coordination", "limit": 20.0, "splash": 4}

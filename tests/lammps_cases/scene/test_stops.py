@@ -10,23 +10,14 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases.scene import casefile
+from lammps_cases.scene.runs import AS_TEXT, FOR_EACH_ATOM, REDEFINED, ROUTES, Stop, Stretch, counted, upper_corners
 from lammps_cases.scene.settings import Evolve
-from lammps_cases.scene.stops import (
-    AS_TEXT,
-    DEFINED_ANEW,
-    FOR_EACH_ATOM,
-    ROUTES,
-    Stop,
-    Stretch,
-    counted,
-    upper_corners,
-)
 
 CaseFile = Callable[..., Path]
 
 
 def test_groups_of_routes_are_of_routes() -> None:
-    assert {*AS_TEXT, *DEFINED_ANEW, *FOR_EACH_ATOM} <= set(ROUTES)
+    assert {*AS_TEXT, *REDEFINED, *FOR_EACH_ATOM} <= set(ROUTES)
 
 
 def test_shipped_cases_go_every_route() -> None:
@@ -41,7 +32,7 @@ def test_lammps_counts_on_from_where_a_stop_sets_it() -> None:
 
 @pytest.mark.parametrize(("by", "renewed"), [("run", 0), ("restart", 0), ("recreated", 2), ("redefined", 9)])
 def test_atoms_that_are_new_to_the_fixes(by: str, renewed: int) -> None:
-    assert Stop.model_validate({"at": 0, "by": by}).renews(9) == renewed
+    assert Stop.model_validate({"at": 0, "by": by}).count_recreated_atoms(9) == renewed
 
 
 def test_upper_corners_follow_one_another_and_are_kept_where_nothing_is_stretched() -> None:

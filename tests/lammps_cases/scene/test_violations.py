@@ -8,7 +8,7 @@ import pytest
 
 from lammps_cases.claims.probes.probe import load_scene
 from lammps_cases.scene import casefile
-from lammps_cases.scene.violations import VIOLATIONS, broken
+from lammps_cases.scene.manual import VIOLATIONS, with_broken_rule
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 
@@ -54,12 +54,12 @@ def test_every_violation_is_that_of_a_shipped_case() -> None:
 
 def test_arguments_and_styles() -> None:
     line = "fix pressure all rheo/pressure * cubic 1.0"
-    assert broken([line], "missing-argument") == (line.removesuffix(" 1.0"),)
-    assert broken([line], "unknown-pressure-style") == (line.replace("cubic", "taitwater"),)
-    assert broken(["fix rheo all rheo 3.0 RK1 4 shift"], "no-fix-thermal") == (
+    assert with_broken_rule([line], "missing-argument") == (line.removesuffix(" 1.0"),)
+    assert with_broken_rule([line], "unknown-pressure-style") == (line.replace("cubic", "taitwater"),)
+    assert with_broken_rule(["fix rheo all rheo 3.0 RK1 4 shift"], "no-fix-thermal") == (
         "fix rheo all rheo 3.0 RK1 4 thermal shift",
     )
-    assert broken([line], None) == (line,)
+    assert with_broken_rule([line], None) == (line,)
 
 
 def test_arrays_are_those_of_the_atom_style() -> None:

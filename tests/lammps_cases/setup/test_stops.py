@@ -8,7 +8,7 @@ from lammps_cases.engine.interlude import FOLDER, Interlude
 from lammps_cases.engine.session import RunCommand
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from lammps_cases.scene.stops import FOR_EACH_ATOM, ROUTES, Route, Stop
+from lammps_cases.scene.runs import FOR_EACH_ATOM, ROUTES, Route, Stop
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 

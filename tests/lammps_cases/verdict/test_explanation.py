@@ -21,7 +21,7 @@ from lammps_cases.records import case_wording
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from lammps_cases.verdict import explanation, particle_model
+from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.problems import problem_of
 
 CASES = {case.name: case for case in casefile.load()}
@@ -85,7 +85,7 @@ def test_of_many_findings_all_but_one_are_tried_even_so(monkeypatch: pytest.Monk
     of, id_n = problem("constants.metal")
     listed = shown_by(of, "2025.7.22.4.0")
     assert len(listed) > 2
-    monkeypatch.setattr(explanation, "SETS", 0)
+    monkeypatch.setattr(particle_model, "SETS", 0)
     for mended in listed:
         left = [entry for entry in listed if entry is not mended]
         verdict = judged(of, id_n, "constants.metal", played(of, left), "2025.7.22.4.0")
@@ -130,12 +130,12 @@ def test_so_many_sets_are_tried_and_no_more(monkeypatch: pytest.MonkeyPatch) -> 
     of, id_n = problem("constants.metal")
     tried: list[tuple[int, bool]] = []
 
-    def inside(trial: explanation.Trial, entries: Sequence[Finding], at_once: bool = False) -> bool:
+    def inside(trial: particle_model.Trial, entries: Sequence[Finding], at_once: bool = False) -> bool:
         tried.append((len(entries), at_once))
         return False
 
-    monkeypatch.setattr(explanation, "SETS", 2)
-    monkeypatch.setattr(explanation.Trial, "_inside", inside)
+    monkeypatch.setattr(particle_model, "SETS", 2)
+    monkeypatch.setattr(particle_model.Trial, "_inside", inside)
     listed, every = shown_by(of, "2025.7.22.4.0"), applicable(of)
     snapshots = [{name: 2 * array for name, array in step.items()} for step in played(of, [])]
     verdict = judged(of, id_n, "constants.metal", snapshots, "2025.7.22.4.0")

@@ -20,7 +20,7 @@ from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.cases import compare_case
-from lammps_cases.verdict.law_mistakes import MUTANTS, unseen
+from lammps_cases.verdict.mistakes import LAW_MUTANTS, undetected_in_laws
 from tests.support.outcome import Solver
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
@@ -45,12 +45,12 @@ def test_the_reference_as_it_is_turns_nothing_red(solved: Solved) -> None:
 
 
 @pytest.mark.lammps
-@pytest.mark.parametrize("mistake", MUTANTS)
+@pytest.mark.parametrize("mistake", LAW_MUTANTS)
 def test_planted_mistake_turns_a_case_red(mistake: str, solved: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
     right = compare.evaluate
 
     def planted(table: EOSTable, state: EosState, number: Any = np.float64) -> Any:
-        wrong_n = MUTANTS[mistake](table, state) if number is np.float64 else None
+        wrong_n = LAW_MUTANTS[mistake](table, state) if number is np.float64 else None
         return right(table, state, number) if wrong_n is None else wrong_n
 
     monkeypatch.setattr(compare, "evaluate", planted)
@@ -187,10 +187,14 @@ def test_lint_names_what_a_blind_scene_cannot_tell() -> None:
     blind = EOSTable((EOS("linear"),))
     state = EosState(ids, types, rho_n, masses)
     p_n = compare.evaluate(blind, state)
-    assert {"cs instead of cs^2", "rho0 and cs exchanged"} <= set(unseen(blind, state, p_n, 1e-15 * np.ones(n)))
+    assert {"cs instead of cs^2", "rho0 and cs exchanged"} <= set(
+        undetected_in_laws(blind, state, p_n, 1e-15 * np.ones(n))
+    )
     sharp = EOSTable((EOS("linear", 1.2, 3.4),))
     p_n = compare.evaluate(sharp, state)
-    assert unseen(sharp, state, p_n, 1e-14 * np.ones(n)) == []
+    assert undetected_in_laws(sharp, state, p_n, 1e-14 * np.ones(n)) == []
     gas = EOSTable((EOS("ideal/gas", parameter=1.4),))
     state = EosState(ids, types, rho_n, masses, np.ones(n))
-    assert "energy not per unit mass" in unseen(gas, state, compare.evaluate(gas, state), 1e-14 * np.ones(n))
+    assert "energy not per unit mass" in undetected_in_laws(
+        gas, state, compare.evaluate(gas, state), 1e-14 * np.ones(n)
+    )

@@ -30,12 +30,11 @@ from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.settings import Evolve
 from lammps_cases.verdict import outcome
+from lammps_cases.verdict.case_arrays import asks_for_lists, read_snapshots
 from lammps_cases.verdict.cases import compare_case, first_step
-from lammps_cases.verdict.law_mistakes import MUTANTS
+from lammps_cases.verdict.mistakes import LAW_MUTANTS, undetected_in_model
 from lammps_cases.verdict.model_fields import derived, over_steps, sides
-from lammps_cases.verdict.model_mistakes import unseen_in_model
 from lammps_cases.verdict.problems import problem_of
-from lammps_cases.verdict.snapshots import asks_for_lists, read_snapshots
 from tests.support import made_answers
 from tests.support.made_findings import finding
 from tests.support.roundings import rounded
@@ -170,10 +169,10 @@ def test_a_wrong_pressure_is_explained_by_a_finding_that_has_it(
     law: PreparedCase, monkeypatch: pytest.MonkeyPatch, pattern: str, variant: str, verdict: str
 ) -> None:
     """A finding about the case, whose variant of the law is LAMMPS' on every atom; no case has one today."""
-    made = finding("a-law", law=MUTANTS[variant], applies_to=(pattern,))
+    made = finding("a-law", law=LAW_MUTANTS[variant], applies_to=(pattern,))
     monkeypatch.setattr(findings, "LEDGER", (replace(LEDGER[0], applies_to=("mine",)), made))
     assert law.eos is not None
-    wrong_n = MUTANTS["cs ignored"](law.eos, state_of(law))
+    wrong_n = LAW_MUTANTS["cs ignored"](law.eos, state_of(law))
     record = judged(law, changed(answer_of(law), pressure=wrong_n, q__pressure=wrong_n))
     explained_by = ["a-law"] if verdict == "explained" else []
     assert record.verdict == verdict and record.blame is not None
@@ -315,7 +314,7 @@ def test_the_record_of_a_model_has_its_lint_its_bounds_and_the_findings_that_are
     assert record.unseen == ["force-per-volume"], "this LAMMPS computes the force that the manual gives"
     problem = problem_of(model.case.scene, model.atoms, "", (0, 1, 2))
     prediction = Predictor().predict(problem, seed=seed("mine/moved runs"))
-    assert record.lint == unseen_in_model(problem, prediction) != []
+    assert record.lint == undetected_in_model(problem, prediction) != []
     force = next(field for field in record.fields if field.field == "f")
     at = next(k for k, row in enumerate(force.steps) if row.step == force.worst_step)
     np.testing.assert_array_equal(arrays["f.bound"], np.broadcast_to(prediction.bounds[at]["f"], (20, 2)))

@@ -10,7 +10,7 @@ import pytest
 from eos_ref import EOS, EOSTable
 from eos_ref.eos import bounds
 from lammps_cases.comparison.compare import EosState, evaluate
-from lammps_cases.verdict.law_mistakes import MUTANTS, unseen
+from lammps_cases.verdict.mistakes import LAW_MUTANTS, undetected_in_laws
 
 ODD = EOSTable([EOS("cubic", 1.2, 3.1, 0.7, 0.3), EOS("tait/general", 0.9, 2.3, 4.1)])
 PLAIN = EOSTable([EOS("linear", 1.0, 1.0)])
@@ -25,7 +25,7 @@ def state(table: EOSTable) -> EosState:
 def blind(table: EOSTable) -> list[str]:
     scene = state(table)
     bound_n = bounds.comparison(table, scene.rho_n, scene.type_n, None)
-    return unseen(table, scene, evaluate(table, scene), bound_n)
+    return undetected_in_laws(table, scene, evaluate(table, scene), bound_n)
 
 
 def test_a_scene_of_odd_numbers_shows_every_mistake() -> None:
@@ -38,7 +38,7 @@ def test_units_of_one_hide_what_they_multiply() -> None:
 
 @pytest.mark.parametrize("name", ["types exchanged", "background dropped", "A3 dropped", "gamma instead of gamma - 1"])
 def test_a_mistake_in_what_a_scene_does_not_have_is_none(name: str) -> None:
-    assert MUTANTS[name](PLAIN, state(PLAIN)) is None
+    assert LAW_MUTANTS[name](PLAIN, state(PLAIN)) is None
 
 
 LINEAR = EOS("linear", 1.2, 2.25, background=0.3)
@@ -76,12 +76,12 @@ def test_a_mistake_is_another_law(name: str) -> None:
     for other in others:
         alone, both, mistaken = EOSTable([other]), EOSTable([law, other]), EOSTable([wrong, other])
         scene = with_energy(both)
-        assert MUTANTS[name](alone, with_energy(alone)) is None
-        np.testing.assert_array_equal(MUTANTS[name](both, scene), evaluate(mistaken, scene))
+        assert LAW_MUTANTS[name](alone, with_energy(alone)) is None
+        np.testing.assert_array_equal(LAW_MUTANTS[name](both, scene), evaluate(mistaken, scene))
 
 
 def test_an_exponent_off_by_one_is_none_of_zero() -> None:
-    p_n = MUTANTS["exponent off by one"](EOSTable([EOS("tait/general", 1.2, parameter=-1.0)]), state(PLAIN))
+    p_n = LAW_MUTANTS["exponent off by one"](EOSTable([EOS("tait/general", 1.2, parameter=-1.0)]), state(PLAIN))
     np.testing.assert_array_equal(p_n, evaluate(EOSTable([EOS("tait/general", 1.2, parameter=0.5)]), state(PLAIN)))
 
 
@@ -96,7 +96,7 @@ def test_mistakes_in_what_a_law_is_given() -> None:
         "density in float32": evaluate(three, replace(scene, rho_n=np.float64(np.float32(scene.rho_n)))),
         "pressure in float32": np.float64(np.float32(p_n)),
     }.items():
-        made_n = MUTANTS[name](three, scene)
+        made_n = LAW_MUTANTS[name](three, scene)
         np.testing.assert_array_equal(made_n, right_n, err_msg=name)
         assert made_n.dtype == np.float64
 
@@ -110,20 +110,20 @@ def test_mistakes_in_what_a_law_is_given() -> None:
     ],
 )
 def test_without_an_energy_there_is_no_mistake_in_it(name: str, table: EOSTable, scene: EosState) -> None:
-    assert MUTANTS[name](table, scene) is None
+    assert LAW_MUTANTS[name](table, scene) is None
 
 
 def test_types_without_energy_can_be_exchanged() -> None:
     table = EOSTable([LINEAR, TAIT])
     exchanged_n = evaluate(EOSTable([TAIT, LINEAR]), state(table))
-    np.testing.assert_array_equal(MUTANTS["types exchanged"](table, state(table)), exchanged_n)
+    np.testing.assert_array_equal(LAW_MUTANTS["types exchanged"](table, state(table)), exchanged_n)
 
 
 @pytest.mark.parametrize(("bound", "seen"), [(0.5, True), (1.0, False), (2.0, False)])
 def test_a_mistake_is_seen_by_the_particle_that_it_takes_out_of_its_bound(bound: float, seen: bool) -> None:
     """A pressure of one half whose sign is wrong is off by one; particles at rho0 do not show it."""
     scene = EosState(np.arange(1, 4), np.ones(3, int), np.array([1.0, 1.5, 1.0]), np.ones(3))
-    names = unseen(PLAIN, scene, evaluate(PLAIN, scene), np.full(3, bound))
+    names = undetected_in_laws(PLAIN, scene, evaluate(PLAIN, scene), np.full(3, bound))
     assert ("sign of the pressure" in names) == (not seen)
 
 
@@ -131,13 +131,13 @@ def test_what_single_precision_cannot_hold_is_a_mistake_without_a_warning() -> N
     table = EOSTable([EOS("linear", 1.0, 1e25)])
     scene = state(table)
     scene.rho_n[7] = 1e39
-    assert np.isinf(MUTANTS["pressure in float32"](table, scene)).any()
-    names = unseen(table, scene, evaluate(table, scene), np.ones(40))
+    assert np.isinf(LAW_MUTANTS["pressure in float32"](table, scene)).any()
+    names = undetected_in_laws(table, scene, evaluate(table, scene), np.ones(40))
     assert not {"pressure in float32", "density in float32"} & set(names)
 
 
-@pytest.mark.parametrize("name", MUTANTS)
+@pytest.mark.parametrize("name", LAW_MUTANTS)
 def test_a_mistake_changes_the_pressure_or_does_not_apply(name: str) -> None:
     scene = state(ODD)
-    p_n = MUTANTS[name](ODD, scene)
+    p_n = LAW_MUTANTS[name](ODD, scene)
     assert p_n is None or not np.array_equal(p_n, evaluate(ODD, scene))

@@ -17,8 +17,8 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from lammps_cases.verdict import model_mistakes
-from lammps_cases.verdict.model_mistakes import MUTANTS, ModelMutant, shown, unseen_in_model
+from lammps_cases.verdict import mistakes
+from lammps_cases.verdict.mistakes import MODEL_MUTANTS, ModelMutant, shown, undetected_in_model
 from lammps_cases.verdict.problems import problem_of
 
 # A scene that shows each mistake.
@@ -48,17 +48,17 @@ def first_evaluation(name: str) -> Problem:
 
 def blind(name: str) -> list[str]:
     problem = first_evaluation(name)
-    return unseen_in_model(problem, Predictor(None).predict(problem))
+    return undetected_in_model(problem, Predictor(None).predict(problem))
 
 
 def test_every_mistake_has_a_scene() -> None:
-    assert SHOWN.keys() == MUTANTS.keys()
+    assert SHOWN.keys() == MODEL_MUTANTS.keys()
 
 
 @pytest.mark.parametrize("mistake", SHOWN)
 def test_a_scene_shows_the_mistake(mistake: str) -> None:
     problem = first_evaluation(SHOWN[mistake])
-    right, wrong = (problem.simulation(*stages) for stages in ((), (MUTANTS[mistake].stages,)))
+    right, wrong = (problem.simulation(*stages) for stages in ((), (MODEL_MUTANTS[mistake].stages,)))
     for simulation in (right, wrong):
         with np.errstate(all="ignore"):
             simulation.setup()
@@ -69,7 +69,7 @@ def test_a_scene_shows_the_mistake(mistake: str) -> None:
 
 def test_the_volume_of_the_other_particle_is_that_of_its_own() -> None:
     problem = first_evaluation("forces.all.quintic.2d")
-    mutant = MUTANTS["V_i for V_j"]
+    mutant = MODEL_MUTANTS["V_i for V_j"]
     sim = problem.simulation(mutant.stages)
     sim.setup()
     stages: Any = sim.evaluator
@@ -84,7 +84,7 @@ def test_the_volume_of_the_other_particle_is_that_of_its_own() -> None:
 def test_the_other_mean_is_not_the_one_given(harmonic: bool) -> None:
     problem = first_evaluation("forces.all.quintic.2d")
     model = replace(problem.model, pair=replace(problem.model.pair, harmonic_means=harmonic))
-    mutant = MUTANTS["arithmetic for harmonic mean, or the reverse"]
+    mutant = MODEL_MUTANTS["arithmetic for harmonic mean, or the reverse"]
     sim = Simulation(model, problem.box, problem.state, problem.wanted, mutant.stages)
     sim.setup()
     assert sim.evaluator.model.pair.harmonic_means == (not harmonic)
@@ -92,7 +92,7 @@ def test_the_other_mean_is_not_the_one_given(harmonic: bool) -> None:
 
 def test_one_conductivity_is_the_largest(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ArrayEvaluator, "conduction", lambda self: np.array([0.0, 2.0, 1.0]))
-    stages = MUTANTS["one conductivity for all types"].stages
+    stages = MODEL_MUTANTS["one conductivity for all types"].stages
     np.testing.assert_array_equal(stages.__new__(stages).conduction(), 2.0)
 
 
@@ -107,7 +107,7 @@ def test_a_mistake_may_leave_what_numbers_can_tell() -> None:
     problem = first_evaluation("fluids.unit")
     with np.errstate(all="raise"):
         prediction = Predictor().predict(problem)
-        assert not model_mistakes.blind(problem, prediction, ModelMutant(Divides, ("f",)))
+        assert not mistakes.cannot_distinguish(problem, prediction, ModelMutant(Divides, ("f",)))
 
 
 def test_units_of_one_hide_what_they_multiply() -> None:
@@ -120,7 +120,7 @@ def test_a_mistake_in_what_a_scene_does_not_have_is_not_said() -> None:
     """Equal arrays where nothing can differ are not called blindness."""
     for name in ("fluids.unit", "forces.all.quintic.2d"):
         unseen = blind(name)
-        assert not [mistake for mistake in unseen if MUTANTS[mistake].needs_walls]
+        assert not [mistake for mistake in unseen if MODEL_MUTANTS[mistake].needs_walls]
         assert "temperature of the whole energy" not in unseen
 
 
@@ -173,24 +173,27 @@ def test_a_mistake_could_show_in(fields: list[str], changes: dict[str, Any], see
 
 
 def test_mistakes_in_walls_are_of_scenes_with_walls(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(model_mistakes, "blind", lambda *_: True)
-    of_force = [name for name, mutant in MUTANTS.items() if {"f", "artificial"} & set(mutant.changes)]
-    plain = [name for name in of_force if not MUTANTS[name].needs_walls]
+    monkeypatch.setattr(mistakes, "cannot_distinguish", lambda *_: True)
+    of_force = [name for name, mutant in MODEL_MUTANTS.items() if {"f", "artificial"} & set(mutant.changes)]
+    plain = [name for name in of_force if not MODEL_MUTANTS[name].needs_walls]
     problem = replace(first_evaluation("fluids.unit"), fields=("f",))
     fix, n = problem.model.fix, len(problem.state.x_nc)
     for reconstructs, solid, names in ((True, True, of_force), (True, False, plain), (False, True, plain)):
         model = replace(problem.model, fix=replace(fix, interface_reconstruct=reconstructs))
         state = replace(problem.state, solid_n=np.full(n, solid))
         of = replace(problem, model=model, state=state)
-        assert unseen_in_model(of, Prediction((), ())) == names
+        assert undetected_in_model(of, Prediction((), ())) == names
 
 
 @pytest.mark.parametrize(("over", "unseen"), [(1.0, True), (1.5, False)])
 def test_a_mistake_within_the_bound_goes_unseen(over: float, unseen: bool) -> None:
     problem = replace(first_evaluation("forces.all.quintic.2d"), fields=("f",))
-    mutant = MUTANTS["no volume in the force"]
+    mutant = MODEL_MUTANTS["no volume in the force"]
     right, wrong = (problem.simulation(stages) for stages in (ArrayEvaluator, mutant.stages))
     for simulation in (right, wrong):
         simulation.setup()
     bound_nc = np.abs(wrong.output("f") - right.output("f")) / over
-    assert model_mistakes.blind(problem, Prediction(({"f": right.output("f")},), ({"f": bound_nc},)), mutant) == unseen
+    assert (
+        mistakes.cannot_distinguish(problem, Prediction(({"f": right.output("f")},), ({"f": bound_nc},)), mutant)
+        == unseen
+    )

@@ -19,8 +19,7 @@ from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
-from lammps_cases.verdict.cases import compare_case, first_step
-from lammps_cases.verdict.inputs import prefer_input
+from lammps_cases.verdict.cases import compare_case, first_step, prefer_input
 from lammps_cases.verdict.particle_model import Reason
 from tests.support import made_answers
 

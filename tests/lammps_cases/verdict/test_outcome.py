@@ -26,8 +26,7 @@ from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import kernel_cut, seed
 from lammps_cases.verdict.case_arrays import sampled
-from lammps_cases.verdict.cases import compare_case
-from lammps_cases.verdict.inputs import BY_IMAGES, compare_carried
+from lammps_cases.verdict.cases import BY_IMAGES, compare_carried, compare_case
 from lammps_cases.verdict.outcome import blank_record, explain_ending, finish
 from lammps_cases.verdict.problems import problem_of
 from tests.support import made_answers

@@ -22,9 +22,9 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.case_arrays import snapshot
 from lammps_cases.verdict.model_fields import nearest_image
 from lammps_cases.verdict.problems import problem_of
-from lammps_cases.verdict.snapshots import snapshot
 from tests.support.outcome import Solver
 
 pytestmark = pytest.mark.lammps

@@ -132,7 +132,7 @@ def judge(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[ModelVerdict, 
             predictor.told[of.steps.index(step)][field][row or 1] += moved
         if lists:
             predictor.told[0]["lists"] = ()
-        monkeypatch.setattr(particle_model, "unseen_in_model", mistakes)
+        monkeypatch.setattr(particle_model, "undetected_in_model", mistakes)
         return particle_model.compare_and_explain(of, "a.case", ID, predictor.told, KNOWN[0], predictor), predictor
 
     return judged

@@ -25,8 +25,8 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.setup.twins import Twin
 from lammps_cases.verdict import twins
-from lammps_cases.verdict.explanation import Explanation, Trial
 from lammps_cases.verdict.model_fields import derived
+from lammps_cases.verdict.particle_model import Explanation, Trial
 from lammps_cases.verdict.problems import problem_of
 from lammps_cases.verdict.twins import compare_twin
 from tests.support import made_answers

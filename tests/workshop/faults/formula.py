@@ -7,7 +7,7 @@ from functools import cache
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.scene.changes import Change, catalogue
-from lammps_cases.verdict import model_mistakes
+from lammps_cases.verdict.mistakes import MODEL_MUTANTS
 from tests.workshop.faults.fault import Fault, by_id
 
 
@@ -27,4 +27,4 @@ def faults() -> dict[str, FormulaFault]:
 def stages(fault: Fault) -> type[ArrayEvaluator] | None:
     """Return the stages that make a mistake of the particle model; None for an edit of the source."""
     in_model = isinstance(fault, FormulaFault) and fault.change.mistake == "stage"
-    return model_mistakes.MUTANTS[fault.what].stages if in_model else None
+    return MODEL_MUTANTS[fault.what].stages if in_model else None

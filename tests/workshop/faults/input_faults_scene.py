@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from lammps_cases.scene.changes import Kind
-from lammps_cases.scene.materials import LawSettings
+from lammps_cases.scene.particles import LawSettings
 from lammps_cases.scene.settings import SurfaceDetectionSettings
 from tests.workshop.faults.scene_changes import (
     InputFault,

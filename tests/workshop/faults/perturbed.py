@@ -28,11 +28,11 @@ from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.run.provenance import engine_record
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
+from lammps_cases.verdict.case_arrays import snapshot
 from lammps_cases.verdict.cases import compare_case, first_step
 from lammps_cases.verdict.model_fields import nearest_image
 from lammps_cases.verdict.particle_model import Reason
 from lammps_cases.verdict.problems import problem_of
-from lammps_cases.verdict.snapshots import snapshot
 from lammps_cases.verdict.twins import compare_twin
 
 T = TypeVar("T")

@@ -35,9 +35,9 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.changes import Change
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.verdict import law_mistakes, model_mistakes
+from lammps_cases.verdict.case_arrays import snapshot
+from lammps_cases.verdict.mistakes import LAW_MUTANTS, MODEL_MUTANTS
 from lammps_cases.verdict.problems import problem_of
-from lammps_cases.verdict.snapshots import snapshot
 
 Outcome = Answer | Failure
 Mistake = Change | None
@@ -200,7 +200,7 @@ def _answer_law(mistake: Mistake, where: str, scene: Scene, atoms: Atoms, answer
     state = EosState(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
     eos, p_n = scene.eos(where), None
     if mistake and mistake.mistake == "law":
-        p_n = law_mistakes.MUTANTS[mistake.what](eos, state)
+        p_n = LAW_MUTANTS[mistake.what](eos, state)
     if p_n is None:
         p_n = np.empty(len(state.rho_n))
         for t, law in enumerate(eos, 1):
@@ -227,7 +227,7 @@ def _stages_of(mistake: Mistake, problem: Problem, first: dict[str, Any], engine
     variants = [entry.model_variant for entry in shown if entry.model_variant]
     stages, stepping = combined(variants, problem, first) or (ArrayEvaluator, Simulation)
     if mistake and mistake.mistake == "stage":
-        stages = mistaken(model_mistakes.MUTANTS[mistake.what].stages, stages)
+        stages = mistaken(MODEL_MUTANTS[mistake.what].stages, stages)
     return stages, stepping
 
 

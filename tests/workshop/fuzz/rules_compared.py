@@ -13,8 +13,7 @@ from eos_ref.model.box import TILTED
 from eos_ref.model.quantities import keyword_of
 from eos_ref.model.units import UNITS
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.scene.runs import Boundary
-from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM, LOSES_MASSES, ROUTES
+from lammps_cases.scene.runs import AS_TEXT, FOR_EACH_ATOM, LOSES_MASSES, ROUTES, Boundary
 from tests.workshop.fuzz.chance import Chance, rounded
 from tests.workshop.fuzz.rules_particles import LEFT_OUT, leaning
 from tests.workshop.fuzz.scope import Content, Scope

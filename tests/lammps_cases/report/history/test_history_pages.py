@@ -12,13 +12,10 @@ import pytest
 
 from lammps_cases.records.run_record import RunRecord
 from lammps_cases.report import history as kept
-from lammps_cases.report import write_report
-from lammps_cases.report.history import draw, figures, page, store, views
-from lammps_cases.report.history.draw import RunMark
-from lammps_cases.report.history.reported import TABLE, Past, before
+from lammps_cases.report.formats import write_report
+from lammps_cases.report.history import TABLE, Past, page, runs_before, store, views
 from lammps_cases.report.history.store import History
-from lammps_cases.report.history.versions import engines
-from lammps_cases.report.history.views import Spread
+from lammps_cases.report.history.views import RunMark, Spread, engines
 from lammps_cases.report.pages import frame
 from tests.support import made_runs
 from tests.support.pages import unpacked
@@ -37,11 +34,11 @@ HOSTILE = "<img src=x onerror=alert(1)> & \"'"
     ],
 )
 def test_a_line_of_bars(values: list[float | None], line: str) -> None:
-    assert draw.spark(values) == line
+    assert views.spark(values) == line
 
 
 def test_a_line_of_bars_on_a_log_axis() -> None:
-    assert draw.spark([0.0, 1e-4, 1.0, 1e3, 1e4, 1e11], logarithmic=True) == "▁▁▃▄▅█"
+    assert views.spark([0.0, 1e-4, 1.0, 1e3, 1e4, 1e11], logarithmic=True) == "▁▁▃▄▅█"
 
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -71,7 +68,7 @@ def test_errors_lie_by_their_decade_with_the_bound_as_a_line() -> None:
         ("differs", math.inf),
         ("error", math.nan),
     ]
-    svg = figures.errors([RunMark("1.0", "", kind, ratio, "says") for kind, ratio in ratios], "one")
+    svg = page.error_figure([RunMark("1.0", "", kind, ratio, "says") for kind, ratio in ratios], "one")
     found = _marks(svg)
     assert [kind for kind, _ in found] == [f"v-{kind}" for kind, _ in ratios]
     exact, inside, at, beyond, infinite, nan = (y for _, y in found)
@@ -81,7 +78,7 @@ def test_errors_lie_by_their_decade_with_the_bound_as_a_line() -> None:
 
 
 def test_times_show_median_and_range() -> None:
-    svg = figures.times({"1.0": Spread(2.0, 1.0, 4.0, 3), "2.0": Spread(4.0, 4.0, 4.0, 1)}, "one")
+    svg = page.time_figure({"1.0": Spread(2.0, 1.0, 4.0, 3), "2.0": Spread(4.0, 4.0, 4.0, 1)}, "one")
     (_, median), (_, other) = _marks(svg)
     low, high = _path(svg, "range-0")
     assert low > median > high == other
@@ -91,8 +88,8 @@ def test_times_show_median_and_range() -> None:
 
 def test_text_is_never_markup() -> None:
     for svg in (
-        figures.errors([RunMark(HOSTILE, HOSTILE, "pass", 1.0, HOSTILE)], "one"),
-        figures.times({HOSTILE: Spread(1.0, 1.0, 1.0, 1)}, "one"),
+        page.error_figure([RunMark(HOSTILE, HOSTILE, "pass", 1.0, HOSTILE)], "one"),
+        page.time_figure({HOSTILE: Spread(1.0, 1.0, 1.0, 1)}, "one"),
     ):
         assert "<img" not in svg
         assert HOSTILE in "".join(ET.fromstring(svg).itertext())
@@ -180,7 +177,7 @@ def test_the_page_of_runs_that_are_alike_says_so(tmp_path: Path) -> None:
 
 def _past(history: History, record: RunRecord) -> Past:
     with history:
-        found = before(history, record)
+        found = runs_before(history, record)
     assert found is not None
     return found
 

@@ -12,9 +12,8 @@ from eos_ref.errors import InputError
 from lammps_cases.records.case_parts import FieldRecord
 from lammps_cases.records.run_record import RunRecord
 from lammps_cases.report.history import views
-from lammps_cases.report.history.model import StoredRun
-from lammps_cases.report.history.store import History
-from lammps_cases.report.history.versions import engines, natural
+from lammps_cases.report.history.store import History, StoredRun
+from lammps_cases.report.history.views import engines, natural
 from tests.support import made_runs
 from tests.support.roundings import rounded
 

@@ -6,34 +6,34 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.report.pages import packed
+from lammps_cases.report.pages import frame
 
 TEXT = "const a = 'ü';\n" * 100
 
 
 @pytest.mark.parametrize(
     "damage",
-    [b"", b"\xff", b"!", packed.packed(TEXT.upper()).encode(), None],
+    [b"", b"\xff", b"!", frame.packed(TEXT.upper()).encode(), None],
     ids=["empty", "no text", "no hash", "of an earlier version", "another"],
 )
 def test_a_text_that_is_kept_packed_is_packed_anew_where_what_was_kept_is_not_it(
     damage: bytes | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(packed, "cache_folder", lambda _: tmp_path)
-    assert packed.packed_once(TEXT) == packed.packed(TEXT)
+    monkeypatch.setattr(frame, "cache_folder", lambda _: tmp_path)
+    assert frame.packed_once(TEXT) == frame.packed(TEXT)
     (kept,) = tmp_path.iterdir()
     right = kept.read_bytes()
     if damage is None:
-        packed.packed_once(TEXT.upper())
+        frame.packed_once(TEXT.upper())
         (other,) = {*tmp_path.iterdir()} - {kept}
         damage = other.read_bytes()
     kept.write_bytes(damage)
-    assert packed.packed_once(TEXT) == packed.packed(TEXT)
+    assert frame.packed_once(TEXT) == frame.packed(TEXT)
     assert kept.read_bytes() == right
 
 
 def test_a_text_that_is_kept_is_not_packed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(packed, "cache_folder", lambda _: tmp_path)
-    made = packed.packed_once(TEXT)
-    monkeypatch.delattr(packed, "packed")
-    assert packed.packed_once(TEXT) == made
+    monkeypatch.setattr(frame, "cache_folder", lambda _: tmp_path)
+    made = frame.packed_once(TEXT)
+    monkeypatch.delattr(frame, "packed")
+    assert frame.packed_once(TEXT) == made

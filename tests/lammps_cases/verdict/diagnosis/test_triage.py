@@ -22,8 +22,8 @@ from lammps_cases.records.case_parts import Blame
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage, read_run
 from lammps_cases.verdict.diagnosis import trials
 from lammps_cases.verdict.diagnosis.changes import Change
-from lammps_cases.verdict.diagnosis.features import in_common
 from lammps_cases.verdict.diagnosis.reached import reached
+from lammps_cases.verdict.diagnosis.triage import in_common
 from tests.support.outcome import Outcome
 from tests.support.planted import red_run
 

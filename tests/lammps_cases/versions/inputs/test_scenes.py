@@ -19,8 +19,7 @@ import eos_ref
 from eos_ref import InputError
 from lammps_cases import scene
 from lammps_cases.claims.probes import probe
-from lammps_cases.claims.probes.probe import base
-from lammps_cases.claims.probes.reaction import names_it, offending, reaction, said
+from lammps_cases.claims.probes.probe import base, error_words, names_it, offending, reaction
 from lammps_cases.claims.probes.run import Reply, put
 from lammps_cases.engine.workers import Workers
 from lammps_cases.versions.inputs.generate import generated
@@ -277,8 +276,10 @@ def test_words_of_an_error() -> None:
     text = (
         "ERROR on proc 0: Unknown kernel style RK3 (src/x.cpp:113)\nLast input line: fix rheo all rheo 3 RK3 0\n   ^^"
     )
-    assert said(text) == "Unknown kernel style RK3"
-    assert not names_it(said("ERROR: Illegal fix\nLast input line: fix a RK3"), ("RK3",)), "LAMMPS repeats its input"
+    assert error_words(text) == "Unknown kernel style RK3"
+    assert not names_it(error_words("ERROR: Illegal fix\nLast input line: fix a RK3"), ("RK3",)), (
+        "LAMMPS repeats its input"
+    )
 
 
 @pytest.mark.parametrize(

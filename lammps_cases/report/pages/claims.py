@@ -1,33 +1,37 @@
-"""``claims.html``: every claim by page and section, with its verdict on every engine."""
+"""``claims.html`` and ``claims.json``: every claim by page and section, with its verdict on every engine."""
 
 from __future__ import annotations
 
 import itertools
+import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lammps_cases.claims.model import KINDS, Claim
+from lammps_cases.claims.model import KINDS, Claim, without_claim
 from lammps_cases.claims.probes import PREFIX
-from lammps_cases.claims.trace import Trace
 from lammps_cases.claims.verdicts import (
+    BROKEN,
     VERDICTS,
     ClaimVerdict,
     Evidence,
     Judged,
+    Trace,
     counts,
     in_words,
+    of_all,
+    of_run,
     refuted_by,
     worst,
 )
 from lammps_cases.findings import LEDGER
 from lammps_cases.records import wording
 from lammps_cases.records.headline import Headline
-from lammps_cases.records.run_record import EngineRecord
+from lammps_cases.records.levels import FailOn
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report.pages import frame
 
-ASSETS = Path(__file__).with_name("assets")
 SHOWN = 4  # pieces of evidence per claim and engine; the rest is counted
 
 
@@ -64,15 +68,75 @@ class ClaimView:
     text: str
 
 
+@dataclass(frozen=True)
+class JudgedRuns:
+    """Claims judged by runs: a column each, the cases of no claim that are not as expected, those that broke off."""
+
+    columns: Sequence[Column]
+    unforeseen: Sequence[tuple[str, CaseRecord]]  # with the label of the run
+    broken: Sequence[str]
+    headline: Headline
+
+    @property
+    def exit_code(self) -> int:
+        """3 if cases broke off, 1 if a claim fails without a finding, else 0."""
+        return 3 if self.broken else int(self.headline.state == "FAIL")
+
+
+def judge_runs(
+    chosen: Sequence[Claim], answers: Sequence[tuple[RunRecord, Path]], case_names: Sequence[str], fail_on: FailOn
+) -> JudgedRuns:
+    """Judge claims by runs, each with the folder of its report; ``case_names`` are all cases and probes there are."""
+    versions = [run.engine.label for run, _ in answers]
+    chosen = [claim for claim in chosen if any(claim.made_in(run.engine.manual) for run, _ in answers)]
+    columns, unforeseen, unclaimed = list[Column](), list[tuple[str, CaseRecord]](), without_claim()
+    for version, (run, folder) in zip(versions, answers, strict=True):
+        label = f"{version} ({folder})" if versions.count(version) > 1 else version
+        columns.append(Column(label, run.engine, folder / "report.html", of_run(chosen, run, case_names)))
+        unforeseen += [(label, case) for case in run.cases if case.case in unclaimed and not case.as_expected]
+    broken = [case.case for run, _ in answers for case in run.cases if case.verdict in BROKEN]
+    unexpected = dict.fromkeys([*broken, *(case.case for _, case in unforeseen)])
+    headline = of_all([column.judged for column in columns], list(unexpected), fail_on)
+    return JudgedRuns(columns, unforeseen, broken, headline)
+
+
+def document(columns: Sequence[Column]) -> str:
+    """Return ``claims.json``: every claim with its verdict over all engines, and the evidence of each."""
+    rows = []
+    for at, first in enumerate(columns[0].judged):
+        of = {column.engine: column.judged[at] for column in columns}
+        row = first.claim.model_dump(include={"id", "page", "section", "kind", "text", "consequence"}) | {
+            "cases": list(first.cases),
+            "verdict": worst(judged.verdict for judged in of.values()),
+            "evidence": [
+                {
+                    "engine": engine,
+                    "case": evidence.case,
+                    "field": evidence.field,
+                    "text": evidence.text,
+                    "finding": wording.listed(evidence.findings),
+                }
+                for engine, judged in of.items()
+                for evidence in judged.evidence
+            ],
+            "remarks": list(dict.fromkeys(remark for judged in of.values() for remark in judged.remarks)),
+        }
+        rows.append(
+            row | ({"verdicts": {engine: one.verdict for engine, one in of.items()}} if len(columns) > 1 else {})
+        )
+    return json.dumps({"claims": rows}, indent=1) + "\n"
+
+
 def write(columns: Sequence[Column], trace: Trace, path: Path, headline: Headline) -> str:
     """Return the page; links are relative to the folder of ``path``, where it will lie."""
     claims = [judged.claim for judged in columns[0].judged]
     rows = [_row(i, columns, path.parent) for i in range(len(claims))]
     grouped = itertools.groupby(rows, key=lambda row: (row.claim.page, row.claim.section))
     verdicts = {v: sum(row.verdict == v for row in rows) for v in VERDICTS}
-    refuting = {e for c in columns for j in c.judged if j.verdict == "does not hold" for e in _findings(j)}
+    fallen = [judged for column in columns for judged in column.judged if judged.verdict == "does not hold"]
+    refuting = {entry for judged in fallen for evidence in judged.evidence for entry in evidence.findings}
     return frame.page(
-        ASSETS,
+        frame.SHARED,
         "claims",
         headline.look.css,
         engine=", ".join(column.engine for column in columns),
@@ -95,10 +159,6 @@ def write(columns: Sequence[Column], trace: Trace, path: Path, headline: Headlin
         grounds=refuted_by([column.judged for column in columns]),
         trace=trace,
     )
-
-
-def _findings(judged: Judged) -> set[str]:
-    return {entry for evidence in judged.evidence for entry in evidence.findings}
 
 
 def _row(at: int, columns: Sequence[Column], folder: Path) -> ClaimView:

@@ -14,7 +14,8 @@ import numpy as np
 
 from eos_ref import InputError
 from lammps_cases.engine.interlude import FOLDER, Interlude, rows
-from lammps_cases.engine.session import COMPONENTS, Array, Job
+from lammps_cases.engine.reading import COMPONENTS
+from lammps_cases.engine.session import Array, Job
 from lammps_cases.records.files import write_atomically
 from lammps_cases.scene.fields import FIELDS
 

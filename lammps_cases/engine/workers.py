@@ -23,10 +23,8 @@ from lammps_cases.engine.session import (
     EngineMissing,
     EngineRefused,
     Job,
-    describe,
-    run,
+    kept,
 )
-from lammps_cases.engine.stepping import instance
 
 if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.records.run_record import Failed
@@ -73,11 +71,11 @@ def solve(site: str | None, job: Job) -> Answer:
     """Run one job, in a worker."""
     if job.ranks > 1:
         return ranks.solve(site, job)
-    with instance(site).use() as lmp:
-        answer = run(lmp, job)
-        if len(job.id_n) > LARGE:
+    answer = kept(site).run(job)
+    if len(job.id_n) > LARGE:
+        with kept(site).use() as lmp:
             lmp.command("clear")
-        return answer
+    return answer
 
 
 @dataclass(frozen=True)
@@ -114,8 +112,7 @@ def solve_and_keep(site: str | None, job: Job) -> Answer | KeptAnswer:
 
 def identify(site: str | None) -> dict[str, str]:
     """Identify this LAMMPS, in a worker."""
-    with instance(site).use() as lmp:
-        return describe(lmp, site)
+    return kept(site).describe()
 
 
 # --- in the parent ---

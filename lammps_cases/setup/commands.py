@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterable, Sequence
 
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.engine.interlude import Interlude
-from lammps_cases.engine.session import Compute, Job, RunCommand
+from lammps_cases.engine.reading import Compute
+from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.scene import ForceSettings, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.fields import FIELDS, Field

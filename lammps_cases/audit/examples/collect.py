@@ -13,8 +13,8 @@ from lammps_cases.audit.command import audit_into
 from lammps_cases.audit.examples.decks import ExampleDeck, ShippedLog, shipped_log
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.comparison import prediction_keys
-from lammps_cases.engine.first_pressure import first_pressure
 from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.ranks import first_pressure
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.journal import Parts

@@ -18,7 +18,7 @@ import eos_ref.jit  # noqa: F401  chooses the registers before anything is compi
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box
 from eos_ref.model.state import State
-from lammps_cases.engine import session
+from lammps_cases.engine.session import Session
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import build
 from lammps_cases.scene.casefile import Case
@@ -67,17 +67,17 @@ def simulation(case: Case, fields: Sequence[str] = ()) -> Simulation:
 def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 5) -> Iterator[Ratio]:
     """Yield the time per particle and step of the reference and of LAMMPS, for every option."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    lmp = session.open_lammps()
+    session = Session()
     for dimension in dimensions:
         for option in OPTIONS:
             case, steps = scene(option, dimension, EDGE[dimension]), STEPS[dimension]
             atoms = build(case, case.scene.eos())
-            session.run(lmp, job(case.scene, atoms, plan(case.scene)))
+            session.run(job(case.scene, atoms, plan(case.scene)))
             yield against(
                 f"{dimension}D {option}, {len(atoms):,} particles",
                 "LAMMPS",
                 partial(simulation(case).run, steps, TIMESTEP),
-                partial(lmp.command, f"run {steps} pre no post no"),
+                partial(session.advance, steps),
                 repeats,
                 steps * len(atoms),
             )

@@ -124,7 +124,7 @@ def _snapshot(shot: Mapping[str, Any], n: int, speed: float, start: Start) -> Sn
     x_nc[fluid_n] = n * np.stack([shot["x"], shot["y"]], axis=1)
     v_nc[fluid_n] = speed * np.stack([shot["u"], shot["v"]], axis=1)
     unknown_n = np.full(len(fluid_n), np.nan)
-    return Snapshot(shot["time"] * n / speed, x_nc, v_nc, unknown_n, None, unknown_n, None)
+    return Snapshot(0, x_nc, v_nc, unknown_n, unknown_n, time=shot["time"] * n / speed)
 
 
 def compared(runs: Sequence[Convergence]) -> Iterator[tuple[Compared, list[Convergence]]]:

@@ -21,8 +21,8 @@ from lammps_cases.studies.chart import page, record
 from lammps_cases.studies.chart.pysph import version
 from lammps_cases.studies.chart.record import Chart, Section
 
-# Title and content of every section: a module with ``panels(quick, lmp)``, ``maps(quick)``, ``flows(quick, site)`` or
-# ``codes(quick, site, pysph)``.
+# Title and content of every section: a module with ``panels(quick, session)``, ``maps(quick)``, ``flows(quick, site)``
+# or ``codes(quick, site, pysph)``.
 SECTIONS = {
     "laws": (
         "Equations of state",
@@ -65,12 +65,13 @@ def collect(
     EngineMissing
     """
     os.environ["OMP_NUM_THREADS"] = "1"  # one core each, for every side
-    from lammps_cases.engine import installations, session
+    from lammps_cases.engine import installations
+    from lammps_cases.engine.session import Session
 
     peers = {"pysph": version(pysph)} if pysph else {}  # before anything is measured
     site = installations.resolve(engine).site
-    lmp = session.open_lammps(site)  # and every further instance of this process is of the same library
-    about, before = session.describe(lmp, site) | peers, machine()
+    session = Session(site)
+    about, before = session.describe() | peers, machine()
     chosen = [name for name in SECTIONS if not names or name in names]
     sections, kept, begin = list[Section](), record.sections(out), time.perf_counter()
     origin = case_journal.code(), library_sha256(about.get("library", "")), quick, pysph or "", sorted(peers.items())
@@ -80,7 +81,7 @@ def collect(
             section = kept.get(key)
             if section is None:
                 progress.advance(k, len(chosen), SECTIONS[name][0])
-                section = kept.add(key, _section(name, quick, lmp, site, pysph))
+                section = kept.add(key, _section(name, quick, session, pysph))
             sections.append(section)
         progress.advance(len(chosen), len(chosen), "report")
     finally:
@@ -115,10 +116,10 @@ def beside(
     return record.DOCUMENT.read(folder / "chart.json")
 
 
-def _section(name: str, quick: bool, lmp: Any, site: str | None, pysph: str | None) -> Section:
+def _section(name: str, quick: bool, session: Any, pysph: str | None) -> Section:
     module, begin = importlib.import_module(f"lammps_cases.studies.chart.{name}"), time.perf_counter()
-    panels = tuple(module.panels(quick, lmp)) if hasattr(module, "panels") else ()
+    panels = tuple(module.panels(quick, session)) if hasattr(module, "panels") else ()
     maps = tuple(module.maps(quick)) if hasattr(module, "maps") else ()
-    flows = tuple(module.flows(quick, site)) if hasattr(module, "flows") else ()
-    codes = tuple(module.codes(quick, site, pysph)) if hasattr(module, "codes") else ()
+    flows = tuple(module.flows(quick, session.site)) if hasattr(module, "flows") else ()
+    codes = tuple(module.codes(quick, session.site, pysph)) if hasattr(module, "codes") else ()
     return Section(name, *SECTIONS[name], time.perf_counter() - begin, panels, maps, flows, codes)

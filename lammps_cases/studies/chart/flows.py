@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any, get_args
+from typing import get_args
 
 from eos_ref.kernels.styles import KERNELS, KernelStyle
 from lammps_cases.engine import cluster
+from lammps_cases.engine.session import Session
 from lammps_cases.records.measure import ROUNDS, Timing
 from lammps_cases.studies.chart.points import LAMMPS, ONE_PER_CENT, Panel, measured
 from lammps_cases.studies.flows.catalogue import FLOWS
@@ -34,13 +35,15 @@ def flows(quick: bool, site: str | None = None) -> Iterator[Convergence]:
             yield from converge(flow, resolutions=chosen, site=site)
 
 
-def panels(quick: bool, lmp: Any) -> Iterator[Panel]:
+def panels(quick: bool, session: Session) -> Iterator[Panel]:
     """Yield the error of the headline against time per particle and step, for kernels and cutoffs."""
     for name in SHOWN[:1] if quick else SHOWN:
-        yield _panel(FLOWS[name], STYLES[:2] if quick else STYLES, CUTS[1:2] if quick else CUTS, quick, lmp)
+        yield _panel(FLOWS[name], STYLES[:2] if quick else STYLES, CUTS[1:2] if quick else CUTS, quick, session)
 
 
-def _panel(flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...], quick: bool, lmp: Any) -> Panel:
+def _panel(
+    flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...], quick: bool, session: Session
+) -> Panel:
     n = 16 if quick else RESOLUTION
     regime, rounds = f"{n} particles per wavelength", 3 if quick else ROUNDS
     options = {
@@ -50,7 +53,7 @@ def _panel(flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...]
     for name, chosen in options.items():
         start = flow.start(n, chosen)
         runs[name] = chosen, partial(by_reference, start)
-        runs[f"{LAMMPS} {name}"] = chosen, partial(by_lammps, start, lmp)
+        runs[f"{LAMMPS} {name}"] = chosen, partial(by_lammps, start, session)
     results: dict[str, list[FlowResult]] = {name: [] for name in runs}
     for _ in range(rounds):
         for name, (_, run) in runs.items():

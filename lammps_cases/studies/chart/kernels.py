@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KernelStyle
+from lammps_cases.engine.session import Session
 from lammps_cases.records import measure
 from lammps_cases.studies.chart.points import ONE_PER_CENT, Map, MethodPoint, Panel, measured
 from lammps_cases.studies.chart.prepared import STILL, LatticeSetup, moving, opened, prepared, still_step, worst
@@ -80,7 +81,7 @@ class TimedMethod:
     reason: str
 
 
-def run(methods: Iterable[Method], lmp: Any | None, stack: ExitStack) -> dict[str, TimedMethod]:
+def run(methods: Iterable[Method], session: Session | None, stack: ExitStack) -> dict[str, TimedMethod]:
     """Run methods on the reference, and each on an instance of LAMMPS of its own."""
     runs: dict[str, TimedMethod] = {}
     for m in methods:
@@ -90,10 +91,10 @@ def run(methods: Iterable[Method], lmp: Any | None, stack: ExitStack) -> dict[st
             sim.run(m.steps, 1.0 / m.steps)
             call = partial(sim.run, 1, STILL)
         runs[m.name] = TimedMethod(sim.output(m.field).copy(), call, m.reason)
-        if (instance := opened(lmp, stack)) is not None:
-            first = m.setup.started(instance).snapshots[0]
+        if (living := opened(session, stack)) is not None:
+            first = m.setup.started(living).snapshots[0]
             value_n = first["q.grad/v" if m.field == "grad/v" else m.field]
-            runs[f"LAMMPS {m.name}"] = TimedMethod(value_n, still_step(instance), m.lammps_reason)
+            runs[f"LAMMPS {m.name}"] = TimedMethod(value_n, still_step(living), m.lammps_reason)
     return runs
 
 
@@ -153,7 +154,7 @@ def _points(
     cuts: Sequence[float],
     exact: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
     quick: bool,
-    lmp: Any | None,
+    session: Session | None,
 ) -> tuple[tuple[MethodPoint, ...], tuple[MethodPoint, ...]]:
     """Return the points whose errors are root mean squares, and the same with the worst errors.
 
@@ -164,7 +165,7 @@ def _points(
     for disorder in QUICK_DISORDERS if quick else DISORDERS:
         exact_n, scale_n = exact(prepared("quintic", 3.0, disorder, edge).atoms.x_nc)
         with ExitStack() as stack:
-            runs = run(methods(cuts, disorder, edge), lmp, stack)
+            runs = run(methods(cuts, disorder, edge), session, stack)
             timings = measure.in_turns({name: r.call for name, r in runs.items()}, *measure.effort(quick))
         regime, reasons = f"disorder of {disorder:g} spacings", {name: r.reason for name, r in runs.items()}
         for norm in points:
@@ -173,14 +174,14 @@ def _points(
     return points[relative], points[worst]
 
 
-def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
-    """Yield gradients, summed densities, and densities of a deformed fluid; with ``lmp`` those of LAMMPS too.
+def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
+    """Yield gradients, summed densities, and densities of a deformed fluid; with ``session`` those of LAMMPS too.
 
     More instances of LAMMPS are opened, one per method of a regime, and closed again.
     """
     cuts, particles = QUICK_CUTS if quick else CUTS, f"{(QUICK_EDGE if quick else EDGE) ** 2:,} particles"
     about = f"{particles} of known density in 2D, field of wavelength 16 spacings. {_EVALUATION}"
-    mean, largest = _points("velocity gradient", gradients, cuts, lambda x_nc: (gradient(x_nc),) * 2, quick, lmp)
+    mean, largest = _points("velocity gradient", gradients, cuts, lambda x_nc: (gradient(x_nc),) * 2, quick, session)
     yield Panel(
         "kernels-gradient",
         "Kernels and cutoffs: gradients",
@@ -203,7 +204,7 @@ def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
         f"{particles} in 2D, one per unit area. Sums take the plain quintic whatever the kernel. {_EVALUATION}",
         "root mean square error, relative to the mean density",
         "particle and evaluation",
-        _points("summed density", _summed, cuts, lambda x_nc: (np.ones(len(x_nc)),) * 2, quick, lmp)[0],
+        _points("summed density", _summed, cuts, lambda x_nc: (np.ones(len(x_nc)),) * 2, quick, session)[0],
     )
 
     def deformation(x_nc: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -217,9 +218,9 @@ def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
         f"which moves each by up to {DEFORMED:g} spacings along either axis. Both times are of a whole time step.",
         "root mean square error, relative to the root mean square of the change of density",
         "particle and step",
-        _points("deformed density", _deformed_methods, (3.0,) if quick else (2.0, 3.0, 4.0), deformation, quick, lmp)[
-            0
-        ],
+        _points(
+            "deformed density", _deformed_methods, (3.0,) if quick else (2.0, 3.0, 4.0), deformation, quick, session
+        )[0],
     )
 
 

@@ -21,8 +21,8 @@ from eos_ref import EOS
 from eos_ref.eos.table import FloatArray, examples
 from eos_ref.methods.laws import Evaluate, LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, Regime, worst_case
-from lammps_cases.engine import cluster, session
-from lammps_cases.engine.session import EngineMissing
+from lammps_cases.engine import cluster
+from lammps_cases.engine.session import EngineMissing, Session
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.measure import Timing, in_turns
 from lammps_cases.scene import Scene
@@ -52,23 +52,23 @@ def name(law: EOS) -> str:
     return f"{law.style}{parameter}" + (" + background" if law.background else "")
 
 
-def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
+def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
     """Yield one panel per law."""
     for law in LAWS[1:4] if quick else LAWS:
-        yield _panel(law, REGIMES[1::2] if quick else REGIMES, QUICK_STATES if quick else STATES, lmp)
+        yield _panel(law, REGIMES[1::2] if quick else REGIMES, QUICK_STATES if quick else STATES, session)
 
 
-def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Panel:
+def _panel(law: EOS, regimes: Sequence[Regime], n: int, session: Session | None) -> Panel:
     methods = methods_of(law)
     reasons = {m.name: m.reason for m in methods}
     reasons[OUTPUT] = "LAMMPS' own output, less what an output costs that needs no law"
     points: list[MethodPoint] = []
-    timed = [timings(law, methods, regime, n, lmp) for regime in regimes]  # first: a search compiles what it calls
+    timed = [timings(law, methods, regime, n, session) for regime in regimes]  # first: a search compiles what it calls
     searched = iter(each(worst_of, [(law, m.name, regime, SAMPLES) for regime in regimes for m in methods]))
     for regime, (took, _) in zip(regimes, timed, strict=True):
         errors = {m.name: next(searched) for m in methods}
-        if lmp is not None:
-            errors[OUTPUT] = _worst_error(EngineLaw(lmp, law).pressure, law, regime, SAMPLES)
+        if session is not None:
+            errors[OUTPUT] = _worst_error(EngineLaw(session, law).pressure, law, regime, SAMPLES)
         points += measured(f"pressure of {name(law)}", str(regime), errors, took, n, reasons)
     return Panel(
         id="law-" + re.sub("[^a-z0-9.]+", "-", name(law)),
@@ -95,7 +95,7 @@ def _worst_error(evaluate: Evaluate, law: EOS, regime: Regime, samples: int) -> 
 
 
 def timings(
-    law: EOS, methods: Sequence[LawMethod], regime: Regime, n: int, lmp: Any | None
+    law: EOS, methods: Sequence[LawMethod], regime: Regime, n: int, session: Session | None
 ) -> tuple[dict[str, Timing], float]:
     """Return the times of all methods in turns, and the seconds that copying the states takes."""
     rho_n = np.random.default_rng(1).permutation(regime.densities(law, n))
@@ -111,10 +111,10 @@ def timings(
     for method in methods:
         evaluate = method.prepare(law, float(rho_n.min()), float(rho_n.max()))
         calls[method.name] = partial(evaluate, method.stored(law, rho_n), e_n)
-    if lmp is not None:
-        calls[OUTPUT], calls["LAMMPS, no law"] = EngineLaw(lmp, law).timed(rho_n, e_n)
+    if session is not None:
+        calls[OUTPUT], calls["LAMMPS, no law"] = EngineLaw(session, law).timed(rho_n, e_n)
     took = in_turns(calls, at_least=0.01)
-    if lmp is not None:
+    if session is not None:
         whole, bare = took[OUTPUT], took.pop("LAMMPS, no law")
         alone = tuple(a - b for a, b in zip(whole.seconds_r, bare.seconds_r, strict=True))
         took[OUTPUT] = Timing(alone, whole.calls, alone[0])
@@ -129,17 +129,17 @@ class EngineLaw:
 
     Parameters
     ----------
-    lmp : a living instance, see `lammps_cases.engine.session.open_lammps`
+    session : Session
     law : EOS
     """
 
-    def __init__(self, lmp: Any, law: EOS) -> None:
-        self.lmp, self.law = lmp, law
+    def __init__(self, session: Session, law: EOS) -> None:
+        self.session, self.law = session, law
 
     def pressure(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> FloatArray:
         """Return pressures (n,) that LAMMPS puts out for densities and energies."""
         scene, atoms = self._scene(len(rho_n), rho_n, e_n)
-        answer = session.run(self.lmp, job(scene, atoms, plan(scene)))
+        answer = self.session.run(job(scene, atoms, plan(scene)))
         return np.asarray(answer.arrays["q.pressure"][: len(rho_n)])
 
     def timed(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> tuple[Callable[[], None], Callable[[], None]]:
@@ -148,11 +148,12 @@ class EngineLaw:
         A new count of steps makes LAMMPS evaluate an output anew; the difference of the two is the law alone.
         """
         self.pressure(rho_n, e_n)
-        self.lmp.command("compute copied all rheo/property/atom phase")
+        lmp = self.session.open()
+        lmp.command("compute copied all rheo/property/atom phase")
 
         def output(name: str) -> None:
-            self.lmp.command(f"reset_timestep {int(self.lmp.extract_global('ntimestep')) + 1}")
-            self.lmp.extract_compute(name, 1, 1)
+            lmp.command(f"reset_timestep {int(lmp.extract_global('ntimestep')) + 1}")
+            lmp.extract_compute(name, 1, 1)
 
         return lambda: output("q"), lambda: output("copied")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.kernels.styles import KernelStyle
-from lammps_cases.engine import session
+from lammps_cases.engine.session import Answer, Session
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, build
 from lammps_cases.scene.casefile import Case
@@ -41,10 +41,10 @@ class LatticeSetup:
         sim.evaluate()
         return sim
 
-    def started(self, lmp: Any) -> session.Answer:
+    def started(self, session: Session) -> Answer:
         """Run the scene in LAMMPS, which keeps it, and return its answer."""
         scene = self.case.scene
-        return session.run(lmp, job(scene, self.atoms, plan(scene)))
+        return session.run(job(scene, self.atoms, plan(scene)))
 
 
 def prepared(
@@ -78,12 +78,12 @@ def worst(error_n: FloatArray, scale_n: FloatArray) -> float:
     return float(np.max(np.abs(error_n)) / np.sqrt(np.mean(np.square(scale_n))))
 
 
-def still_step(lmp: Any) -> Callable[[], object]:
+def still_step(session: Session) -> Callable[[], object]:
     """Return a call that takes a step of LAMMPS in which nothing moves."""
-    lmp.command(f"timestep {STILL!r}")
-    return partial(lmp.command, "run 1 pre no post no")
+    session.open().command(f"timestep {STILL!r}")
+    return partial(session.advance, 1)
 
 
-def opened(lmp: Any | None, stack: ExitStack) -> Any | None:
+def opened(session: Session | None, stack: ExitStack) -> Session | None:
     """Return one more LAMMPS, closed with the stack, so that all methods can be timed in turns; None without LAMMPS."""
-    return None if lmp is None else stack.enter_context(session.opened())
+    return session and stack.enter_context(closing(Session(session.site)))

@@ -7,12 +7,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from lammps_cases.engine.session import EngineBroken, EngineRefused
+from lammps_cases.engine.session import EngineBroken, EngineRefused, Session
 from lammps_cases.records import measure
 from lammps_cases.records.measure import ConfidenceInterval
 from lammps_cases.scene.atoms import seed
@@ -54,9 +53,9 @@ def waves() -> tuple[Wave, ...]:
     return Wave(FLOWS["shear-wave"], _velocity), Wave(FLOWS["sound-wave-linear"], _density)
 
 
-def stepping(start: Start, lmp: Any | None) -> FlowRun:
-    """Return a flow set up on the reference, or on an instance of LAMMPS."""
-    return ReferenceFlow(start) if lmp is None else LammpsFlow(start, lmp)
+def stepping(start: Start, session: Session | None) -> FlowRun:
+    """Return a flow set up on the reference, or on LAMMPS."""
+    return ReferenceFlow(start) if session is None else LammpsFlow(start, session)
 
 
 def shots(run: FlowRun, steps: Sequence[int]) -> list[Snapshot]:
@@ -87,15 +86,17 @@ class Solved:
     call: Callable[[], object]
 
 
-def solve(wave: Wave, n: int, fractions: Sequence[float], fine: float, instances: Sequence[Any | None]) -> list[Solved]:
-    """Solve a flow with several time steps, each on an instance of LAMMPS, the last for the ``fine`` one, or None."""
+def solve(
+    wave: Wave, n: int, fractions: Sequence[float], fine: float, sessions: Sequence[Session | None]
+) -> list[Solved]:
+    """Solve a flow with several time steps, each in a session of LAMMPS, the last for the ``fine`` one, or None."""
     flow = wave.flow
     finest = started(flow, n, fine)
-    limit = wave.field(shots(stepping(finest, instances[-1]), finest.steps)[-1])
+    limit = wave.field(shots(stepping(finest, sessions[-1]), finest.steps)[-1])
     solutions = []
-    for fraction, lmp in zip(fractions, instances, strict=False):
+    for fraction, session in zip(fractions, sessions, strict=False):
         start = started(flow, n, fraction)
-        run = stepping(start, lmp)
+        run = stepping(start, session)
         read = shots(run, start.steps)
         field_n = wave.field(read[-1])
         total = flow.measures(n, replace(flow.options, dt_fraction=fraction), read)["profile"]
@@ -109,13 +110,13 @@ def order(solved: Sequence[Solved]) -> Fit:
     return fit([s.start.steps[-1] for s in solved[:-1]], changes)
 
 
-def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
+def _wave_panels(wave: Wave, quick: bool, session: Session | None) -> Iterator[Panel]:
     n, flow = QUICK_RESOLUTION if quick else RESOLUTION, wave.flow
     with ExitStack() as stack:
         solved = {"": solve(wave, n, FRACTIONS, FINE, [None] * (len(FRACTIONS) + 1))}
-        if lmp is not None:
-            instances = [opened(lmp, stack) for _ in range(len(FRACTIONS) + 1)]
-            solved["LAMMPS "] = solve(wave, n, FRACTIONS, FINE, instances)
+        if session is not None:
+            sessions = [opened(session, stack) for _ in range(len(FRACTIONS) + 1)]
+            solved["LAMMPS "] = solve(wave, n, FRACTIONS, FINE, sessions)
         of_name = {
             f"{prefix}step 1/{round(1 / f)}": s
             for prefix, all_steps in solved.items()
@@ -130,7 +131,7 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
         for prefix, fitted in ((prefix, order(s)) for prefix, s in solved.items())
     )
     limited, m = (flow, n) if flow.name == "shear-wave" else (FLOWS["taylor-green"], SWIFT)
-    limits = tuple(_limits(limited, m, lmp))
+    limits = tuple(_limits(limited, m, session))
     for kind, what, error in (
         ("", "closed solution", "total"),
         ("-temporal", "same run with a short step", "temporal"),
@@ -155,22 +156,22 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
 # --- limit of stability
 
 
-def stability(flow: Flow, n: int, lmp: Any | None) -> ConfidenceInterval:
+def stability(flow: Flow, n: int, session: Session | None) -> ConfidenceInterval:
     """Return the time step, over the flow's limit, at which a flow becomes unstable.
 
     The initial state carries noise of a hundredth of the wave. Steps are tried upwards, so that none is far beyond the
     limit, where LAMMPS would lose its atoms.
     """
     low, high = 1.0, 1.25
-    while not _grows(flow, n, high, lmp):
+    while not _grows(flow, n, high, session):
         low, high = high, 1.25 * high
-    return bisected(lambda fraction: not _grows(flow, n, fraction, lmp), low, high, CLOSE)
+    return bisected(lambda fraction: not _grows(flow, n, fraction, session), low, high, CLOSE)
 
 
-def _grows(flow: Flow, n: int, fraction: float, lmp: Any | None) -> bool:
+def _grows(flow: Flow, n: int, fraction: float, session: Session | None) -> bool:
     """Return whether energy grows tenfold, or the run fails, within some steps."""
     start = _noisy(started(flow, n, fraction))
-    run = stepping(start, lmp)
+    run = stepping(start, session)
     first = _energy(start, run.snapshot())
     while run.step < SPAN:
         try:
@@ -202,14 +203,14 @@ def _noisy(start: Start) -> Start:
     return replace(start, atoms=replace(atoms, v_nc=v_nc + noise_nc))
 
 
-def _limits(flow: Flow, n: int, lmp: Any | None) -> Iterator[Crossing]:
+def _limits(flow: Flow, n: int, session: Session | None) -> Iterator[Crossing]:
     variable, criterion = "step over min(h/4c, h^2/8nu)", f"energy grows tenfold within {SPAN} steps"
-    for name, instance in (("reference", None), ("LAMMPS", lmp))[: 1 if lmp is None else 2]:
+    for name, side in (("reference", None), ("LAMMPS", session))[: 1 if session is None else 2]:
         sides = f"{name}, stable", f"{name}, unstable"
-        yield Crossing(flow.name, sides, variable, criterion, stability(flow, n, instance))
+        yield Crossing(flow.name, sides, variable, criterion, stability(flow, n, side))
 
 
-def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
+def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
     """Yield time steps of two waves, each against the closed solution and a short step."""
     for wave in waves()[: 1 if quick else None]:
-        yield from _wave_panels(wave, quick, lmp)
+        yield from _wave_panels(wave, quick, session)

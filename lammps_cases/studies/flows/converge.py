@@ -12,8 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lammps_cases.engine.session import EngineBroken, EngineRefused
-from lammps_cases.engine.stepping import instance
+from lammps_cases.engine.session import EngineBroken, EngineRefused, Session, kept
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.stepping import FlowRun, LammpsFlow, ReferenceFlow
@@ -43,15 +42,14 @@ def by_reference(start: Start, evaluator: Callable[..., Any] | None = None) -> F
     return _timed(start, lambda: ReferenceFlow(start, evaluator))
 
 
-def by_lammps(start: Start, lmp: Any) -> FlowResult:
-    """Run a flow on an instance of LAMMPS; an error of LAMMPS, or lost atoms, become the message.
+def by_lammps(start: Start, session: Session) -> FlowResult:
+    """Run a flow on LAMMPS; an error of LAMMPS, or lost atoms, become the message.
 
     Raises
     ------
     EngineBroken
-        After this error the instance must not be used again.
     """
-    return _timed(start, lambda: LammpsFlow(start, lmp))
+    return _timed(start, lambda: LammpsFlow(start, session))
 
 
 def _timed(start: Start, begin: Callable[[], FlowRun]) -> FlowResult:
@@ -70,14 +68,13 @@ def _timed(start: Start, begin: Callable[[], FlowRun]) -> FlowResult:
     except EngineBroken:
         raise
     except EngineRefused as error:
-        message, lost = " ".join(str(error).split()), run is not None and not run.keeps_all()
+        message, lost = " ".join(str(error).split()), isinstance(run, LammpsFlow) and bool(run.lost().size)
     return FlowResult(tuple(snapshots), seconds, len(start.atoms), done, message, lost)
 
 
 def solve(site: str | None, start: Start) -> FlowResult:
     """Run a flow on the LAMMPS of a worker process."""
-    with instance(site).use() as lmp:
-        return by_lammps(start, lmp)
+    return by_lammps(start, kept(site))
 
 
 def in_worker(start: Start, workers: Workers, time_limit: float = 600.0) -> FlowResult:

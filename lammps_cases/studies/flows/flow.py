@@ -87,15 +87,28 @@ class Start:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Fields at one time, by id; the energy is that of the whole particle, the temperature energy/(m cv)."""
+    """Particles after a step, by id.
 
-    time: float
+    Attributes
+    ----------
+    x_nc, v_nc : (n, d)
+        Positions in any periodic image, velocities.
+    rho_n, pressure_n : (n,)
+    energy_n, temperature_n : (n,), optional
+        Energy of the whole particle, and the same over m cv.
+    surface_n : (n,), optional
+        Class of the field ``surface``: 0 bulk, 1 surface, 2 splash.
+    """
+
+    step: int
     x_nc: FloatArray
     v_nc: FloatArray
     rho_n: FloatArray
-    energy_n: FloatArray | None
     pressure_n: FloatArray
-    temperature_n: FloatArray | None
+    energy_n: FloatArray | None = None
+    surface_n: FloatArray | None = None
+    time: float = 0.0
+    temperature_n: FloatArray | None = None
 
 
 def relative(error_n: FloatArray, scale_n: FloatArray) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
+from eos_ref.model import quantities
 from eos_ref.numbers.number import Array
-from lammps_cases.engine import session
-from lammps_cases.engine.session import EngineRefused
-from lammps_cases.engine.stepping import Stepping
+from lammps_cases.engine.session import EngineRefused, Session
 from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import IntArray
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
-from lammps_cases.setup.plan import plan
+from lammps_cases.setup.plan import Plan, plan
 from lammps_cases.studies.flows.flow import Body, Snapshot, Start
 
 
@@ -32,10 +32,7 @@ class FlowRun(Protocol):
         """Take steps."""
 
     def snapshot(self) -> Snapshot:
-        """Return the fields now."""
-
-    def keeps_all(self) -> bool:
-        """Return whether all particles are still there, also after an error."""
+        """Return the particles now, in arrays that the engine does not change."""
 
 
 class Driven(Simulation):
@@ -50,79 +47,101 @@ class Driven(Simulation):
 
 
 class ReferenceFlow:
-    """A flow on the reference; by default on the compiled one."""
+    """A flow on the reference; by default on the compiled one. Classes of surfaces are evaluated if ``surface``."""
 
-    def __init__(self, start: Start, evaluator: MakeEvaluator | None = None) -> None:
-        case = start.case
+    def __init__(self, start: Start, evaluator: MakeEvaluator | None = None, surface: bool = False) -> None:
         self.start, self.step = start, 0
-        stepping = Driven if start.body else Simulation
-        self.simulation = reference_side.simulation(case.scene, start.atoms, (), case.where, evaluator, stepping)
+        wanted: tuple[str, ...] = ()  # what a step needs
+        if surface:
+            model = reference_side.model(start.case.scene, start.atoms, start.case.where)
+            wanted = (*quantities.needed_to_step(model), "surface")
+        self.simulation = self.make(wanted, evaluator)
         if isinstance(self.simulation, Driven) and start.body:
             self.simulation.body = start.body
-        self.simulation.run(0, start.timestep)
+        self._run(0)
+
+    def make(self, fields: Iterable[str], evaluator: MakeEvaluator | None) -> Simulation:
+        """Return the simulation that is stepped."""
+        case, stepping = self.start.case, Driven if self.start.body else Simulation
+        return reference_side.simulation(case.scene, self.start.atoms, fields, case.where, evaluator, stepping)
 
     def advance(self, steps: int) -> None:
         """Take steps."""
-        self.simulation.run(steps, self.start.timestep)
+        self._run(steps)
         self.step += steps
 
-    def snapshot(self) -> Snapshot:
-        """Return the fields now."""
-        names = ("x", "v", "rho", "pressure", *(["energy"] if self.simulation.state.energy_n is not None else []))
-        return _snapshot(self.start, self.step, {name: self.simulation.output(name) for name in names})
+    def _run(self, steps: int) -> None:
+        with np.errstate(all="ignore"):
+            self.simulation.run(steps, self.start.timestep)
 
-    def keeps_all(self) -> bool:
-        """Return that all are: none is taken away."""
-        return True
+    def snapshot(self) -> Snapshot:
+        """Return the particles now, also of a run that failed in the middle of a step."""
+        sim = self.simulation
+        names = ("x", "v", "rho", "pressure", *(["energy"] if sim.state.energy_n is not None else []))
+        with np.errstate(all="ignore"):
+            fields = {name: sim.output(name) for name in names} | {"surface": sim.fields.get("surface")}
+            return snapshot(self.start, self.step, fields)
+
+
+class LostAtoms(EngineRefused):
+    """Atoms that LAMMPS lost without an error; ``ids`` are theirs."""
+
+    def __init__(self, ids: IntArray, natoms: int) -> None:
+        super().__init__(f"LAMMPS lost {ids.size} of {natoms} atoms, first id {ids[0]}")
+        self.ids, self.natoms = ids, natoms
 
 
 class LammpsFlow:
-    """A flow on an instance of LAMMPS.
+    """A flow in a session of LAMMPS, which has it until another begins.
 
     Raises
     ------
     EngineRefused
-        LAMMPS' error, when made or in any method; after an `EngineBroken` the instance must not be used again.
+        LAMMPS' error, when made or in any method.
     """
 
-    def __init__(self, start: Start, lmp: Any) -> None:
-        scene = start.case.scene
-        self.start = start
-        whole = job(scene, start.atoms, plan(scene))
+    finite = True  # whether positions and velocities must be
+
+    def __init__(self, start: Start, session: Session, scene: Scene | None = None, order: Plan | None = None) -> None:
+        scene = scene or start.case.scene
+        self.start, self.session = start, session
+        whole = job(scene, start.atoms, order or plan(scene))
         if start.body:
             whole = replace(whole, commands=(*whole.commands, *_body(start.body, scene)))
-        self._stepping = Stepping(lmp, whole)
-        self._stepping.begin()
+        session.begin(whole)
 
     @property
     def step(self) -> int:
         """Steps taken."""
-        return self._stepping.step
+        return self.session.step
 
     def advance(self, steps: int) -> None:
         """Take steps."""
-        self._stepping.advance(steps)
+        self.session.advance(steps)
 
     def snapshot(self) -> Snapshot:
-        """Return the fields now.
+        """Return the particles now.
 
         Raises
         ------
+        LostAtoms
         EngineRefused
-            Atoms were lost, or a position or velocity is not finite.
+            A position or velocity is not finite.
         """
-        arrays = self._stepping.read()
-        wrong = self._stepping.lost(arrays["id"])
-        if wrong.size:
-            raise EngineRefused(f"LAMMPS lost {wrong.size} of {len(self.start.atoms)} atoms, first id {wrong[0]}")
-        if not (np.isfinite(arrays["x"]).all() and np.isfinite(arrays["v"]).all()):
+        arrays = self.session.read()
+        lost = np.setxor1d(arrays["id"], self.start.atoms.id_n)
+        if lost.size:
+            raise LostAtoms(lost, len(self.start.atoms))
+        if self.finite and not (np.isfinite(arrays["x"]).all() and np.isfinite(arrays["v"]).all()):
             raise EngineRefused("a position or velocity of LAMMPS is no finite number")
-        fields = arrays | {"pressure": arrays["q.pressure"]} | ({"energy": arrays["esph"]} if "esph" in arrays else {})
-        return _snapshot(self.start, self.step, fields)
+        names = {"pressure": "q.pressure", "energy": "esph", "surface": "q.surface"}
+        return snapshot(
+            self.start, self.step, arrays | {ours: arrays[name] for ours, name in names.items() if name in arrays}
+        )
 
-    def keeps_all(self) -> bool:
-        """Return whether LAMMPS has all atoms."""
-        return not self._stepping.lost(session.read(self._stepping.lmp)["id"]).size
+    def lost(self) -> IntArray:
+        """Return the ids of lost atoms, also after an error."""
+        return self.session.lost()
 
 
 def _body(body: Body, scene: Scene) -> Iterator[str]:
@@ -135,16 +154,19 @@ def _body(body: Body, scene: Scene) -> Iterator[str]:
     yield "fix body fluid addforce v_body_x v_body_y 0.0"
 
 
-def _snapshot(start: Start, step: int, fields: Mapping[str, Any]) -> Snapshot:
+def snapshot(start: Start, step: int, fields: Mapping[str, Any]) -> Snapshot:
     """Return copies of two-dimensional or three-dimensional arrays by the reference's names."""
-    d, energy_n = start.case.scene.dimension, fields.get("energy")
+    d, v_nc = start.case.scene.dimension, fields.get("v", start.atoms.v_nc)
+    energy_n = None if fields.get("energy") is None else np.array(fields["energy"])
     return Snapshot(
-        step * start.timestep,
+        step,
         np.array(fields["x"][:, :d]),
-        np.array(fields["v"][:, :d]),
+        np.zeros((len(start.atoms), d)) if v_nc is None else np.array(v_nc[:, :d]),
         np.array(fields["rho"]),
-        None if energy_n is None else np.array(energy_n),
         np.array(fields["pressure"]),
+        energy_n,
+        None if fields.get("surface") is None else np.array(fields["surface"]),
+        step * start.timestep,
         None if energy_n is None else energy_n / _heat_capacity(start),
     )
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import pickle
 from pathlib import Path
 
-from lammps_cases.engine import session
+from lammps_cases.engine.session import EngineRefused, Session
 
 
 def run(file: str) -> None:
     """Run jobs from a file."""
-    lmp = session.open_lammps()
+    session = Session()
     for job in pickle.loads(Path(file).read_bytes()):
         try:
-            session.run(lmp, job)
-        except session.EngineRefused:
+            session.run(job)
+        except EngineRefused:
             continue

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.engine import session
+from lammps_cases.engine.session import Session
 from lammps_cases.records import measure
 from lammps_cases.records.measure import Call, Timing
 from lammps_cases.studies.chart import kernels, timestep
@@ -22,8 +22,8 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def lmp() -> Any:
-    return session.open_lammps()
+def session() -> Session:
+    return Session()
 
 
 @pytest.fixture
@@ -70,9 +70,9 @@ def test_the_gradient_is_that_of_the_field() -> None:
 
 
 @pytest.mark.lammps
-def test_both_engines_have_the_same_gradients(lmp: Any) -> None:
+def test_both_engines_have_the_same_gradients(session: Session) -> None:
     with ExitStack() as stack:
-        runs = kernels.run(kernels.gradients((2.0, 3.0), 0.2, 16), lmp, stack)
+        runs = kernels.run(kernels.gradients((2.0, 3.0), 0.2, 16), session, stack)
     for name in (name for name in runs if not name.startswith("LAMMPS")):
         theirs_n = runs[f"LAMMPS {name}"].value_n
         # Sums of fewer than 40 terms of size k, each with a few roundings; the corrections' matrix loses some digits.
@@ -141,8 +141,8 @@ def test_the_time_step_is_of_first_order_for_viscosity() -> None:
 
 
 @pytest.mark.lammps
-def test_both_engines_become_unstable_at_the_same_step(lmp: Any) -> None:
-    ours, theirs = (timestep.stability(FLOWS["shear-wave"], 16, who) for who in (None, lmp))
+def test_both_engines_become_unstable_at_the_same_step(session: Session) -> None:
+    ours, theirs = (timestep.stability(FLOWS["shear-wave"], 16, who) for who in (None, session))
     assert ours.low < ours.high < timestep.CLOSE * 1.001 * ours.low
     assert ours == theirs  # the same bisection, so the same ends
     assert not timestep._grows(FLOWS["shear-wave"], 16, ours.low, None)
@@ -150,9 +150,9 @@ def test_both_engines_become_unstable_at_the_same_step(lmp: Any) -> None:
 
 
 @pytest.mark.lammps
-def test_stepping_by_hand_is_stepping_at_once(lmp: Any) -> None:
+def test_stepping_by_hand_is_stepping_at_once(session: Session) -> None:
     start = timestep.started(FLOWS["sound-wave-linear"], 16, 1.0)
-    for who in (None, lmp):
+    for who in (None, session):
         shots = timestep.shots(timestep.stepping(start, who), start.steps)
         assert [round(shot.time / start.timestep) for shot in shots] == list(start.steps)
         at_once = timestep.stepping(start, who)

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.engine import session
-from lammps_cases.engine.session import EngineRefused
+from lammps_cases.engine.session import EngineRefused, Session
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.variants import Variant
 from lammps_cases.studies.flows import cavity, channel, convection, drops, page, record, run
@@ -264,7 +263,7 @@ def test_particles_are_gone_beyond_an_end_of_the_box_or_nowhere() -> None:
         moved_nc = x_nc.copy()
         moved_nc[3, axis] = value
         zero_n = np.zeros(len(x_nc))
-        shot = Snapshot(0.0, moved_nc, np.zeros_like(x_nc), zero_n, None, zero_n, None)
+        shot = Snapshot(0, moved_nc, np.zeros_like(x_nc), zero_n, zero_n)
         assert run.gone(start, shot) is expected
 
 
@@ -350,12 +349,13 @@ def test_the_ellipse_keeps_its_energy() -> None:
 @pytest.mark.parametrize("of", [drops.DROP, convection.CONVECTION], ids=lambda of: of.name)
 def test_a_body_pulls_on_both_sides_alike(of: Flow) -> None:
     """What it adds to the forces of the set-up is what its formula says, on fluid alone, but for rounding."""
-    start, lmp = of.start(10, of.options), session.open_lammps()
+    start, lammps = of.start(10, of.options), Session()
     body, atoms = start.body, start.atoms
     assert body
 
     def of_lammps(begin: Start) -> Any:
-        LammpsFlow(begin, lmp)
+        LammpsFlow(begin, lammps)
+        lmp = lammps.open()
         order = np.argsort(lmp.numpy.extract_atom("id"))
         return np.array(lmp.numpy.extract_atom("f"))[order][:, :2]
 
@@ -374,7 +374,7 @@ def test_a_body_pulls_on_both_sides_alike(of: Flow) -> None:
 @pytest.mark.lammps
 def test_no_fix_of_lammps_has_a_surface_tension() -> None:
     assert "RHEO has no surface tension" in drops.NO_TENSION
-    styles = session.open_lammps().available_styles("fix")
+    styles = Session().open().available_styles("fix")
     assert "rheo/viscosity" in styles
     assert not [style for style in styles if "tension" in style]
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.engine.stepping import Instance
+from lammps_cases.engine.session import Session
 from lammps_cases.records.progress import SILENT
 from lammps_cases.studies.stability import atlas, kinds, record
 from lammps_cases.studies.stability.atlas import Survey, agreement, boundaries, places, sequence, wanted
@@ -137,7 +137,7 @@ class Threads:
         start, watch = faulty.start(cell), of.watch(cell)
 
         def work() -> None:
-            run = partial(open_run, start, watch, "reference", Instance(None))
+            run = partial(open_run, start, watch, "reference", Session())
             later.future.set_result(follow(run, kinds.subject(start), watch, start.steps[-1]))
 
         threading.Timer(float(self.random.uniform(0, 0.01)), work).start()

@@ -48,7 +48,7 @@ def test_tension_of_summed_densities() -> None:
     cell = MapCell(MAP.id, 1000.0, 1.0, "rho/sum")
     start = MAP.start(cell)
     run = open_run(start, MAP.watch(cell), "reference", living())
-    look, heavy_n = run.look(), start.atoms.type_n == 1
+    look, heavy_n = run.snapshot(), start.atoms.type_n == 1
     depth_n = phases.SIZE / 4 - np.abs(start.atoms.x_nc[:, 0] - phases.SIZE / 2)
     face_n = heavy_n & (depth_n < 0.7)
     deep_n = heavy_n & (depth_n > 2.2)

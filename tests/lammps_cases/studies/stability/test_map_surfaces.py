@@ -27,7 +27,7 @@ def test_clumping_is_at_the_surface_and_under_tension() -> None:
     cell = MapCell(surfaces.SUMMED.id, 20.0, 4.0, "rho/sum")
     start = surfaces.SUMMED.start(cell)
     run = open_run(start, surfaces.SUMMED.watch(cell), "reference", living())
-    look = run.look()
+    look = run.snapshot()
     row_n = np.arange(len(start.atoms)) // surfaces.WIDTH
     outer_n = np.isin(row_n, (0, surfaces.ROWS - 1))
     assert look.pressure_n[outer_n].max() < 2 * look.pressure_n[~outer_n].min() < 0

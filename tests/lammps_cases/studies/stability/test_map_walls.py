@@ -46,7 +46,7 @@ def test_stiffness_counts_with_reconstruction_only() -> None:
         cell = MapCell(walls.STIFFNESS.id, 0.2, sound, walls.STORED)
         run = open_run(walls.STIFFNESS.start(cell), walls.STIFFNESS.watch(cell), "reference", living())
         run.advance(50)
-        ends.append(run.look().x_nc)
+        ends.append(run.snapshot().x_nc)
     assert np.array_equal(ends[0], ends[1])
 
 

@@ -32,7 +32,7 @@ def test_column_swings_about_its_weight() -> None:
     energies, pressures = [], []
     while run.step < start.steps[-1]:
         run.advance(1)
-        look = run.look()
+        look = run.snapshot()
         energies.append(kinetic_energy(start.atoms.mass_n, look.v_nc))
         pressures.append(np.mean(look.pressure_n[bottom_n]))
     supplied = whole.COLUMN.watch(cell).energy
@@ -54,9 +54,9 @@ def test_dam_runs_to_the_other_wall() -> None:
     cell = MapCell(whole.DAM_BREAK.id, 0.3, 0.3, "")
     start = whole.DAM_BREAK.start(cell)
     run = open_run(start, whole.DAM_BREAK.watch(cell), "reference", living())
-    assert run.look().x_nc[start.atoms.type_n == 1, 0].max() < whole.DAM
+    assert run.snapshot().x_nc[start.atoms.type_n == 1, 0].max() < whole.DAM
     run.advance(start.steps[-1])
-    front = run.look().x_nc[start.atoms.type_n == 1, 0].max()
+    front = run.snapshot().x_nc[start.atoms.type_n == 1, 0].max()
     assert whole.SPAN - 2 < front < whole.SPAN
 
 

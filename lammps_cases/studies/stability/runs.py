@@ -87,7 +87,7 @@ class ReferenceRun(ReferenceFlow):
 
     def make(self, fields: Iterable[str], evaluator: MakeEvaluator | None) -> Simulation:
         """See `ReferenceFlow.make`."""
-        if self.start.atoms.x_nc.dtype != np.float32:  # a layer of `maps.precision`
+        if self.start.atoms.x_nc.dtype != np.float32:  # a layer of `maps.timestep`
             return super().make(fields, evaluator)
         case = self.start.case
         return single_simulation(case.scene, self.start.atoms, fields, case.where)

@@ -88,5 +88,5 @@ def test_the_face_lies_behind_the_solids() -> None:
         cell = MapCell(walls.THICKNESS.id, 0.2, layers, walls.STORED)
         start, watch = walls.THICKNESS.start(cell), walls.THICKNESS.watch(cell)
         solid_n = start.atoms.type_n == 2
-        assert solid_n.sum() == layers * walls.WIDTH
+        assert solid_n.sum() == layers * walls.BLOCK_WIDTH
         assert watch.behind == (1, start.atoms.x_nc[solid_n, 1].min() - 0.5)

@@ -46,7 +46,7 @@ def validate_command(
 
     from eos_ref.errors import InputError, nearest
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.studies.flows import record, run
+    from lammps_cases.studies.flows import page, run
     from lammps_cases.studies.flows.catalogue import VALIDATIONS
 
     for name in names:
@@ -55,10 +55,10 @@ def validate_command(
     short = [name for name, of in VALIDATIONS.items() if of.quick or not quick]
     chosen = [VALIDATIONS[name] for name in dict.fromkeys(names or short)]
     page_folder(out)
-    with record.runs(out).resumed(resume), Bar(quiet=as_json) as bar:
+    with page.runs(out).resumed(resume), Bar(quiet=as_json) as bar:
         validated = run.validate(chosen, out, command_line(), quick=quick, engine=engine, progress=bar)
     if as_json:
-        click.echo(json.dumps(record.DOCUMENT.plain(validated), indent=1))
+        click.echo(json.dumps(page.DOCUMENT.plain(validated), indent=1))
     else:
         _show(validated, out)
     return 0
@@ -66,8 +66,7 @@ def validate_command(
 
 def _show(validated: Any, out: Path) -> None:
     from lammps_cases.studies.flows.catalogue import VALIDATIONS
-    from lammps_cases.studies.flows.page import stopped
-    from lammps_cases.studies.flows.record import LAMMPS, REFERENCE
+    from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, stopped
 
     for name in validated.flows:
         for panel in VALIDATIONS[name].panels:

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.flows.flow import Options, Start, rows, start
 from lammps_cases.studies.stability import record
 from lammps_cases.studies.stability.atlas import agreement, boundaries
 from lammps_cases.studies.stability.model import (

@@ -26,7 +26,7 @@ from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.chart.bench import Ratio, against
-from lammps_cases.studies.flows.layout import rows
+from lammps_cases.studies.flows.flow import rows
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "quintic": {},

@@ -16,9 +16,9 @@ from lammps_cases.studies.chart import pysph as peer
 from lammps_cases.studies.chart.record import Chart
 from lammps_cases.studies.flows.cavity import CAVITY, STORED
 from lammps_cases.studies.flows.converge import Convergence, FlowResult, converge
-from lammps_cases.studies.flows.dam import DAM
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.periodic import VORTICES
+from lammps_cases.studies.flows.waves import DAM
 
 LIMIT = 3600.0  # seconds for a run of PySPH
 REYNOLDS = 100.0  # of the vortices: that of PySPH's example

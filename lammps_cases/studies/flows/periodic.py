@@ -25,8 +25,7 @@ from eos_ref.analytic import waves
 from eos_ref.eos.table import EOS, FloatArray, examples
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.materials import entries
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, relative
-from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
+from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, fluid, relative, rows, start, time_step
 
 STRIP = 8  # particles across, where nothing depends on that direction
 FIRST = 16  # resolution at which the cutoff begins to grow, where it does

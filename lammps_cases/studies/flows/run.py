@@ -23,10 +23,10 @@ from lammps_cases.findings.entry import Finding
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
-from lammps_cases.studies.flows import page, record
+from lammps_cases.studies.flows import page
 from lammps_cases.studies.flows.converge import FlowResult, by_reference, in_worker
 from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
-from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
+from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
 from lammps_cases.studies.flows.stepping import ReferenceFlow
 
 LIMIT = 3600.0  # seconds for one run
@@ -64,7 +64,7 @@ def validate(
     EngineMissing
     """
     site, begin, before = installations.resolve(engine).site, time.perf_counter(), machine()
-    kept, runs = record.runs(out), list[FlowRecord]()
+    kept, runs = page.runs(out), list[FlowRecord]()
     with Workers(site, 1) as workers:
         about = workers.identify().result()
         about["library_sha256"] = library_sha256(about.pop("library", ""))
@@ -80,7 +80,7 @@ def validate(
     progress.advance(len(tasks), len(tasks), "report")
     seconds = time.perf_counter() - begin + kept.earlier
     validated = Validated(command, before, about, quick, seconds, tuple(runs))
-    record.write(validated, out)
+    page._write_tables(validated, out)
     page.write(validated, out)
     return validated
 

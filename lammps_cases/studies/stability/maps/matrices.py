@@ -26,8 +26,7 @@ from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.kernels.styles import KERNELS, KernelStyle
 from lammps_cases.findings.kernels import STALE_GRADIENT_BELOW_ZMIN
 from lammps_cases.scene.atoms import seed
-from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
+from lammps_cases.studies.flows.flow import Options, Start, fluid, rows, start, time_step
 from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 CONDITION = 1e12  # leaves four digits of a double's sixteen

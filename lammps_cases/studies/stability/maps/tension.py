@@ -33,8 +33,7 @@ from scipy.optimize import bisect
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.quintic import QUINTIC
 from lammps_cases.scene.atoms import seed
-from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import fluid, rows, start, time_step, under
+from lammps_cases.studies.flows.flow import Options, Start, fluid, rows, start, time_step, under
 from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 WIDTH, HEIGHT = 10, 10  # particles along x and rows; the height is even, as every second row is shifted

@@ -36,8 +36,7 @@ from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model import interactions
 from eos_ref.model.box import Box
 from lammps_cases.scene.atoms import seed
-from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
+from lammps_cases.studies.flows.flow import Options, Start, fluid, rows, start, time_step
 from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 EDGE = 10  # spacings

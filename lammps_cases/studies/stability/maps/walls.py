@@ -20,8 +20,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import fluid, forces, rows, start, time_step
+from lammps_cases.studies.flows.flow import Options, Start, fluid, forces, rows, start, time_step
 from lammps_cases.studies.flows.surfaces import disc
 from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 

@@ -15,12 +15,11 @@ import pytest
 from lammps_cases.engine.session import EngineRefused, Session
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.variants import Variant
-from lammps_cases.studies.flows import cavity, channel, convection, drops, page, record, run
+from lammps_cases.studies.flows import cavity, drops, page, run, walls
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
 from lammps_cases.studies.flows.converge import FlowResult, by_reference
 from lammps_cases.studies.flows.flow import DATA, Flow, ReferenceCurve, Snapshot, Start, table
-from lammps_cases.studies.flows.page import Effect
-from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
+from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, UNIT, Effect, FlowRecord, Lost, Validated
 from lammps_cases.studies.flows.stepping import LammpsFlow, ReferenceFlow
 from tests.support.flow_faults import Plant, of_gravity, of_types
 from tests.support.outcome import Outcome
@@ -28,7 +27,7 @@ from tests.support.roundings import rounded
 from tests.workshop import tables_validation
 
 Run = Callable[..., Outcome]
-THICK = channel.THICKENING
+THICK = walls.THICKENING
 
 
 # --- what is known
@@ -54,7 +53,7 @@ def test_the_cavity_has_seventeen_points_on_each_line_and_walls_at_their_ends() 
 @pytest.mark.parametrize("power", [0.5, 1.5])
 def test_the_power_law_has_the_velocity_of_the_closed_form(power: float) -> None:
     """Where the law is not cut: a cut at zero rate is no cut."""
-    cut = channel.power_law(power, 64)
+    cut = walls.power_law(power, 64)
     uncut = replace(cut, eta=cut.K * (1e-9 * cut.gd0) ** (power - 1), gd0=1e-9 * cut.gd0)
     y = np.linspace(0, 64, 65)
     away = np.abs(y - 32)
@@ -68,9 +67,9 @@ def test_a_stiff_plug_becomes_rigid() -> None:
     """The stiffer it is below the yield stress, the nearer Bingham's own solution; in proportion."""
     y, misses = np.linspace(0, 24, 49), []
     for stiff in (20.0, 200.0):
-        soft = channel.bingham(24)
+        soft = walls.bingham(24)
         law = replace(soft, eta=stiff, gd0=soft.yield_stress / (stiff - soft.K))
-        misses.append(np.abs(law.velocity(y) - channel.ideal_bingham(law, y)).max())
+        misses.append(np.abs(law.velocity(y) - walls.ideal_bingham(law, y)).max())
     assert 8 < misses[0] / misses[1] < 12
 
 
@@ -112,7 +111,7 @@ def test_a_quick_flow_agrees_is_drawn_and_is_not_run_again(
     first = eos_ref_command("validate", "--quick", THICK.name, "--out", tmp_path)
     assert first.code == 0
     assert f"report: {tmp_path / 'report.html'}" in first.out
-    validated = record.DOCUMENT.read(tmp_path / "validate.json")
+    validated = page.DOCUMENT.read(tmp_path / "validate.json")
     ours, theirs = (validated.of(THICK.name, side) for side in (REFERENCE, LAMMPS))
     assert [of.n for of in ours] == [of.n for of in theirs] == list(THICK.quick)
     for one, other in zip(ours, theirs, strict=True):
@@ -346,7 +345,7 @@ def test_the_ellipse_keeps_its_energy() -> None:
 
 
 @pytest.mark.lammps
-@pytest.mark.parametrize("of", [drops.DROP, convection.CONVECTION], ids=lambda of: of.name)
+@pytest.mark.parametrize("of", [drops.DROP, cavity.CONVECTION], ids=lambda of: of.name)
 def test_a_body_pulls_on_both_sides_alike(of: Flow) -> None:
     """What it adds to the forces of the set-up is what its formula says, on fluid alone, but for rounding."""
     start, lammps = of.start(10, of.options), Session()
@@ -362,7 +361,7 @@ def test_a_body_pulls_on_both_sides_alike(of: Flow) -> None:
     def of_reference(begin: Start) -> Any:
         return ReferenceFlow(begin).simulation.fields["f"]
 
-    T_n = None if atoms.energy_n is None else np.where(atoms.type_n > 2, 1 / convection.HEAVY, 1.0) * atoms.energy_n
+    T_n = None if atoms.energy_n is None else np.where(atoms.type_n > 2, 1 / cavity.HEAVY, 1.0) * atoms.energy_n
     exact_nc = np.where((atoms.type_n == 1)[:, None], body.force(atoms.mass_n, atoms.x_nc[:, :2], T_n), 0.0)
     for forces in (of_lammps, of_reference):
         with_nc, without_nc = forces(start), forces(replace(start, body=None))
@@ -384,7 +383,7 @@ def test_no_fix_of_lammps_has_a_surface_tension() -> None:
 
 def test_the_document_has_the_table_that_was_measured() -> None:
     path = Path(__file__).parents[4] / "docs" / "validation.md"
-    measured, text = record.DOCUMENT.read(tables_validation.MEASURED), path.read_text(encoding="utf-8")
+    measured, text = page.DOCUMENT.read(tables_validation.MEASURED), path.read_text(encoding="utf-8")
     assert tables_validation.document(text, measured) == text
     assert not measured.quick
 

@@ -16,8 +16,7 @@ from lammps_cases.engine.session import open_lammps, run
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.flows.flow import Options, Start, rows, start
 from lammps_cases.studies.stability.page import deck
 
 pytestmark = pytest.mark.lammps

@@ -56,9 +56,9 @@ def chart_command(
         if charts:
             page.write(chart, out, charts)
         if save_costs:
-            from lammps_cases.studies.chart import costs
+            from lammps_cases.studies.chart import laws
 
-            costs.save(bar)
+            laws.save_costs(bar)
     if as_json:
         click.echo(json.dumps(record.points_document(chart), indent=1))
         return 0

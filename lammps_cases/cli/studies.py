@@ -128,13 +128,13 @@ def stability_command(
     if cell is not None:
         return _one_cell(cell, out, installations.resolve(engine).site, as_json)
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.studies.stability import atlas, limits, maps, page, record
+    from lammps_cases.studies.stability import atlas, limits, maps, model, page
 
     by_id = maps.MAPS
     quick = chosen.quick
     selected = maps.select(by_id, names, chosen.tag or ("quick" if quick and not names else None))
     site = installations.resolve(engine).site
-    with record.cells(out).resumed(how.resume), Bar(quiet=as_json) as bar:
+    with model.cells(out).resumed(how.resume), Bar(quiet=as_json) as bar:
         measured = atlas.measure(
             selected, out, command_line(), quick=quick, site=site, jobs=processes(how.jobs), progress=bar
         )
@@ -144,7 +144,7 @@ def stability_command(
         limits.save(limits.measured(edges, by_id, measured.engine.get("distribution", "")))
     unexplained = maps.unexplained(measured.disagreements)
     if as_json:
-        click.echo(json.dumps(record.document(measured), indent=1))
+        click.echo(json.dumps(model.document(measured), indent=1))
     else:
         _show_stability(measured, len(unexplained), out)
     return int(bool(unexplained))

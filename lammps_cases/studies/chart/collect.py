@@ -18,7 +18,7 @@ from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.run import case_journal
 from lammps_cases.studies.chart import page, record
-from lammps_cases.studies.chart.pysph import version
+from lammps_cases.studies.chart.codes import pysph_version
 from lammps_cases.studies.chart.record import Chart, Section
 
 # Title and content of every section: a module with ``panels(quick, session)``, ``maps(quick)``, ``flows(quick, site)``
@@ -68,7 +68,7 @@ def collect(
     from lammps_cases.engine import installations
     from lammps_cases.engine.session import Session
 
-    peers = {"pysph": version(pysph)} if pysph else {}  # before anything is measured
+    peers = {"pysph": pysph_version(pysph)} if pysph else {}  # before anything is measured
     site = installations.resolve(engine).site
     session = Session(site)
     about, before = session.describe() | peers, machine()

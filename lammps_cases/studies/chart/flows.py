@@ -15,7 +15,7 @@ from eos_ref.kernels.styles import KERNELS, KernelStyle
 from lammps_cases.engine import cluster
 from lammps_cases.engine.session import Session
 from lammps_cases.records.measure import ROUNDS, Timing
-from lammps_cases.studies.chart.points import LAMMPS, ONE_PER_CENT, Panel, measured
+from lammps_cases.studies.chart.record import LAMMPS, ONE_PER_CENT, Panel, measured
 from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.converge import Convergence, FlowResult, by_lammps, by_reference, converge
 from lammps_cases.studies.flows.flow import Flow, Options

@@ -1,13 +1,17 @@
-r"""Equations of state: every method of `eos_ref.methods.laws`, and LAMMPS, against Arb.
+r"""Equations of state: every method of `eos_ref.methods.laws`, and LAMMPS, against Arb; and what methods cost.
 
 Errors are the worst that a search finds in each regime, a range of :math:`|\rho/\rho_0-1|`; times are of shuffled
-states of that regime, for which tables and series are prepared.
+states of that regime, for which tables and series are prepared. The costs (seconds to start, nanoseconds per state) are
+those that `eos_ref.methods.choice` chooses by.
 """
 
 from __future__ import annotations
 
+import json
 import math
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,19 +23,22 @@ import numpy as np
 
 from eos_ref import EOS
 from eos_ref.eos.table import FloatArray, examples
+from eos_ref.methods.choice import COSTS, usable
 from eos_ref.methods.laws import Evaluate, LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, Regime, worst_case
 from lammps_cases.engine import cluster
 from lammps_cases.engine.session import EngineMissing, Session
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.records.measure import Timing, in_turns
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.measure import Timing, in_turns, machine
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, build
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.materials import entries
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.chart.points import Crossing, Map, MethodPoint, Panel, bisected, measured
+from lammps_cases.studies.chart.record import Crossing, Map, MethodPoint, Panel, bisected, measured
 
 # Gamma 4 stands for whole exponents of tait/general.
 LAWS: tuple[EOS, ...] = (
@@ -242,3 +249,48 @@ def maps(quick: bool) -> Iterator[Map]:
             value=tuple(tuple(row) for row in value.tolist()),
             unit="worst relative error",
         )
+
+
+FLUID = Regime(1e-9, 0.1)  # the densities for which tables and series are prepared
+
+
+def save_costs(progress: Progress = SILENT, path: Path = COSTS) -> None:
+    """Measure and write ``costs.json``; times in two digits, so that measuring again changes little of the file."""
+    laws = [law for law in LAWS if not law.background]
+    costs: dict[str, dict[str, Any]] = {}
+    for k, law in enumerate(laws):
+        progress.advance(k, len(laws), f"costs of {law.style}")
+        methods = usable(law)
+        took, _ = timings(law, methods, FLUID, QUICK_STATES, None)
+        for method in methods:
+            ns = took[method.name].seconds.median / QUICK_STATES * 1e9
+            entry = {"ns": float(f"{ns:.2g}"), "startup": float(f"{_startup(law, method.name):.2g}")}
+            costs.setdefault(law.style, {}).setdefault(method.name, entry)
+    document = {"machine": machine(), "states": QUICK_STATES, "laws": costs}
+    write_atomically(path, json.dumps(document, indent=1) + "\n")
+
+
+def _startup(law: EOS, method: str, rounds: int = 3) -> float:
+    """Return the seconds that the first evaluation of ten states takes in a fresh process beyond the second.
+
+    The least of some rounds; one more comes before them, in which numba may compile for good.
+    """
+    code = f"""if True:
+        import time
+        import numpy as np
+        from eos_ref import EOS
+        from eos_ref.methods import laws
+        law = EOS({law.style!r}, {law.rho0!r}, {law.cs!r}, {law.parameter!r}, {law.background!r})
+        method = next(m for m in laws.METHODS if m.name == {method!r})
+        rho_n, e_n = np.linspace(0.99, 1.01, 10) * law.rho0, np.ones(10)
+        t = [time.perf_counter()]
+        evaluate = method.function(law, 0.99 * law.rho0, 1.01 * law.rho0)
+        for _ in range(2):
+            evaluate(rho_n, e_n)
+            t.append(time.perf_counter())
+        print(2 * t[1] - t[0] - t[2])"""
+    seconds = []
+    for _ in range(rounds + 1):
+        process = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+        seconds.append(max(float(process.stdout.split()[-1]), 0.0))
+    return min(seconds[1:])

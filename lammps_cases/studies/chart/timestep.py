@@ -15,8 +15,8 @@ from lammps_cases.engine.session import EngineBroken, EngineRefused, Session
 from lammps_cases.records import measure
 from lammps_cases.records.measure import ConfidenceInterval
 from lammps_cases.scene.atoms import seed
-from lammps_cases.studies.chart.points import ONE_PER_CENT, Crossing, Panel, bisected, measured
-from lammps_cases.studies.chart.prepared import opened
+from lammps_cases.studies.chart.kernels import opened
+from lammps_cases.studies.chart.record import ONE_PER_CENT, Crossing, Panel, bisected, measured
 from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.converge import Fit, fit
 from lammps_cases.studies.flows.flow import Flow, Snapshot, Start, relative

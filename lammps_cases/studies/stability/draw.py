@@ -22,8 +22,17 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.model.box import BoolArray
 from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis, plain_text
 from lammps_cases.scene.atoms import IntArray
-from lammps_cases.studies.stability.model import KINDS, Axis, Boundary, CellRun, Engine, Kind, MapCell, Theory
-from lammps_cases.studies.stability.record import MapRecord
+from lammps_cases.studies.stability.model import (
+    KINDS,
+    Axis,
+    Boundary,
+    CellRun,
+    Engine,
+    Kind,
+    MapCell,
+    MapRecord,
+    Theory,
+)
 
 # Colours of Okabe & Ito (2008), which the colour-blind tell apart, and a shape of its own for every kind.
 MARKS: dict[Kind, tuple[str, str]] = {

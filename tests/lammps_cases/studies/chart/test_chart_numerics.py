@@ -14,7 +14,7 @@ from lammps_cases.engine.session import Session
 from lammps_cases.records import measure
 from lammps_cases.records.measure import Call, Timing
 from lammps_cases.studies.chart import kernels, timestep
-from lammps_cases.studies.chart.prepared import prepared
+from lammps_cases.studies.chart.kernels import prepared
 from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.flow import relative
 

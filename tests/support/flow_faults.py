@@ -12,8 +12,8 @@ from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.engine.session import Session
 from lammps_cases.scene import Scene
 from lammps_cases.setup import reference_side
-from lammps_cases.studies.flows.converge import by_lammps, converge, fit
 from lammps_cases.studies.flows.flow import Flow, Start
+from lammps_cases.studies.flows.solve import by_lammps, converge, fit
 
 Plant = Callable[[Start], Start]
 Law = Callable[[Any], Any]

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from lammps_cases.comparison import prediction_keys
+from lammps_cases.engine import installations
 from lammps_cases.engine.installations import library_sha256
+from lammps_cases.engine.session import EngineMissing, Session
 from lammps_cases.records import wording
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.run import case_journal
-from lammps_cases.studies.chart import page, record
-from lammps_cases.studies.chart.codes import pysph_version
+from lammps_cases.studies.chart import codes, flows, kernels, laws, page, record
 from lammps_cases.studies.chart.record import Chart, Section
 
-# Title and content of every section: a module with ``panels(quick, session)``, ``maps(quick)``, ``flows(quick, site)``
-# or ``codes(quick, site, pysph)``.
+# Title and content of every section.
 SECTIONS = {
     "laws": (
         "Equations of state",
@@ -40,6 +38,13 @@ SECTIONS = {
         "of a run on one core. What comes before the first step is left out. Numbers at marks: particles per length.",
     ),
 }
+PANELS = {
+    "laws": laws.panels,
+    "kernels": kernels.panels,
+    "timestep": flows.step_panels,
+    "flows": flows.kernel_panels,
+}
+MAPS = {"laws": laws.maps, "kernels": kernels.maps}
 
 
 def collect(
@@ -65,10 +70,7 @@ def collect(
     EngineMissing
     """
     os.environ["OMP_NUM_THREADS"] = "1"  # one core each, for every side
-    from lammps_cases.engine import installations
-    from lammps_cases.engine.session import Session
-
-    peers = {"pysph": pysph_version(pysph)} if pysph else {}  # before anything is measured
+    peers = {"pysph": codes.pysph_version(pysph)} if pysph else {}  # before anything is measured
     site = installations.resolve(engine).site
     session = Session(site)
     about, before = session.describe() | peers, machine()
@@ -103,8 +105,6 @@ def beside(
     EngineMissing
         The other process failed, with the last line that it left.
     """
-    from lammps_cases.engine.session import EngineMissing
-
     folder = out / wording.folder_name(engine)
     switches = [*(["--quick"] if quick else []), "--resume" if resume else "--fresh"]
     options = [*names, *switches, "--engine", engine, "--out", str(folder)]
@@ -116,10 +116,10 @@ def beside(
     return record.DOCUMENT.read(folder / "chart.json")
 
 
-def _section(name: str, quick: bool, session: Any, pysph: str | None) -> Section:
-    module, begin = importlib.import_module(f"lammps_cases.studies.chart.{name}"), time.perf_counter()
-    panels = tuple(module.panels(quick, session)) if hasattr(module, "panels") else ()
-    maps = tuple(module.maps(quick)) if hasattr(module, "maps") else ()
-    flows = tuple(module.flows(quick, session.site)) if hasattr(module, "flows") else ()
-    codes = tuple(module.codes(quick, session.site, pysph)) if hasattr(module, "codes") else ()
-    return Section(name, *SECTIONS[name], time.perf_counter() - begin, panels, maps, flows, codes)
+def _section(name: str, quick: bool, session: Session, pysph: str | None) -> Section:
+    begin = time.perf_counter()
+    panels = tuple(PANELS[name](quick, session)) if name in PANELS else ()
+    maps = tuple(MAPS[name](quick)) if name in MAPS else ()
+    solved = tuple(flows.flows(quick, session.site)) if name == "flows" else ()
+    compared = tuple(codes.codes(quick, session.site, pysph)) if name == "codes" else ()
+    return Section(name, *SECTIONS[name], time.perf_counter() - begin, panels, maps, solved, compared)

@@ -15,7 +15,7 @@ from lammps_cases.records.documents import SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.records.journal import Parts
 from lammps_cases.records.measure import ConfidenceInterval, Timing, verdict
-from lammps_cases.studies.flows.converge import Convergence
+from lammps_cases.studies.flows.solve import Convergence
 
 LAMMPS = "LAMMPS"
 ONE_BIT = 2.0  # factor between two worst errors below which neither method is the better one

@@ -22,8 +22,8 @@ from lammps_cases.records.wording import brief, number
 from lammps_cases.report.pages import frame
 from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, saved
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
-from lammps_cases.studies.flows.converge import Fit, fit
 from lammps_cases.studies.flows.flow import Curve, Flow, FlowPanel, ReferenceCurve
+from lammps_cases.studies.flows.solve import Fit, fit
 
 REFERENCE, LAMMPS, UNIT = "reference", "LAMMPS", "LAMMPS in another unit of length"
 _COLOURS = {REFERENCE: BLUE, LAMMPS: RED, UNIT: RED}

@@ -24,10 +24,9 @@ from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
 from lammps_cases.studies.flows import page
-from lammps_cases.studies.flows.converge import FlowResult, by_reference, in_worker
 from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
 from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
-from lammps_cases.studies.flows.stepping import ReferenceFlow
+from lammps_cases.studies.flows.solve import FlowResult, ReferenceFlow, by_reference, in_worker
 
 LIMIT = 3600.0  # seconds for one run
 SPACING = 0.75  # between particles, in another unit of length

@@ -37,7 +37,7 @@ JOBS = 2
 # Sources, besides the reference, that decide how a cell ends: from its start to what is observed of it.
 SOURCES = (
     *("setup/commands.py", "engine/session.py", "engine/reading.py", "setup/plan.py", "setup/reference_side.py"),
-    "studies/flows/stepping.py",
+    "studies/flows/solve.py",
     *(f"studies/stability/{name}.py" for name in ("kinds", "probe", "runs")),
 )
 Key = Callable[[StabilityMap, MapCell, Engine], str]

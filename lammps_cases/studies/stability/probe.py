@@ -19,7 +19,7 @@ import numpy as np
 from lammps_cases.engine.session import kept
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.studies.flows.flow import Snapshot, Start
-from lammps_cases.studies.flows.stepping import FlowRun
+from lammps_cases.studies.flows.solve import FlowRun
 from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.kinds import ParticleFailure, Subject
 from lammps_cases.studies.stability.model import CellOutcome, Engine, FailureCriteria, Kind, MapCell, StabilityMap

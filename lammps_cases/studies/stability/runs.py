@@ -20,7 +20,7 @@ from lammps_cases.scene.runs import Expect
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.plan import Plan, plan
 from lammps_cases.studies.flows.flow import Snapshot, Start
-from lammps_cases.studies.flows.stepping import FlowRun, LammpsFlow, LostAtoms, ReferenceFlow, snapshot
+from lammps_cases.studies.flows.solve import FlowRun, LammpsFlow, LostAtoms, ReferenceFlow, snapshot
 from lammps_cases.studies.stability.model import Engine, FailureCriteria, Kind
 
 

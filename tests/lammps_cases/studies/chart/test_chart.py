@@ -21,8 +21,8 @@ from lammps_cases.report.pages.figures import RED
 from lammps_cases.studies.chart import collect, flows, page, record
 from lammps_cases.studies.chart.record import Chart, Map, MethodPoint, Panel, Section, compared, frontier, point
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.converge import Convergence
 from lammps_cases.studies.flows.flow import Options
+from lammps_cases.studies.flows.solve import Convergence
 from tests.support.outcome import Outcome
 from tests.support.roundings import rounded
 

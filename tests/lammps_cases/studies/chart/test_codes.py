@@ -18,8 +18,8 @@ from lammps_cases.studies.chart import codes, page, record
 from lammps_cases.studies.chart.codes import COMPARED, SWIRL, by_pysph
 from lammps_cases.studies.chart.record import Chart, Section
 from lammps_cases.studies.flows import periodic
-from lammps_cases.studies.flows.converge import Convergence
 from lammps_cases.studies.flows.flow import Options
+from lammps_cases.studies.flows.solve import Convergence
 from tests.support.outcome import Outcome
 from tests.support.roundings import HALF_EPS, rounded
 from tests.workshop import tables_codes, tables_validation

@@ -14,7 +14,6 @@ from lammps_cases.engine.session import Session
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.thermal import HeatAsTemperatureRate
 from lammps_cases.setup import reference_side
-from lammps_cases.studies.flows.converge import ENGINES, Engine, by_lammps, by_reference, converge
 from lammps_cases.studies.flows.flow import Flow, Options, Start
 from lammps_cases.studies.flows.periodic import (
     COMPRESSED,
@@ -29,6 +28,7 @@ from lammps_cases.studies.flows.periodic import (
     VORTICES,
     wave_number,
 )
+from lammps_cases.studies.flows.solve import ENGINES, Engine, by_lammps, by_reference, converge
 from tests.support.flow_faults import Plant, differences, in_scene, of_types
 
 pytestmark = pytest.mark.slow

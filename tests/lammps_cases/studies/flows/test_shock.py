@@ -12,8 +12,8 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.engine.session import Session
 from lammps_cases.findings.forces import ForcePerVolume
-from lammps_cases.studies.flows.converge import converge
 from lammps_cases.studies.flows.flow import Options
+from lammps_cases.studies.flows.solve import converge
 from lammps_cases.studies.flows.surfaces import SHOCK_TUBE, problem, without_volume
 from tests.support.flow_faults import Plant, differences, of_energy, of_gamma, of_types, order
 

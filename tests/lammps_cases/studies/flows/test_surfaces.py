@@ -8,8 +8,8 @@ import pytest
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.engine.session import Session
 from lammps_cases.findings.forces import ForcePerVolume
-from lammps_cases.studies.flows.converge import converge
 from lammps_cases.studies.flows.flow import Flow
+from lammps_cases.studies.flows.solve import converge
 from lammps_cases.studies.flows.surfaces import DROP, INTERFACE
 from tests.support.flow_faults import Plant, differences, faster, of_types, order
 

@@ -17,10 +17,9 @@ from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.variants import Variant
 from lammps_cases.studies.flows import cavity, drops, page, run, walls
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
-from lammps_cases.studies.flows.converge import FlowResult, by_reference
 from lammps_cases.studies.flows.flow import DATA, Flow, ReferenceCurve, Snapshot, Start, table
 from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, UNIT, Effect, FlowRecord, Lost, Validated
-from lammps_cases.studies.flows.stepping import LammpsFlow, ReferenceFlow
+from lammps_cases.studies.flows.solve import FlowResult, LammpsFlow, ReferenceFlow, by_reference
 from tests.support.flow_faults import Plant, of_gravity, of_types
 from tests.support.outcome import Outcome
 from tests.support.roundings import rounded

@@ -12,8 +12,8 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.engine.session import Session
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.walls import WallVelocityLost
-from lammps_cases.studies.flows.converge import Engine, converge
 from lammps_cases.studies.flows.flow import Flow, Options
+from lammps_cases.studies.flows.solve import Engine, converge
 from lammps_cases.studies.flows.walls import COMPRESSION, COUETTE, COUETTE_STORED, POISEUILLE, TANK
 from tests.support.flow_faults import Plant, differences, faster, of_gravity, of_types, order
 

@@ -52,7 +52,7 @@ def chart_command(
     with record.sections(out).resumed(resume), Bar(quiet=as_json) as bar:
         first, *others = engines or ("env",)
         chart = collect.collect(sections, quick, out, command_line(), bar, first, pysph)
-        charts = [collect.beside(engine, sections, quick, out, resume, bar) for engine in others]
+        charts = [collect.compare_engines(engine, sections, quick, out, resume, bar) for engine in others]
         if charts:
             page.write(chart, out, charts)
         if save_costs:

@@ -304,8 +304,8 @@ def first_pressure(
             raise EngineRefused(f"no pressure within {timeout:g} s") from None
     lines = [line for line in outcome.stdout.splitlines() if line.startswith("{")]
     if not lines:
-        said = [line for line in (outcome.stderr + outcome.stdout).splitlines() if line.strip()]
-        raise EngineRefused(said[-1].strip() if said else f"LAMMPS ended with exit status {outcome.returncode}")
+        printed = [line for line in (outcome.stderr + outcome.stdout).splitlines() if line.strip()]
+        raise EngineRefused(printed[-1].strip() if printed else f"LAMMPS ended with exit status {outcome.returncode}")
     return float(json.loads(lines[0])["press"])
 
 

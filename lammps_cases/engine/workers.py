@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.records.run_record import Failed
 
 T = TypeVar("T")
-ROOM = 16  # times its size has to be left beside an answer that is kept, for LAMMPS' own files of other cases
+ROOM = 16  # times the size of an answer that is kept has to be left, for LAMMPS' own files of other cases
 LARGE = 2**16  # atoms whose memory LAMMPS gives back after a job, as the next would do first
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # characters that are no white space of a text
 

@@ -23,7 +23,8 @@ import numpy as np
 
 import eos_ref.jit  # noqa: F401  chooses the registers before anything is compiled
 from eos_ref import EOS, EOSTable
-from eos_ref.eos import bounds
+from eos_ref.compiled.evaluator import CompiledEvaluator
+from eos_ref.eos import bounds, compiled
 from eos_ref.eos.table import examples
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box
@@ -31,7 +32,8 @@ from eos_ref.model.state import State
 from lammps_cases.engine.ranks import Ranks
 from lammps_cases.engine.session import RunCommand, Session
 from lammps_cases.records.measure import Call, ConfidenceInterval, Timing, in_turns, interval
-from lammps_cases.scene import Scene
+from lammps_cases.run import prepared_case
+from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.atoms import build
 from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import reference_side
@@ -94,8 +96,6 @@ def measured(part: str, states: int, repeats: int, python: str | None) -> Iterat
 
 def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
     """Time every law on n densities into a given array, against copying the same arrays."""
-    from eos_ref.eos import compiled
-
     random = np.random.default_rng(1)
     rho_n, e_n = random.uniform(0.6, 1.8, n), random.uniform(0.5, 2.0, n)
     p_n, copy_n = np.empty(n), np.empty(n)
@@ -148,9 +148,6 @@ def run_against_lammps(repeats: int, jobs: int) -> Ratio:
 
     The scenes that crash LAMMPS are in ours only, as they would end the peer.
     """
-    from lammps_cases.run import prepared_case
-    from lammps_cases.scene import casefile
-
     chosen = [case for case in casefile.select(casefile.load(), tag="eos") if "crash" not in case.tags]
     prepared = [prepared_case.prepare(case) for case in chosen]
     lammps_jobs = [job(p.case.scene, p.atoms, plan(p.case.scene)) for p in prepared]
@@ -210,7 +207,7 @@ def _process(command: list[str], environment: dict[str, str] | None = None) -> N
 
 
 def taylor_green(repeats: int, python: str | None) -> Iterator[Ratio]:
-    """Yield the time per particle and step of Taylor-Green vortices, ours against every other code at hand.
+    """Yield the time per particle and step of Taylor-Green vortices, ours against every other code that is installed.
 
     Codes that run as programs of their own cannot take turns step by step with ours; each of their runs is followed by
     one of ours of about the same length, so that a drift of the machine meets both.
@@ -225,8 +222,6 @@ def taylor_green(repeats: int, python: str | None) -> Iterator[Ratio]:
     InputError
         That Python cannot run PySPH.
     """
-    from eos_ref.compiled.evaluator import CompiledEvaluator
-
     start = FLOWS["taylor-green"].start(VORTICES, Options(kernel="quintic"))
     with Ranks(None, 1) as one, Ranks(None, 2) as two:
         peers: dict[str, Callable[[], list[float]]] = {
@@ -349,8 +344,6 @@ def _peak() -> int:
 
 def _run_lattice(option: str, edge: int) -> None:
     """Run two steps from a state made here, so that the arrays of a scene do not count."""
-    from eos_ref.compiled.evaluator import CompiledEvaluator
-
     random, x_nc = np.random.default_rng(1), rows(0, edge, edge)
     x_nc += random.uniform(-0.1, 0.1, x_nc.shape)
     v_nc, n = random.uniform(-0.1, 0.1, x_nc.shape), len(x_nc)

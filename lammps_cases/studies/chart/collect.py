@@ -95,7 +95,7 @@ def collect(
     return chart
 
 
-def beside(
+def compare_engines(
     engine: str, names: Sequence[str], quick: bool, out: Path, resume: bool = True, progress: Progress = SILENT
 ) -> Chart:
     """Measure the same sections on another engine, in a process of its own: two libraries do not fit into one.

@@ -122,7 +122,7 @@ def _velocity(shot: Snapshot) -> FloatArray:
 
 
 def waves() -> tuple[Wave, ...]:
-    """Return a flow whose time step is limited by viscosity, and one limited by sound and viscosity alike."""
+    """Return a flow whose time step is limited by viscosity, and one limited by sound and viscosity."""
     return Wave(FLOWS["shear-wave"], _velocity), Wave(FLOWS["sound-wave-linear"], _density)
 
 

@@ -16,6 +16,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.kernels.styles import KernelStyle
@@ -42,8 +43,6 @@ class LatticeSetup:
 
     def simulation(self, fields: Sequence[str]) -> Simulation:
         """Return the compiled reference, evaluated once."""
-        from eos_ref.compiled.evaluator import CompiledEvaluator
-
         scene, where = self.case.scene, self.case.where
         sim = reference_side.simulation(scene, self.atoms, fields, where, evaluator=CompiledEvaluator)
         sim.evaluate()

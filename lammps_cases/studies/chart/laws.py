@@ -152,7 +152,7 @@ class EngineLaw:
     def timed(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> tuple[Callable[[], None], Callable[[], None]]:
         """Return two calls to be timed: the output of all pressures, and that of as many numbers that need no law.
 
-        A new count of steps makes LAMMPS evaluate an output anew; the difference of the two is the law alone.
+        A new count of steps makes LAMMPS evaluate an output again; the difference of the two is the law alone.
         """
         self.pressure(rho_n, e_n)
         lmp = self.session.open()

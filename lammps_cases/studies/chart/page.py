@@ -27,7 +27,7 @@ from lammps_cases.studies.flows.solve import Convergence
 ASSETS = Path(__file__).parent / "assets"
 # Distinguished by colour and by shape; LAMMPS' own are always red stars.
 _COLOURS = ("#1f5fa8", "#2e8b57", "#d98200", "#7b4fa3", "#0f9ba8", "#8c5a3c", "#c2559d", "#5c6b7a")
-_OTHERS = ("#111111", "#e5007d", "#7fb800", "#00b3e6")  # engines beside the first
+_OTHERS = ("#111111", "#e5007d", "#7fb800", "#00b3e6")  # further engines
 _PEER, _SCHEMES = "#2e8b57", {"tvf": "s", "edac": "^", "wcsph": "D"}  # PySPH
 _SHAPES = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "d")
 
@@ -278,17 +278,17 @@ def _panel_figures(chart: Chart, others: Sequence[Chart]) -> Iterator[tuple[str,
 
 
 def methods(section: Section) -> list[tuple[list[str], str]]:
-    """Return the methods of a section and what they are; those of which the same is said together.
+    """Return the methods of a section and what they are; those with the same description together.
 
     What LAMMPS does by a method of the reference is not listed again.
     """
     points = [point for panel in section.panels for point in panel.points]
     own = {point.method for point in points if point.engine != LAMMPS}
-    said: dict[str, dict[str, None]] = {}
+    by_reason: dict[str, dict[str, None]] = {}
     for point in points:
         if point.method.removeprefix(LAMMPS).strip() not in own or point.engine != LAMMPS:
-            said.setdefault(point.reason, {})[point.method] = None
-    return [(list(names), reason) for reason, names in said.items()]
+            by_reason.setdefault(point.reason, {})[point.method] = None
+    return [(list(names), reason) for reason, names in by_reason.items()]
 
 
 def _of_others(panel: Panel, others: Sequence[Chart]) -> list[tuple[str, Panel]]:
@@ -298,9 +298,9 @@ def _of_others(panel: Panel, others: Sequence[Chart]) -> list[tuple[str, Panel]]
 
 def _facts(chart: Chart, others: Sequence[Chart]) -> list[tuple[str, str]]:
     (_, lammps), (_, processor), took = chart.facts
-    beside = f", and beside it, measured afterwards: {', '.join(other.label for other in others)}" if others else ""
+    further = f", and beside it, measured afterwards: {', '.join(other.label for other in others)}" if others else ""
     return [
-        ("LAMMPS", f"{lammps}{beside}"),
+        ("LAMMPS", f"{lammps}{further}"),
         *([("PySPH", chart.engine["pysph"])] if "pysph" in chart.engine else []),
         ("processor", f"{processor}, load {chart.machine['load']} at the start"),
         took,

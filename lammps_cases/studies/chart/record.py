@@ -37,7 +37,7 @@ class MethodPoint:
     compiling : seconds that the first call took beyond the others
     reason : what it is and why one would take it, in a line
     dominated_by : a method that is as accurate and measurably faster, or as fast and more accurate
-    like : methods whose times cannot be told from this one's
+    like : methods whose times do not differ measurably from this one's
     """
 
     quantity: str

@@ -185,7 +185,7 @@ class FlowQuantity:
     Attributes
     ----------
     published : what it should be, None: nobody knows
-    absent : what is said where a run has no such number
+    absent : text in place of the number of a run that has none
     """
 
     name: str

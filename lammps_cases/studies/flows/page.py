@@ -171,10 +171,10 @@ def effects(validated: Validated, of: Flow) -> Iterator[Effect]:
         run = next((run for run in reversed(validated.of(of.name, side)) if not run.message), None)
         if side == REFERENCE or run is None:
             continue
-        beside = next((ours for ours in validated.of(of.name, REFERENCE) if ours.n == run.n), None)
+        ours_here = next((ours for ours in validated.of(of.name, REFERENCE) if ours.n == run.n), None)
         for quantity in of.quantities:
-            if beside is not None and quantity.name in beside.quantities:
-                ours, theirs = beside.quantities[quantity.name], run.quantities[quantity.name]
+            if ours_here is not None and quantity.name in ours_here.quantities:
+                ours, theirs = ours_here.quantities[quantity.name], run.quantities[quantity.name]
                 yield Effect(
                     called(side),
                     run.n,
@@ -187,7 +187,7 @@ def effects(validated: Validated, of: Flow) -> Iterator[Effect]:
 
 
 def change(theirs: float, ours: float) -> str:
-    """Say how far a number is from another, to a tenth of a per cent at most; empty where nothing can be said."""
+    """Return how far a number is from another, to a tenth of a per cent at most; empty for numbers without a ratio."""
     ratio = theirs / ours if ours else math.nan
     if not math.isfinite(ratio):
         return ""
@@ -210,7 +210,7 @@ def stops(validated: Validated, of: Flow) -> Iterator[str]:
 
 
 def stopped(validated: Validated, flow: str, side: str) -> str:
-    """Say why a side has no numbers: of LAMMPS the findings with which the reference loses particles too."""
+    """Return why a side has no numbers: of LAMMPS the findings with which the reference loses particles too."""
     *_, last = runs = validated.of(flow, side)
     run = next((run for run in runs if run.lost), last)
     if not run.lost:

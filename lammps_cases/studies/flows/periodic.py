@@ -237,7 +237,7 @@ MACH = 0.1
 def _vortex(n: int, options: Options) -> tuple[float, float, float, float]:
     """Return the wave number, viscosity, highest speed, speed of sound.
 
-    Sound takes a spacing at twice the speed of diffusion, so that both limit the time step alike. The Mach number is
+    Sound takes a spacing at twice the speed of diffusion, so that both limit the time step equally. The Mach number is
     then Re/2N: the fluid becomes incompressible as the resolution grows. It is at most `MACH`.
     """
     nu = 1.0

@@ -36,7 +36,7 @@ PATIENCE = 1.25  # times as many steps as LAMMPS took are given to the reference
 
 @dataclass(frozen=True)
 class FlowTask:
-    """A run to be done: a flow at a resolution, by one side; ``explained``: if LAMMPS loses atoms, it is said why."""
+    """A flow to be run at a resolution by one side; ``explained``: whether a loss of atoms by LAMMPS is explained."""
 
     of: Flow
     n: int
@@ -106,7 +106,7 @@ def _with(finding: Finding, start: Start) -> FlowResult:
 
 
 def _in_another_unit(start: Start, solve: Callable[[Start], FlowResult]) -> FlowResult:
-    """Run a flow whose lengths and times are told in other units; snapshots are in the first ones."""
+    """Run a flow in other units of length and time; snapshots are in the first ones."""
     case, scale = start.case, Scale.of_size(SPACING, start.case.scene.dimension)
     cut = case.scene.rheo.cut
     assert cut is not None

@@ -273,7 +273,7 @@ class PowerFluid:
 
     @property
     def at_the_wall(self) -> float:
-        """Return the viscosity beside the plates."""
+        """Return the viscosity at the plates."""
         stress = self.gravity * self.n / 2
         return stress / float(self.rate(np.array(stress)))
 
@@ -305,7 +305,7 @@ def ideal_bingham(fluid_: PowerFluid, y_n: FloatArray) -> FloatArray:
 
 
 def _power_channel(n: int, options: Options, of: Callable[[int], PowerFluid]) -> Start:
-    """Return the closed form between plates whose type has the viscosity that the fluid has beside them.
+    """Return the closed form between plates whose type has the viscosity that the fluid has there.
 
     With the law of the fluid a solid, in which nothing shears, drags as stiffly as fluid at rest: option ``wall``.
     """

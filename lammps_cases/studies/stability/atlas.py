@@ -183,7 +183,7 @@ class Survey:
         return self.results
 
     def _ask(self, one: _Open) -> None:
-        """Ask for the next places of a line, as long as they are at hand."""
+        """Queue the next places of a line, as far as they are known."""
         of = self.maps[one.line.map]
         while not one.pending and (places := wanted(of, one.ends)):
             for x in places:

@@ -216,7 +216,7 @@ def _draw_theory(axis: Any, drawn: MapRecord, here: Sequence[Theory], theory: Se
 
 
 def _styles(theory: Sequence[Theory]) -> dict[str, dict[str, Any]]:
-    """Return the style of every line: those of one name, of several layers, alike."""
+    """Return the style of every line: the same for those of one name in several layers."""
     named = dict.fromkeys(line.name for line in theory)
     return dict(zip(named, itertools.cycle(_LINES), strict=False))
 

@@ -62,6 +62,16 @@ _LATER = {
 }
 
 
+def _by_method(*arguments: Any) -> Any:
+    """See `eos_ref.methods.choice.pressure`, which is imported when it is first used: most users do without it."""
+    from eos_ref.methods import choice
+
+    return choice.pressure(*arguments)
+
+
+EOS.by_method = _by_method
+
+
 def __getattr__(name: str) -> Any:
     """Import the particle model when it is first used: laws alone do without it."""
     if name in _LATER:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +45,8 @@ class EOS:
 
     Source: LAMMPS manual, fix rheo/pressure and fix rheo (defaults).
     """
+
+    by_method: ClassVar[Callable[..., FloatArray]]  # for `pressure`; set by `eos_ref`, as methods rest on laws
 
     style: Style
     rho0: float = 1.0
@@ -160,11 +162,9 @@ class EOS:
         """
         rho_n = np.asarray(rho, float)
         if method is not None or tolerance is not None:
-            from eos_ref.methods import choice
-
             e_n = self._energy_array(e, rho_n) if self.needs_energy else None
             within = None if tolerance is None else _finite("tolerance", tolerance)
-            return choice.pressure(self, np.ravel(rho_n), e_n, method, within).reshape(rho_n.shape)[()]
+            return self.by_method(np.ravel(rho_n), e_n, method, within).reshape(rho_n.shape)[()]
         from eos_ref.eos import compiled
 
         p_n = np.empty(rho_n.shape)

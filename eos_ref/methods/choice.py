@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref import EOS, InputError
-from eos_ref.eos.table import FloatArray
+from eos_ref.eos.table import EOS, FloatArray
+from eos_ref.errors import InputError
 from eos_ref.methods.laws import LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, worst_case
 

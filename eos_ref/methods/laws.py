@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref import EOS
 from eos_ref.eos import lammps_rounding
-from eos_ref.eos.table import FloatArray
+from eos_ref.eos.table import EOS, FloatArray
 
 Evaluate = Callable[[FloatArray, FloatArray | None], FloatArray]
 NODES = 4096  # of a table: 32 kB of values and slopes each

@@ -17,9 +17,8 @@ import numba
 import numpy as np
 
 import eos_ref.jit  # noqa: F401  chooses the registers before anything is compiled
-from eos_ref import EOS
 from eos_ref.eos import compiled
-from eos_ref.eos.table import FloatArray
+from eos_ref.eos.table import EOS, FloatArray
 
 MOST = 40  # terms; beyond, the power is cheaper
 PASS = 4  # terms of Horner's scheme taken in one pass over a block

@@ -10,9 +10,8 @@ import numba
 import numpy as np
 
 import eos_ref.jit  # noqa: F401  chooses the registers before anything is compiled
-from eos_ref import EOS
 from eos_ref.eos import compiled
-from eos_ref.eos.table import FloatArray
+from eos_ref.eos.table import EOS, FloatArray
 
 
 def pressure(law: EOS, state_n: Any, e_n: FloatArray | None, excess: bool) -> FloatArray:

@@ -10,8 +10,7 @@ import numba
 import numpy as np
 
 import eos_ref.jit  # noqa: F401  chooses the registers before anything is compiled
-from eos_ref import EOS
-from eos_ref.eos.table import FloatArray
+from eos_ref.eos.table import EOS, FloatArray
 
 
 class Table:

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref import EOS, InputError
 from eos_ref.eos import rigorous
-from eos_ref.eos.table import FloatArray
+from eos_ref.eos.table import EOS, FloatArray
+from eos_ref.errors import InputError
 from eos_ref.methods.laws import Evaluate
 
 SAMPLES = 4096

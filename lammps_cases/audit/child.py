@@ -39,9 +39,8 @@ from lammps_cases.engine.session import (
     EngineLacks,
     EngineMissing,
     EngineRefused,
-    describe,
+    Session,
     load,
-    open_lammps,
 )
 from lammps_cases.records.case_parts import Seconds
 
@@ -174,20 +173,18 @@ def start(task: AuditTask) -> tuple[Any, dict[str, str]]:
     ------
     EngineMissing
     """
-    site, reach = task.options.engine, reach_of(task)
+    session, reach = Session(task.options.engine), reach_of(task)
     if task.means == "none":
-        lmp = open_lammps(site)
-        return lmp, describe(lmp, site)
+        return session.open(), session.describe()
     compile_first()
     keep_nothing()
     if task.means == "landlock":
-        load(site)
+        load(session.site)
         containment.drop_capabilities()
         reach = replace(reach, read=(*reach.read, *map(str, containment.loaded_libraries())))
         start_up = containment.Reach((*reach.read, *containment.MACHINE), (*reach.write, containment.SHARED_MEMORY))
         containment.keep_to(start_up, network=True)
-    lmp = open_lammps(site)
-    who = describe(lmp, site)
+    lmp, who = session.open(), session.describe()
     if task.means == "landlock":
         containment.keep_to(reach)
     containment.start_nothing()

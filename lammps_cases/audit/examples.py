@@ -27,8 +27,8 @@ from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.rerun import AS_IT_IS, FINER
 from lammps_cases.comparison import store
 from lammps_cases.engine import installations
-from lammps_cases.engine.first_pressure import first_pressure
 from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.ranks import first_pressure
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.case_parts import ClosedRecord, SeriesRecord
 from lammps_cases.records.deck_wording import effects

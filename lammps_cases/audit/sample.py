@@ -25,7 +25,7 @@ from lammps_cases.audit.effects import Explained, Left, explain
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.fields import checked
 from lammps_cases.comparison.compare import Comparison, compare_field, components, excess
-from lammps_cases.engine.session import read_list
+from lammps_cases.engine.reading import read_list
 from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.records.case_parts import FieldRecord

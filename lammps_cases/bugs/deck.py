@@ -23,7 +23,8 @@ from eos_ref import InputError
 from lammps_cases.engine import mpi
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.interlude import FOLDER, Interlude, rows
-from lammps_cases.engine.session import COMPONENTS, Array, EngineMissing, Job, package_directory
+from lammps_cases.engine.reading import COMPONENTS
+from lammps_cases.engine.session import Array, EngineMissing, Job, package_directory
 from lammps_cases.records.files import write_atomically
 from lammps_cases.scene.fields import FIELDS
 

@@ -56,13 +56,13 @@ def chart_command(
     with record.sections(out).resumed(resume), Bar(quiet=as_json) as bar:
         first, *others = engines or ("env",)
         chart = collect.collect(sections, quick, out, command_line(), bar, first, pysph)
-        charts = [collect.beside(engine, sections, quick, out, resume, bar) for engine in others]
+        charts = [collect.compare_engines(engine, sections, quick, out, resume, bar) for engine in others]
         if charts:
             page.write(chart, out, charts)
         if save_costs:
-            from lammps_cases.studies.chart import costs
+            from lammps_cases.studies.chart import laws
 
-            costs.save(bar)
+            laws.save_costs(bar)
     if as_json:
         shared.show_document(record.points_document(chart))
         return 0
@@ -103,7 +103,7 @@ def validate_command(
     """
     from eos_ref.errors import InputError, nearest
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.studies.flows import record, run
+    from lammps_cases.studies.flows import page, run
     from lammps_cases.studies.flows.catalogue import VALIDATIONS
 
     for name in names:
@@ -112,10 +112,10 @@ def validate_command(
     short = [name for name, of in VALIDATIONS.items() if of.quick or not quick]
     chosen = [VALIDATIONS[name] for name in dict.fromkeys(names or short)]
     shared.page_folder(out)
-    with record.runs(out).resumed(resume), Bar(quiet=as_json) as bar:
+    with page.runs(out).resumed(resume), Bar(quiet=as_json) as bar:
         validated = run.validate(chosen, out, command_line(), quick=quick, engine=engine, progress=bar)
     if as_json:
-        shared.show_document(record.DOCUMENT.plain(validated))
+        shared.show_document(page.DOCUMENT.plain(validated))
     else:
         _show_flows(validated, out)
     return 0
@@ -123,8 +123,7 @@ def validate_command(
 
 def _show_flows(validated: Any, out: Path) -> None:
     from lammps_cases.studies.flows.catalogue import VALIDATIONS
-    from lammps_cases.studies.flows.page import stopped
-    from lammps_cases.studies.flows.record import LAMMPS, REFERENCE
+    from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, stopped
 
     for name in validated.flows:
         for panel in VALIDATIONS[name].panels:
@@ -186,13 +185,13 @@ def stability_command(
     if cell is not None:
         return _one_cell(cell, out, installations.resolve(engine).site, as_json)
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.studies.stability import atlas, limits, maps, page, record
+    from lammps_cases.studies.stability import atlas, limits, maps, model, page
 
     by_id = maps.MAPS
     quick = chosen.quick
     selected = maps.select(by_id, names, chosen.tag or ("quick" if quick and not names else None))
     site = installations.resolve(engine).site
-    with record.cells(out).resumed(how.resume), Bar(quiet=as_json) as bar:
+    with model.cells(out).resumed(how.resume), Bar(quiet=as_json) as bar:
         measured = atlas.measure(
             selected, out, command_line(), quick=quick, site=site, jobs=processes(how.jobs), progress=bar
         )
@@ -202,7 +201,7 @@ def stability_command(
         limits.save(limits.measured(edges, by_id, measured.engine.get("distribution", "")))
     unexplained = maps.unexplained(measured.disagreements)
     if as_json:
-        shared.show_document(record.document(measured))
+        shared.show_document(model.document(measured))
     else:
         _show_stability(measured, len(unexplained), out)
     return int(bool(unexplained))

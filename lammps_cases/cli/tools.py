@@ -193,12 +193,12 @@ def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
 
 
 def _memory(part: str) -> dict[str, float]:
-    from lammps_cases.studies.chart import bench, bench_model
+    from lammps_cases.studies.chart import bench
 
     if part == "laws":
         return {"pressures of four laws": bench.bytes_per_particle()}
     if part == "model":
-        return {f"2D {option}": bench_model.bytes_per_particle(option) for option in ("quintic", "RK1")}
+        return {f"2D {option}": bench.model_bytes_per_particle(option) for option in ("quintic", "RK1")}
     return {}
 
 

@@ -1,13 +1,15 @@
-"""Jobs on several MPI ranks: mpiexec starts this module on each, each leaves its own atoms, `solve` joins them.
+"""Jobs and decks on several MPI ranks: mpiexec starts this module on each of them.
 
-``python -m lammps_cases.engine.ranks FOLDER SITE PARENT`` is what a rank runs, job after job. LAMMPS initialises MPI
-itself, and files carry the jobs and the answers, so that nothing here needs an MPI of its own.
+``python -m lammps_cases.engine.ranks FOLDER SITE PARENT`` is what a rank runs, job after job: each leaves its own
+atoms, and `solve` joins them. LAMMPS initialises MPI itself, and files carry the jobs and the answers, so that nothing
+here needs an MPI of its own. ``python -m lammps_cases.engine.ranks DECK SITE`` prints the first pressure of a deck.
 """
 
 from __future__ import annotations
 
 import atexit
 import itertools
+import json
 import os
 import pickle
 import re
@@ -19,7 +21,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -34,16 +36,18 @@ from lammps_cases.engine.session import (
     EngineCrashed,
     EngineLacks,
     EngineMissing,
+    EngineRefused,
     Job,
+    Session,
     death,
     how_it_died,
+    kept,
     package_directory,
-    run,
 )
-from lammps_cases.engine.stepping import instance
 
 PAUSE = 0.002  # seconds between two checks for a file
 LONGEST = 0.02  # the same of ranks that have waited long, between the few cases of a run that need them
+RUN = re.compile(r"^[ \t]*run\s.*", re.MULTILINE)
 
 
 def die_with(parent: int, folder: str = "") -> None:
@@ -61,6 +65,16 @@ def die_with(parent: int, folder: str = "") -> None:
         time.sleep(0.5)
 
 
+# What runs this module in a process of its own, given its arguments.
+PROGRAM = (sys.executable, "-P", "-m", "lammps_cases.engine.ranks")
+
+
+def _with_packages(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return an environment that finds this package, which may lie in the current folder, as in a checkout."""
+    paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {**environment, "PYTHONPATH": os.pathsep.join(paths)}
+
+
 class Ranks:
     """LAMMPS on several processes of their own, which take one job after another and die with this one.
 
@@ -73,24 +87,13 @@ class Ranks:
         self._jobs = 0
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-ranks-")
         self._path = Path(self._folder.name)
-        # This package may lie beside the current folder, as in a checkout.
-        paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
-        program = [
-            sys.executable,
-            "-P",
-            "-m",
-            "lammps_cases.engine.ranks",
-            self._folder.name,
-            site or "",
-            str(os.getpid()),
-        ]
         with (self._path / "output").open("wb") as output:
             self._process = subprocess.Popen(
-                [*command, *program],
+                [*command, *PROGRAM, self._folder.name, site or "", str(os.getpid())],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                env={**environment, "PYTHONPATH": os.pathsep.join(paths)},
+                env=_with_packages(environment),
             )
 
     @property
@@ -138,7 +141,7 @@ class Ranks:
 _kept: dict[tuple[str | None, int], Ranks] = {}
 
 
-def kept(site: str | None, count: int) -> Ranks:
+def kept_ranks(site: str | None, count: int) -> Ranks:
     """Return the ranks that this process keeps: starting them takes as long as a dozen small jobs."""
     if (site, count) not in _kept:
         _kept[site, count] = Ranks(site, count)
@@ -164,10 +167,10 @@ def solve(site: str | None, job: Job) -> Answer:
     EngineCrashed
         A rank died without an error message of LAMMPS.
     """
-    with instance(site).use() as lmp:
+    with kept(site).use() as lmp:
         require_mpi(lmp, job.ranks)
     try:
-        return kept(site, job.ranks).run(job)
+        return kept_ranks(site, job.ranks).run(job)
     except mpi.LauncherMissing as error:
         raise EngineLacks(str(error)) from None
     except Exception:  # whatever it was, of LAMMPS or on the way to it: ranks in doubt take no other job
@@ -183,10 +186,14 @@ def launcher_of(site: str | None, count: int = 2) -> str:
     ------
     EngineLacks
     """
-    with instance(site).use() as lmp:
+    return shlex.join(_launcher(site, count)[0])
+
+
+def _launcher(site: str | None, count: int) -> tuple[list[str], dict[str, str]]:
+    with kept(site).use() as lmp:
         require_mpi(lmp, count)
     try:
-        return shlex.join(mpi.launcher(package_directory(site).parent, count)[0])
+        return mpi.launcher(package_directory(site).parent, count)
     except mpi.LauncherMissing as error:
         raise EngineLacks(str(error)) from None
 
@@ -263,6 +270,54 @@ def _atoms_of(parts: Sequence[dict[str, Array]]) -> dict[str, Array]:
     return {name: np.concatenate([part[name] for part in parts])[order_n] for name in parts[0]}
 
 
+def first_pressure(
+    site: str | None, deck: Path, count: int, newton: bool | None = None, timeout: float = 120.0
+) -> float:
+    """Task: return the pressure that thermo prints before the first step of a deck, on some number of ranks.
+
+    Parameters
+    ----------
+    deck : Path
+        It is read as far as its first run command.
+    count : int
+        Number of ranks.
+    newton : bool, optional
+        A setting to take in place of the deck's.
+
+    Raises
+    ------
+    EngineLacks
+        This LAMMPS was built without MPI, or there is no launcher.
+    EngineRefused
+        LAMMPS stopped with an error, or took too long.
+    """
+    command, environment = _launcher(site, count) if count > 1 else ([], dict(os.environ))
+    with tempfile.TemporaryDirectory(prefix="eos-ref-first-") as folder:
+        begun = Path(folder) / "in.first"
+        begun.write_text(_begun(deck.read_text(), newton))
+        try:
+            outcome = subprocess.run(
+                [*command, *PROGRAM, str(begun), site or ""], cwd=deck.parent, stdin=subprocess.DEVNULL,
+                capture_output=True, text=True, timeout=timeout, env=_with_packages(environment), check=False,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            raise EngineRefused(f"no pressure within {timeout:g} s") from None
+    lines = [line for line in outcome.stdout.splitlines() if line.startswith("{")]
+    if not lines:
+        printed = [line for line in (outcome.stderr + outcome.stdout).splitlines() if line.strip()]
+        raise EngineRefused(printed[-1].strip() if printed else f"LAMMPS ended with exit status {outcome.returncode}")
+    return float(json.loads(lines[0])["press"])
+
+
+def _begun(text: str, newton: bool | None) -> str:
+    """Return a deck as far as its first run, which takes no step."""
+    run = RUN.search(text)
+    text = text[: run.start()] if run else text
+    if newton is not None:
+        text = re.sub(r"^[ \t]*newton\s.*", f"newton {'on' if newton else 'off'}", text, flags=re.MULTILINE)
+    return f"{text}\nrun 0\n"
+
+
 # --- inside a rank ---
 
 
@@ -275,9 +330,10 @@ def _rank(folder: Path, site: str | None) -> None:
         outcome: Answer | Exception
         try:
             job = pickle.loads(file.read_bytes())
-            with instance(site).use() as lmp:
+            session = kept(site)
+            with session.use() as lmp:
                 require_size(lmp, job.ranks)
-                outcome = run(lmp, job, str(folder))
+            outcome = session.run(job, str(folder))
         except Exception as error:
             outcome = error
         written = folder / f"part.{os.getpid()}"
@@ -287,6 +343,18 @@ def _rank(folder: Path, site: str | None) -> None:
             os._exit(1)  # other ranks may wait for this one for ever; mpiexec ends them
 
 
+def _print_pressure(deck: str, site: str | None) -> None:
+    """Print the pressure, on the first of the ranks."""
+    with Session(site) as lmp:
+        lmp.file(deck)
+        press = lmp.get_thermo("press")
+        if lmp.extract_setting("world_rank") == 0:
+            print(json.dumps({"press": press}), flush=True)
+
+
 if __name__ == "__main__":
-    threading.Thread(target=die_with, args=(int(sys.argv[3]),), daemon=True).start()
-    _rank(Path(sys.argv[1]), sys.argv[2] or None)
+    if len(sys.argv) == 3:
+        _print_pressure(sys.argv[1], sys.argv[2] or None)
+    else:
+        threading.Thread(target=die_with, args=(int(sys.argv[3]),), daemon=True).start()
+        _rank(Path(sys.argv[1]), sys.argv[2] or None)

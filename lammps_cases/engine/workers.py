@@ -23,16 +23,14 @@ from lammps_cases.engine.session import (
     EngineMissing,
     EngineRefused,
     Job,
-    describe,
-    run,
+    kept,
 )
-from lammps_cases.engine.stepping import instance
 
 if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.records.case_parts import Failed
 
 T = TypeVar("T")
-ROOM = 16  # times its size has to be left beside an answer that is kept, for LAMMPS' own files of other cases
+ROOM = 16  # times the size of an answer that is kept has to be left, for LAMMPS' own files of other cases
 LARGE = 2**16  # atoms whose memory LAMMPS gives back after a job, as the next would do first
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # characters that are no white space of a text
 
@@ -73,11 +71,11 @@ def solve(site: str | None, job: Job) -> Answer:
     """Run one job, in a worker."""
     if job.ranks > 1:
         return ranks.solve(site, job)
-    with instance(site).use() as lmp:
-        answer = run(lmp, job)
-        if len(job.id_n) > LARGE:
+    answer = kept(site).run(job)
+    if len(job.id_n) > LARGE:
+        with kept(site).use() as lmp:
             lmp.command("clear")
-        return answer
+    return answer
 
 
 @dataclass(frozen=True)
@@ -114,8 +112,7 @@ def solve_and_keep(site: str | None, job: Job) -> Answer | KeptAnswer:
 
 def identify(site: str | None) -> dict[str, str]:
     """Identify this LAMMPS, in a worker."""
-    with instance(site).use() as lmp:
-        return describe(lmp, site)
+    return kept(site).describe()
 
 
 # --- in the parent ---

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterable, Sequence
 
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.engine.interlude import Interlude
-from lammps_cases.engine.session import Compute, Job, RunCommand
+from lammps_cases.engine.reading import Compute
+from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.scene import ForceSettings, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.fields import FIELDS, Field
@@ -172,7 +173,7 @@ def _neighbours(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
         ghosts = scene.engine.ghosts
         yield "comm_modify vel yes" + (f" cutoff {ghosts * atoms.spacing!r}" if ghosts else "")
     # The default skin suits neither every unit system nor every spacing; without a pair style LAMMPS has no cutoff
-    # to size its bins by and stops at a box of some 100 spacings, unless it is told.
+    # to size its bins by and stops at a box of some 100 spacings, unless it is given the size.
     yield f"neighbor {scene.engine.skin * atoms.spacing!r} {scene.engine.search}"
     if (scene.engine.every, scene.engine.delay, scene.engine.check) != (1, 0, True):
         check = "yes" if scene.engine.check else "no"

@@ -13,7 +13,7 @@ from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.runs import Displacement, Stop, upper_corners
 
 # Another scene: another dimension, atom style, number of types and cutoff, with all keywords of fix rheo. Its kernel is
-# the quintic one: beside walls, reproducing kernels with few neighbours give what the memory of the process decides.
+# the quintic one: at walls, reproducing kernels with few neighbours give what the memory of the process decides.
 OTHER_SCENE = """
 units lj
 dimension 3
@@ -55,7 +55,7 @@ class Lines:
     Attributes
     ----------
     style : units, atom style, newton, boundary: kept in a restart file
-    neighbours : communication and neighbour lists, which are set anew after a file is read
+    neighbours : communication and neighbour lists, which are set again after a file is read
     model : style of communication, pair style, time step, fixes and compute
     """
 
@@ -72,7 +72,7 @@ def interlude(stop: Stop, scene: Scene, lines: Lines, atoms: Atoms) -> Interlude
 
 
 def _settings(stop: Stop, scene: Scene, atoms: Atoms) -> Iterable[InterludeAction]:
-    """Yield what a stop changes beside its route."""
+    """Yield what a stop changes in addition to its route."""
     assert scene.evolve is not None
     timesteps = [one.timestep for one in scene.evolve.stops if one.at <= stop.at and one.timestep is not None]
     if timesteps and stop.by != "dt/reset":  # that of an earlier stop, too: a route may have given the model's

@@ -54,7 +54,7 @@ WHY = {
 }
 
 
-# Of the input, beside the quantities of the model.
+# Of the input, in addition to the quantities of the model.
 INPUTS = {
     "mass": Dimension(mass=1),
     "time": Dimension(time=1),

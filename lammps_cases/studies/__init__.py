@@ -1,1 +1,1 @@
-"""Studies beside the main job: charts, analytic flows, benchmarks, stability maps."""
+"""Studies in addition to the main job: speed against accuracy, flows with known solutions, maps of stability."""

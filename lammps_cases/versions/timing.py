@@ -16,7 +16,7 @@ from lammps_cases.scene.atoms import build
 from lammps_cases.scene.casefile import Case
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.chart.bench_model import OPTIONS, scene
+from lammps_cases.studies.chart.bench import OPTIONS, scene
 from lammps_cases.versions.outcomes import Side
 
 EDGE, STEPS = 40, 10  # 1600 particles: a run of 50 to 150 ms, of which the set-up is a few per cent

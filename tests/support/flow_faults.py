@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.engine.session import Session
 from lammps_cases.scene import Scene
 from lammps_cases.setup import reference_side
-from lammps_cases.studies.flows.converge import by_lammps, converge, fit
 from lammps_cases.studies.flows.flow import Flow, Start
+from lammps_cases.studies.flows.solve import by_lammps, converge, fit
 
 Plant = Callable[[Start], Start]
 Law = Callable[[Any], Any]
@@ -100,9 +101,9 @@ def last_state(start: Start, stages: Any) -> dict[str, Any]:
     return {"v": simulation.output("v"), "rho": simulation.output("rho")}
 
 
-def differences(flow: Flow, n: int, stages: Any, lmp: Any) -> tuple[float, float]:
+def differences(flow: Flow, n: int, stages: Any, session: Session) -> tuple[float, float]:
     """Largest difference of LAMMPS' velocities from stages, over the largest velocity; of densities, relative."""
     start = flow.start(n, flow.options)
-    found, ours = by_lammps(start, lmp).snapshots[-1], last_state(start, stages)
+    found, ours = by_lammps(start, session).snapshots[-1], last_state(start, stages)
     v = np.abs(found.v_nc - ours["v"]).max() / np.abs(ours["v"]).max()
     return float(v), float(np.abs(found.rho_n / ours["rho"] - 1).max())

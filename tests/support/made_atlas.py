@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start
-from lammps_cases.studies.stability import record
+from lammps_cases.studies.flows.flow import Options, Start, rows, start
+from lammps_cases.studies.stability import model
 from lammps_cases.studies.stability.atlas import agreement, boundaries
 from lammps_cases.studies.stability.model import (
+    Atlas,
     Axis,
     Boundary,
     CellOutcome,
@@ -21,10 +21,10 @@ from lammps_cases.studies.stability.model import (
     Kind,
     MapCell,
     MapLine,
+    MapRecord,
     StabilityMap,
     Theory,
 )
-from lammps_cases.studies.stability.record import Atlas, MapRecord
 
 PLACES = (0.1, 0.4, 1.6, 6.4)
 TEXT = "ERROR: <lost> & gone"
@@ -95,6 +95,6 @@ def made_atlas(folder: Path) -> Atlas:
     }
     for ran in made.cells:
         if ran.outcome.kind != "stable":
-            record.write_state(folder, ran.cell, ran.engine, before)
+            model.write_state(folder, ran.cell, ran.engine, before)
     about = {"processor": "p", "cores": 2, "load": 0.1}
     return Atlas("eos-ref stability made", about, {"distribution": "1"}, False, 24.0, (made,))

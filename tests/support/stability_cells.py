@@ -5,16 +5,16 @@ from __future__ import annotations
 from functools import cache, partial
 
 from eos_ref.evaluation.time_step import MakeEvaluator
-from lammps_cases.engine.stepping import Instance
+from lammps_cases.engine.session import Session
 from lammps_cases.studies.stability import kinds, probe
 from lammps_cases.studies.stability.model import CellOutcome, Engine, MapCell, StabilityMap
 from lammps_cases.studies.stability.runs import ReferenceRun, open_run
 
 
 @cache
-def living() -> Instance:
+def living() -> Session:
     """The LAMMPS of this process."""
-    return Instance(None)
+    return Session()
 
 
 def outcome(

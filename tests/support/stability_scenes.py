@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.flows.flow import Options, Start, rows, start
 from lammps_cases.studies.stability.maps import timestep
 from lammps_cases.studies.stability.model import Axis, MapCell, StabilityMap
 

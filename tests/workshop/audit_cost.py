@@ -18,7 +18,7 @@ from lammps_cases.audit.follow import Follower
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.place import copy_folder
 from lammps_cases.audit.watch import DeckWatch
-from lammps_cases.engine.session import describe, open_lammps
+from lammps_cases.engine.session import Session
 
 
 class _FirstRun(DeckWatch):
@@ -43,13 +43,16 @@ def first_run(deck: str, steps: int, every: int, audited: bool) -> float:
     with tempfile.TemporaryDirectory() as folder:
         copy_folder(Path(deck).resolve().parent, Path(folder))
         os.chdir(folder)
-        lmp = open_lammps()
+        session = Session()
         watch = _FirstRun(
-            lmp, AuditOptions(every=every, steps=steps), lambda message: None, describe(lmp)["distribution"]
+            session.open(),
+            AuditOptions(every=every, steps=steps),
+            lambda message: None,
+            session.describe()["distribution"],
         )
         watch.audited = audited
-        Follower(lmp, watch, lambda where, command: None).deck(Path(Path(deck).name))
-        lmp.close()
+        Follower(session.open(), watch, lambda where, command: None).deck(Path(Path(deck).name))
+        session.close()
         os.chdir("/")
     return watch.spent
 

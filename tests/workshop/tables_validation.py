@@ -15,7 +15,7 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.records.wording import brief, number
 from lammps_cases.studies.flows import page
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
-from lammps_cases.studies.flows.record import DOCUMENT, LAMMPS, REFERENCE, FlowRecord, Validated
+from lammps_cases.studies.flows.page import DOCUMENT, LAMMPS, REFERENCE, FlowRecord, Validated
 
 MEASURED = Path(__file__).with_suffix(".json")
 BEGIN, END = "<!-- measured:begin -->", "<!-- measured:end -->"

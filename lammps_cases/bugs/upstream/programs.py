@@ -47,8 +47,9 @@ from lammps_cases.bugs.upstream.force_tests import (
 )
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.engine import installations, session
-from lammps_cases.engine.session import Array, Compute
+from lammps_cases.engine import installations
+from lammps_cases.engine.reading import Array, Compute, read, read_list
+from lammps_cases.engine.session import Session, translated
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.records.files import DATA, write_atomically
@@ -90,14 +91,14 @@ def replay(site: str | None, given: Commands, folder: str) -> Looks:
     ------
     EngineRefused
     """
-    with session.translated():
+    with translated():
         return {"test_pair_style": _pair, "test_fix_timestep": _fix}[given.program](site, given, Path(folder))
 
 
 def _pair(site: str | None, given: Commands, folder: Path) -> Looks:
     looks: Looks = {}
     for newton in ("on", "off"):
-        with session.opened(site) as lmp:
+        with Session(site) as lmp:
             _each(lmp, f"variable newton_pair index {newton}", f"variable input_dir index {folder}", *given.before)
             lmp.file(str(folder / TEMPLATE))
             _each(lmp, f"pair_style {given.pair}", "pair_coeff * *", "pair_modify table 0", "pair_modify table/disp 0")
@@ -107,11 +108,11 @@ def _pair(site: str | None, given: Commands, folder: Path) -> Looks:
             _each(lmp, "thermo_style custom step temp pe press", "thermo 2", "fix 1 all nve")
             looks[f"newton {newton}, 4 steps"] = _looked(lmp, run=4, defined=True)
     for stage, more in (("restart", ()), ("nofdotr", ("pair_modify nofdotr",))):
-        with session.opened(site) as lmp:
+        with Session(site) as lmp:
             _each(lmp, "newton on", f"read_restart {folder}/test.restart")
             _each(lmp, f"pair_style {given.pair}", "pair_coeff * *")
             looks[stage] = _looked(lmp, *given.after, *more)
-    with session.opened(site) as lmp:
+    with Session(site) as lmp:
         _each(lmp, f"variable input_dir index {folder}", f"variable data_file index {folder}/test.data")
         _each(lmp, *(line for line in given.before if " data_file " not in line))
         _each(lmp, f"variable pair_style index '{given.pair}'")
@@ -123,7 +124,7 @@ def _pair(site: str | None, given: Commands, folder: Path) -> Looks:
 def _fix(site: str | None, given: Commands, folder: Path) -> Looks:
     looks: Looks = {}
     half = "run 4 post no start 0 stop 8"
-    with session.opened(site) as lmp:
+    with Session(site) as lmp:
         _each(lmp, f"variable input_dir index {folder}", *given.before)
         lmp.file(str(folder / TEMPLATE))
         lmp.file(str(folder / COEFFICIENTS))
@@ -131,7 +132,7 @@ def _fix(site: str | None, given: Commands, folder: Path) -> Looks:
         _each(lmp, f"write_restart {folder}/test.restart", half)
         looks["normal run"] = _seen(lmp, given)
     for stage, rmass in (("restart", False), ("rmass", True)):
-        with session.opened(site) as lmp:
+        with Session(site) as lmp:
             lmp.command(f"read_restart {folder}/test.restart")
             if rmass:
                 mass_t = lmp.numpy.extract_atom("mass")[1 : lmp.extract_global("ntypes") + 1].tolist()
@@ -143,7 +144,7 @@ def _fix(site: str | None, given: Commands, folder: Path) -> Looks:
 
 
 def _seen(lmp: Any, given: Commands) -> dict[str, Any]:
-    return session.read(lmp, given.outputs, ("x", "v"))
+    return read(lmp, given.outputs, ("x", "v"))
 
 
 def _each(lmp: Any, *commands: str) -> None:
@@ -157,7 +158,7 @@ def _looked(lmp: Any, *commands: str, run: int = 0, defined: bool = False) -> di
     if not defined:
         lmp.command(f"compute {VIRIAL.id} all pressure NULL virial")
     lmp.command(f"run {run} post no")
-    return session.read(lmp, atom_arrays=("f", "x", "v"), computes=(VIRIAL,)) | {"list": session.read_list(lmp)}
+    return read(lmp, atom_arrays=("f", "x", "v"), computes=(VIRIAL,)) | {"list": read_list(lmp)}
 
 
 def failing(test: ForceTest, numbers: Expected, looks: Looks) -> Iterator[tuple[Stage, str]]:

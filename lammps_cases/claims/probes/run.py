@@ -72,7 +72,7 @@ def ask_apart(site: str | None, given: Input, time_limit: float) -> Reply:
 
 def ask(site: str | None, given: Input) -> Reply:
     """Task: run an input on a LAMMPS that no other has touched."""
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), session.opened(site) as lmp:
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), session.Session(site) as lmp:
         try:
             return _job(lmp, given) if isinstance(given, Job) else _deck(lmp, given)
         except session.EngineLost as error:

@@ -1,4 +1,7 @@
-"""Speed against peers, measured in one run and given as ratios: machines are noisy, ratios of neighbours less so."""
+"""Speed against peers, measured in one run and given as ratios: machines are noisy, ratios of neighbours less so.
+
+The particle model is timed against LAMMPS on the same scene, one core each, in turns.
+"""
 
 from __future__ import annotations
 
@@ -9,29 +12,40 @@ import subprocess
 import sys
 import tempfile
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from timeit import timeit
+from typing import Any
 
 import numpy as np
 
+import eos_ref.jit  # noqa: F401  chooses the registers before anything is compiled
 from eos_ref import EOS, EOSTable
-from eos_ref.eos import bounds
+from eos_ref.compiled.evaluator import CompiledEvaluator
+from eos_ref.eos import bounds, compiled
 from eos_ref.eos.table import examples
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.box import Box
+from eos_ref.model.state import State
 from lammps_cases.engine.ranks import Ranks
-from lammps_cases.engine.session import RunCommand
+from lammps_cases.engine.session import RunCommand, Session
 from lammps_cases.records.measure import Call, ConfidenceInterval, Timing, in_turns, interval
+from lammps_cases.run import prepared_case
+from lammps_cases.scene import Scene, casefile
+from lammps_cases.scene.atoms import build
+from lammps_cases.scene.casefile import Case
+from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.chart import pysph
+from lammps_cases.studies.chart import codes
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.stepping import ReferenceFlow
+from lammps_cases.studies.flows.flow import Options, Start, rows
+from lammps_cases.studies.flows.solve import ReferenceFlow
 
 VORTICES = 100  # particles along the edge of the box
-STEPS = 20
+PEER_STEPS = 20
 WARM = 3
 EOS_REF = (sys.executable, "-m", "lammps_cases.cli.main")
 # By style; the time of a power depends on its exponent.
@@ -72,8 +86,6 @@ def measured(part: str, states: int, repeats: int, python: str | None) -> Iterat
         yield from laws_against_copy(states, repeats)
         yield table_against_copy(states, repeats)
     elif part == "model":
-        from lammps_cases.studies.chart.bench_model import against_lammps
-
         yield from against_lammps((2, 3), repeats)
     elif part == "peers":
         yield from taylor_green(repeats, python)
@@ -84,8 +96,6 @@ def measured(part: str, states: int, repeats: int, python: str | None) -> Iterat
 
 def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
     """Time every law on n densities into a given array, against copying the same arrays."""
-    from eos_ref.eos import compiled
-
     random = np.random.default_rng(1)
     rho_n, e_n = random.uniform(0.6, 1.8, n), random.uniform(0.5, 2.0, n)
     p_n, copy_n = np.empty(n), np.empty(n)
@@ -138,16 +148,23 @@ def run_against_lammps(repeats: int, jobs: int) -> Ratio:
 
     The scenes that crash LAMMPS are in ours only, as they would end the peer.
     """
-    from lammps_cases.run import prepared_case
-    from lammps_cases.scene import casefile
-
     chosen = [case for case in casefile.select(casefile.load(), tag="eos") if "crash" not in case.tags]
     prepared = [prepared_case.prepare(case) for case in chosen]
     lammps_jobs = [job(p.case.scene, p.atoms, plan(p.case.scene)) for p in prepared]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "jobs"
         file.write_bytes(pickle.dumps(lammps_jobs))
-        code = f"from lammps_cases.studies.chart.peers.lammps_alone import run; run({str(file)!r})"
+        code = f"""if True:
+            import pickle
+            from lammps_cases.engine.session import EngineRefused, Session
+            session = Session()
+            with open({str(file)!r}, "rb") as file:
+                jobs = pickle.load(file)
+            for job in jobs:
+                try:
+                    session.run(job)
+                except EngineRefused:
+                    continue"""
         ours = [*EOS_REF, "run", "--tag", "eos", "--jobs", str(jobs), "--out", f"{folder}/run"]
         return _processes(f"eos-ref run --tag eos --jobs {jobs}", "LAMMPS alone", ours, code, repeats)
 
@@ -190,7 +207,7 @@ def _process(command: list[str], environment: dict[str, str] | None = None) -> N
 
 
 def taylor_green(repeats: int, python: str | None) -> Iterator[Ratio]:
-    """Yield the time per particle and step of Taylor-Green vortices, ours against every other code at hand.
+    """Yield the time per particle and step of Taylor-Green vortices, ours against every other code that is installed.
 
     Codes that run as programs of their own cannot take turns step by step with ours; each of their runs is followed by
     one of ours of about the same length, so that a drift of the machine meets both.
@@ -205,8 +222,6 @@ def taylor_green(repeats: int, python: str | None) -> Iterator[Ratio]:
     InputError
         That Python cannot run PySPH.
     """
-    from eos_ref.compiled.evaluator import CompiledEvaluator
-
     start = FLOWS["taylor-green"].start(VORTICES, Options(kernel="quintic"))
     with Ranks(None, 1) as one, Ranks(None, 2) as two:
         peers: dict[str, Callable[[], list[float]]] = {
@@ -220,20 +235,20 @@ def taylor_green(repeats: int, python: str | None) -> Iterator[Ratio]:
             flow.advance(WARM)
             scene = f"Taylor-Green, {VORTICES**2:,} particles" + (f", {threads} threads" if threads > 1 else "")
             for peer, steps in peers.items():
-                yield _against(scene, peer, partial(flow.advance, STEPS), steps, repeats)
+                yield _against(scene, peer, partial(flow.advance, PEER_STEPS), steps, repeats)
 
 
 def _lammps(start: Start, ranks: Ranks) -> list[float]:
     """Return the seconds of one step of LAMMPS on a number of ranks, after a few steps to warm up."""
     lammps_job = job(start.case.scene, start.atoms, plan(start.case.scene))
-    runs = (RunCommand(f"run {WARM} post no", read=False), RunCommand(f"run {STEPS} pre no post no"))
+    runs = (RunCommand(f"run {WARM} post no", read=False), RunCommand(f"run {PEER_STEPS} pre no post no"))
     answer = ranks.run(replace(lammps_job, runs=runs, ranks=ranks.count))
-    return [answer.run_seconds[-1] / STEPS]
+    return [answer.run_seconds[-1] / PEER_STEPS]
 
 
 def _pysph(python: str) -> list[float]:
     """Return the seconds of every step of PySPH's example."""
-    result = pysph.answer(python, str(pysph.SCRIPTS / "pysph_taylor_green.py"), str(VORTICES), str(STEPS))
+    result = codes.pysph_answer(python, str(codes.SCRIPTS / "pysph_taylor_green.py"), str(VORTICES), str(PEER_STEPS))
     assert result["particles"] == VORTICES**2
     return [float(seconds) for seconds in result["seconds"]]
 
@@ -242,5 +257,96 @@ def _against(scene: str, peer: str, ours: Callable[[], None], theirs: Callable[[
     own, other = [], []
     for _ in range(repeats):
         other.append(interval(tuple(theirs())).median)
-        own.append(timeit(ours, number=1) / STEPS)
+        own.append(timeit(ours, number=1) / PEER_STEPS)
     return ratio(scene, peer, Timing(tuple(own), 1, own[0]), Timing(tuple(other), 1, other[0]), VORTICES**2)
+
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "quintic": {},
+    "shift": {"rheo": {"shift": True}},
+    "RK1": {"rheo": {"kernel": "RK1"}},
+    "RK2": {"rheo": {"kernel": "RK2"}},
+    "rho/sum": {"rheo": {"rho_sum": True}, "rho": None},
+    "thermal": {"energy": {"range": [0.9, 1.1]}},
+}
+EDGE = {2: 200, 3: 31}  # particles along an edge: 40 000 and 29 791
+MODEL_STEPS = {2: 10, 3: 4}
+TIMESTEP = 0.002
+
+
+def scene(option: str, dimension: int, edge: int) -> Case:
+    """Return a fluid of unit volumes, so that LAMMPS' forces are those of the reference, cutoff of 3 spacings."""
+    lattice = "sq" if dimension == 2 else "sc"
+    data = {
+        "dimension": dimension,
+        "types": [{"mass": 1.0, "rho0": 1.0, "cs": 10.0}],
+        "positions": {"lattice": lattice, "spacing": 1.0, "cells": [edge] * dimension, "disorder": 0.1},
+        "pressure": [{"types": "*", "style": "linear"}],
+        "rho": {"ratio": [0.99, 1.01]},
+        "velocity": {"random": 0.1},
+        "evolve": {"steps": 1, "timestep": TIMESTEP},
+        "compare": ["f"],
+        **OPTIONS[option],
+    }
+    parsed = Scene.model_validate({key: value for key, value in data.items() if value is not None})
+    return Case(f"bench-{option}", "", (), parsed, Path("bench"))
+
+
+def simulation(case: Case, fields: Sequence[str] = ()) -> Simulation:
+    """Return the compiled reference at the start of a case."""
+    return reference_side.simulation(case.scene, build(case, case.scene.eos()), fields, case.where)
+
+
+def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 5) -> Iterator[Ratio]:
+    """Yield the time per particle and step of the reference and of LAMMPS, for every option."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    session = Session()
+    for dimension in dimensions:
+        for option in OPTIONS:
+            case, steps = scene(option, dimension, EDGE[dimension]), MODEL_STEPS[dimension]
+            atoms = build(case, case.scene.eos())
+            session.run(job(case.scene, atoms, plan(case.scene)))
+            yield against(
+                f"{dimension}D {option}, {len(atoms):,} particles",
+                "LAMMPS",
+                partial(simulation(case).run, steps, TIMESTEP),
+                partial(session.advance, steps),
+                repeats,
+                steps * len(atoms),
+            )
+
+
+# --- memory
+
+
+def model_bytes_per_particle(option: str = "RK1", edge: int = 1000) -> float:
+    """Return the peak memory that a million particles add to a process that has everything loaded, per particle."""
+    code = f"from lammps_cases.studies.chart.bench import grown; print(grown({option!r}, {edge}))"
+    process = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    return float(process.stdout.split()[-1]) / edge**2
+
+
+def grown(option: str, edge: int) -> float:
+    """Return the peak resident bytes of a simulation of ``edge`` squared particles, beyond those of a small one."""
+    _run_lattice(option, 40)
+    # A new process inherits the peak of the one that started it: count from here (Linux).
+    Path("/proc/self/clear_refs").write_text("5")
+    before = _peak()
+    _run_lattice(option, edge)
+    return 1024.0 * (_peak() - before)
+
+
+def _peak() -> int:
+    """Return the peak resident memory of this process (kB)."""
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
+
+
+def _run_lattice(option: str, edge: int) -> None:
+    """Run two steps from a state made here, so that the arrays of a scene do not count."""
+    random, x_nc = np.random.default_rng(1), rows(0, edge, edge)
+    x_nc += random.uniform(-0.1, 0.1, x_nc.shape)
+    v_nc, n = random.uniform(-0.1, 0.1, x_nc.shape), len(x_nc)
+    state = State(x_nc, v_nc, np.ones(n), np.ones(n, np.int32), np.zeros(n, bool), None)
+    box = Box((0.0, 0.0), (float(edge), float(edge)), (True, True))
+    Simulation(simulation(scene(option, 2, 10)).model, box, state, (), CompiledEvaluator).run(2, TIMESTEP)

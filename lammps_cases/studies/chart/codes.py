@@ -1,27 +1,74 @@
-"""Whole codes on the same flows: the reference, LAMMPS, and PySPH where a Python that has it is given."""
+"""Whole codes on the same flows: the reference, LAMMPS, and PySPH where a Python that has it is given.
+
+PySPH is never needed: scripts run under that Python, and print one JSON document.
+"""
 
 from __future__ import annotations
 
 import functools
+import json
+import subprocess
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eos_ref import InputError
 from lammps_cases.claims.probes.probe import error_words
-from lammps_cases.studies.chart import pysph as peer
 from lammps_cases.studies.chart.record import Chart
 from lammps_cases.studies.flows.cavity import CAVITY, STORED
-from lammps_cases.studies.flows.converge import Convergence, FlowResult, converge
-from lammps_cases.studies.flows.dam import DAM
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.periodic import VORTICES
+from lammps_cases.studies.flows.solve import Convergence, FlowResult, converge
+from lammps_cases.studies.flows.waves import DAM
 
+SCRIPTS = Path(__file__).parent / "peers"
+_NAME = "Python of PySPH"
 LIMIT = 3600.0  # seconds for a run of PySPH
 REYNOLDS = 100.0  # of the vortices: that of PySPH's example
+
+
+def pysph_answer(python: str, *arguments: str, limit: float = 600.0) -> dict[str, Any]:
+    """Return the document that a script prints in its last line.
+
+    Parameters
+    ----------
+    python : str
+        A Python that has PySPH.
+    arguments : str
+        Of that Python: a script, and its own.
+    limit : float
+        Seconds after which it is given up.
+
+    Raises
+    ------
+    InputError
+        That Python cannot be run, the script fails or takes too long, or its last line is no document.
+    """
+    try:
+        done = subprocess.run([python, *arguments], check=False, capture_output=True, text=True, timeout=limit)
+    except OSError as error:
+        raise InputError(_NAME, f"cannot be run: {error.strerror}", python) from None
+    except subprocess.TimeoutExpired:
+        raise InputError(_NAME, f"must answer within {limit:g} s", python) from None
+    if done.returncode:
+        words = done.stderr.strip().splitlines()
+        raise InputError(_NAME, f"cannot run its example: {words[-1] if words else 'no message'}", python)
+    try:
+        document = json.loads(done.stdout.splitlines()[-1])
+        assert isinstance(document, dict)
+    except (IndexError, ValueError, AssertionError):
+        raise InputError(_NAME, "must print a JSON document in its last line", done.stdout[-80:]) from None
+    return document
+
+
+def pysph_version(python: str) -> str:
+    """Return the version of the PySPH that a Python has; see `pysph_answer`."""
+    code = "import json, pysph; print(json.dumps({'version': pysph.__version__}))"
+    return str(pysph_answer(python, "-c", code)["version"])
 
 
 @dataclass(frozen=True)
@@ -112,7 +159,7 @@ def by_pysph(python: str, case: Compared, scheme: str, n: int, start: Start) -> 
 @functools.cache
 def _answer(python: str, *arguments: str) -> Any:
     """Run PySPH, once for the flows that it solves in the same way."""
-    return peer.answer(python, str(peer.SCRIPTS / "pysph_flow.py"), *arguments, limit=LIMIT)
+    return pysph_answer(python, str(SCRIPTS / "pysph_flow.py"), *arguments, limit=LIMIT)
 
 
 def _snapshot(shot: Mapping[str, Any], n: int, speed: float, start: Start) -> Snapshot:
@@ -124,7 +171,7 @@ def _snapshot(shot: Mapping[str, Any], n: int, speed: float, start: Start) -> Sn
     x_nc[fluid_n] = n * np.stack([shot["x"], shot["y"]], axis=1)
     v_nc[fluid_n] = speed * np.stack([shot["u"], shot["v"]], axis=1)
     unknown_n = np.full(len(fluid_n), np.nan)
-    return Snapshot(shot["time"] * n / speed, x_nc, v_nc, unknown_n, None, unknown_n, None)
+    return Snapshot(0, x_nc, v_nc, unknown_n, unknown_n, time=shot["time"] * n / speed)
 
 
 def compared(runs: Sequence[Convergence]) -> Iterator[tuple[Compared, list[Convergence]]]:

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from lammps_cases.comparison.store import code, fingerprint
+from lammps_cases.engine import installations
 from lammps_cases.engine.installations import library_sha256
+from lammps_cases.engine.session import EngineMissing, Session
 from lammps_cases.records.folders import folder_name
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.studies.chart import page, record
-from lammps_cases.studies.chart.pysph import version
+from lammps_cases.studies.chart import codes, flows, kernels, laws, page, record
 from lammps_cases.studies.chart.record import Chart, Section
 
-# Title and content of every section: a module with ``panels(quick, lmp)``, ``maps(quick)``, ``flows(quick, site)`` or
-# ``codes(quick, site, pysph)``.
+# Title and content of every section.
 SECTIONS = {
     "laws": (
         "Equations of state",
@@ -39,6 +37,13 @@ SECTIONS = {
         "of a run on one core. What comes before the first step is left out. Numbers at marks: particles per length.",
     ),
 }
+PANELS = {
+    "laws": laws.panels,
+    "kernels": kernels.panels,
+    "timestep": flows.step_panels,
+    "flows": flows.kernel_panels,
+}
+MAPS = {"laws": laws.maps, "kernels": kernels.maps}
 
 
 def collect(
@@ -64,12 +69,10 @@ def collect(
     EngineMissing
     """
     os.environ["OMP_NUM_THREADS"] = "1"  # one core each, for every side
-    from lammps_cases.engine import installations, session
-
-    peers = {"pysph": version(pysph)} if pysph else {}  # before anything is measured
+    peers = {"pysph": codes.pysph_version(pysph)} if pysph else {}  # before anything is measured
     site = installations.resolve(engine).site
-    lmp = session.open_lammps(site)  # and every further instance of this process is of the same library
-    about, before = session.describe(lmp, site) | peers, machine()
+    session = Session(site)
+    about, before = session.describe() | peers, machine()
     chosen = [name for name in SECTIONS if not names or name in names]
     sections, kept, begin = list[Section](), record.sections(out), time.perf_counter()
     origin = code(), library_sha256(about.get("library", "")), quick, pysph or "", sorted(peers.items())
@@ -79,7 +82,7 @@ def collect(
             section = kept.get(key)
             if section is None:
                 progress.advance(k, len(chosen), SECTIONS[name][0])
-                section = kept.add(key, _section(name, quick, lmp, site, pysph))
+                section = kept.add(key, _section(name, quick, session, pysph))
             sections.append(section)
         progress.advance(len(chosen), len(chosen), "report")
     finally:
@@ -91,7 +94,7 @@ def collect(
     return chart
 
 
-def beside(
+def compare_engines(
     engine: str, names: Sequence[str], quick: bool, out: Path, resume: bool = True, progress: Progress = SILENT
 ) -> Chart:
     """Measure the same sections on another engine, in a process of its own: two libraries do not fit into one.
@@ -101,8 +104,6 @@ def beside(
     EngineMissing
         The other process failed, with the last line that it left.
     """
-    from lammps_cases.engine.session import EngineMissing
-
     folder = out / folder_name(engine)
     switches = [*(["--quick"] if quick else []), "--resume" if resume else "--fresh"]
     options = [*names, *switches, "--engine", engine, "--out", str(folder)]
@@ -114,10 +115,10 @@ def beside(
     return record.DOCUMENT.read(folder / "chart.json")
 
 
-def _section(name: str, quick: bool, lmp: Any, site: str | None, pysph: str | None) -> Section:
-    module, begin = importlib.import_module(f"lammps_cases.studies.chart.{name}"), time.perf_counter()
-    panels = tuple(module.panels(quick, lmp)) if hasattr(module, "panels") else ()
-    maps = tuple(module.maps(quick)) if hasattr(module, "maps") else ()
-    flows = tuple(module.flows(quick, site)) if hasattr(module, "flows") else ()
-    codes = tuple(module.codes(quick, site, pysph)) if hasattr(module, "codes") else ()
-    return Section(name, *SECTIONS[name], time.perf_counter() - begin, panels, maps, flows, codes)
+def _section(name: str, quick: bool, session: Session, pysph: str | None) -> Section:
+    begin = time.perf_counter()
+    panels = tuple(PANELS[name](quick, session)) if name in PANELS else ()
+    maps = tuple(MAPS[name](quick)) if name in MAPS else ()
+    solved = tuple(flows.flows(quick, session.site)) if name == "flows" else ()
+    compared = tuple(codes.codes(quick, session.site, pysph)) if name == "codes" else ()
+    return Section(name, *SECTIONS[name], time.perf_counter() - begin, panels, maps, solved, compared)

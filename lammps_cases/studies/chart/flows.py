@@ -1,28 +1,48 @@
-"""Flows with closed solutions: their convergence, and what kernel and cutoff buy in them.
+"""Flows with closed solutions: their convergence, and what kernel, cutoff and time step buy in them.
 
-The reference and LAMMPS run the same start in turns. Convergence takes each flow's own options; the panels hold the
-resolution and change kernel and cutoff.
+The reference and LAMMPS run the same start in turns. Convergence takes each flow's own options; panels hold the
+resolution and change kernel and cutoff, or the time step: what a shorter one buys, and where a longer one fails.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, get_args
+from itertools import pairwise
+from typing import get_args
 
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KERNELS, KernelStyle
 from lammps_cases.engine import cluster
-from lammps_cases.records.measure import ROUNDS, Timing
-from lammps_cases.studies.chart.points import LAMMPS, ONE_PER_CENT, Panel, measured
+from lammps_cases.engine.session import EngineBroken, EngineRefused, Session
+from lammps_cases.records import measure
+from lammps_cases.records.measure import ROUNDS, ConfidenceInterval, Timing
+from lammps_cases.scene.atoms import seed
+from lammps_cases.studies.chart.kernels import opened
+from lammps_cases.studies.chart.record import LAMMPS, ONE_PER_CENT, Crossing, Panel, bisected, measured
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.converge import Convergence, FlowResult, by_lammps, by_reference, converge
-from lammps_cases.studies.flows.flow import Flow, Options
+from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, relative
+from lammps_cases.studies.flows.solve import (
+    Convergence,
+    Fit,
+    FlowResult,
+    FlowRun,
+    LammpsFlow,
+    ReferenceFlow,
+    by_lammps,
+    by_reference,
+    converge,
+    fit,
+)
 
 # RK0 has the gradients of the quintic spline.
 STYLES: tuple[KernelStyle, ...] = tuple(style for style in get_args(KernelStyle) if KERNELS[style].order != 0)
 CUTS = (2.5, 3.0, 4.0)
-RESOLUTION = 32
+KERNEL_RESOLUTION = 32
 SHOWN = ("taylor-green", "sound-wave-tait-water")
 
 
@@ -34,14 +54,16 @@ def flows(quick: bool, site: str | None = None) -> Iterator[Convergence]:
             yield from converge(flow, resolutions=chosen, site=site)
 
 
-def panels(quick: bool, lmp: Any) -> Iterator[Panel]:
+def kernel_panels(quick: bool, session: Session) -> Iterator[Panel]:
     """Yield the error of the headline against time per particle and step, for kernels and cutoffs."""
     for name in SHOWN[:1] if quick else SHOWN:
-        yield _panel(FLOWS[name], STYLES[:2] if quick else STYLES, CUTS[1:2] if quick else CUTS, quick, lmp)
+        yield _panel(FLOWS[name], STYLES[:2] if quick else STYLES, CUTS[1:2] if quick else CUTS, quick, session)
 
 
-def _panel(flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...], quick: bool, lmp: Any) -> Panel:
-    n = 16 if quick else RESOLUTION
+def _panel(
+    flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...], quick: bool, session: Session
+) -> Panel:
+    n = 16 if quick else KERNEL_RESOLUTION
     regime, rounds = f"{n} particles per wavelength", 3 if quick else ROUNDS
     options = {
         f"{kernel}, cut {cut:g}": replace(flow.options, kernel=kernel, cut=cut) for kernel in kernels for cut in cuts
@@ -50,7 +72,7 @@ def _panel(flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...]
     for name, chosen in options.items():
         start = flow.start(n, chosen)
         runs[name] = chosen, partial(by_reference, start)
-        runs[f"{LAMMPS} {name}"] = chosen, partial(by_lammps, start, lmp)
+        runs[f"{LAMMPS} {name}"] = chosen, partial(by_lammps, start, session)
     results: dict[str, list[FlowResult]] = {name: [] for name in runs}
     for _ in range(rounds):
         for name, (_, run) in runs.items():
@@ -71,3 +93,197 @@ def _panel(flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...]
         unit="particle and step",
         points=measured(flow.name, regime, errors, timings, 1.0, reasons, ONE_PER_CENT),
     )
+
+
+FRACTIONS = (1.0, 1 / 2, 1 / 4, 1 / 8)  # of the flow's limit
+RESOLUTION, QUICK_RESOLUTION = 24, 16  # spacings per wavelength
+FINE = 1 / 32  # of the run that stands for no error of the step
+SWIFT = 12  # spacings per wavelength of the vortices, at which sound limits the step and not viscosity
+TIMED = 10  # steps of a call that is timed
+NOISE = 0.01  # of the largest velocity or density: what an unstable step makes grow
+TENFOLD, SPAN, LOOK = 10.0, 300, 5  # growth of the energy, the steps within which it must occur, steps between checks
+CLOSE = 1.02  # ratio of the two time steps between which a limit lies
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A flow whose step is varied, and the field that is compared: velocity, or density less its mean."""
+
+    flow: Flow
+    field: Callable[[Snapshot], FloatArray]
+
+
+def _density(shot: Snapshot) -> FloatArray:
+    return shot.rho_n - float(shot.rho_n.mean())
+
+
+def _velocity(shot: Snapshot) -> FloatArray:
+    return shot.v_nc
+
+
+def waves() -> tuple[Wave, ...]:
+    """Return a flow whose time step is limited by viscosity, and one limited by sound and viscosity."""
+    return Wave(FLOWS["shear-wave"], _velocity), Wave(FLOWS["sound-wave-linear"], _density)
+
+
+def stepping(start: Start, session: Session | None) -> FlowRun:
+    """Return a flow set up on the reference, or on LAMMPS."""
+    return ReferenceFlow(start) if session is None else LammpsFlow(start, session)
+
+
+def shots(run: FlowRun, steps: Sequence[int]) -> list[Snapshot]:
+    """Return the snapshots of a flow after some numbers of steps, in increasing order."""
+    snapshots = []
+    for step in steps:
+        run.advance(step - run.step)
+        snapshots.append(run.snapshot())
+    return snapshots
+
+
+def started(flow: Flow, n: int, fraction: float) -> Start:
+    """Return the start of a flow with a time step that is a fraction of the flow's limit."""
+    return flow.start(n, replace(flow.options, dt_fraction=fraction))
+
+
+# --- error against time
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A flow solved with one time step: its field, its errors against a short step and the closed solution, a call."""
+
+    field_n: FloatArray
+    temporal: float
+    total: float
+    start: Start
+    call: Callable[[], object]
+
+
+def solve(
+    wave: Wave, n: int, fractions: Sequence[float], fine: float, sessions: Sequence[Session | None]
+) -> list[Solved]:
+    """Solve a flow with several time steps, each in a session of LAMMPS, the last for the ``fine`` one, or None."""
+    flow = wave.flow
+    finest = started(flow, n, fine)
+    limit = wave.field(shots(stepping(finest, sessions[-1]), finest.steps)[-1])
+    solutions = []
+    for fraction, session in zip(fractions, sessions, strict=False):
+        start = started(flow, n, fraction)
+        run = stepping(start, session)
+        read = shots(run, start.steps)
+        field_n = wave.field(read[-1])
+        total = flow.measures(n, replace(flow.options, dt_fraction=fraction), read)["profile"]
+        solutions.append(Solved(field_n, relative(field_n - limit, limit), total, start, partial(run.advance, TIMED)))
+    return solutions
+
+
+def order(solved: Sequence[Solved]) -> Fit:
+    """Return the order of the temporal error in the step, from the differences between successive steps."""
+    changes = [relative(one.field_n - other.field_n, other.field_n) for one, other in pairwise(solved)]
+    return fit([s.start.steps[-1] for s in solved[:-1]], changes)
+
+
+def _wave_panels(wave: Wave, quick: bool, session: Session | None) -> Iterator[Panel]:
+    n, flow = QUICK_RESOLUTION if quick else RESOLUTION, wave.flow
+    with ExitStack() as stack:
+        solved = {"": solve(wave, n, FRACTIONS, FINE, [None] * (len(FRACTIONS) + 1))}
+        if session is not None:
+            sessions = [opened(session, stack) for _ in range(len(FRACTIONS) + 1)]
+            solved["LAMMPS "] = solve(wave, n, FRACTIONS, FINE, sessions)
+        of_name = {
+            f"{prefix}step 1/{round(1 / f)}": s
+            for prefix, all_steps in solved.items()
+            for f, s in zip(FRACTIONS, all_steps, strict=True)
+        }
+        took = measure.in_turns({name: s.call for name, s in of_name.items()}, *measure.effort(quick))
+    timings = {name: took[name].scaled(s.start.steps[-1] / TIMED) for name, s in of_name.items()}
+    any_start = solved[""][0].start
+    per = len(any_start.atoms) * any_start.steps[-1] * any_start.timestep
+    orders = "; ".join(
+        f"{prefix or 'reference '}{fitted.order:.2f} ± {fitted.standard_error:.2f}"
+        for prefix, fitted in ((prefix, order(s)) for prefix, s in solved.items())
+    )
+    limited, m = (flow, n) if flow.name == "shear-wave" else (FLOWS["taylor-green"], SWIFT)
+    limits = tuple(_limits(limited, m, session))
+    for kind, what, error in (
+        ("", "closed solution", "total"),
+        ("-temporal", "same run with a short step", "temporal"),
+    ):
+        errors = {name: getattr(s, error) for name, s in of_name.items()}
+        against = "" if error == "total" else f" Order of the temporal error in the step: {orders}."
+        reasons = {name: f"a time step of {name.split()[-1]} min(h/4c, h^2/8nu)" for name in of_name}
+        regime = f"{n} spacings per wavelength"
+        yield Panel(
+            f"timestep-{flow.name}{kind}",
+            f"Time step of the {flow.name.replace('-', ' ')}, against the {what}",
+            f"Steps in units of min(h/4c, h^2/8nu). {len(any_start.atoms)} particles; time is in units of spacing over "
+            f"speed of sound.{against}",
+            f"root mean square of the error over that of the wave, at the end, against the {what}"
+            + (f" (1/{round(1 / FINE)})" if error == "temporal" else ""),
+            "particle and unit of time",
+            measured(f"{flow.name}, {what}", regime, errors, timings, per, reasons, ONE_PER_CENT),
+            crossings=limits if error == "total" else (),
+        )
+
+
+# --- limit of stability
+
+
+def stability(flow: Flow, n: int, session: Session | None) -> ConfidenceInterval:
+    """Return the time step, over the flow's limit, at which a flow becomes unstable.
+
+    The initial state carries noise of a hundredth of the wave. Steps are tried upwards, so that none is far beyond the
+    limit, where LAMMPS would lose its atoms.
+    """
+    low, high = 1.0, 1.25
+    while not _grows(flow, n, high, session):
+        low, high = high, 1.25 * high
+    return bisected(lambda fraction: not _grows(flow, n, fraction, session), low, high, CLOSE)
+
+
+def _grows(flow: Flow, n: int, fraction: float, session: Session | None) -> bool:
+    """Return whether energy grows tenfold, or the run fails, within some steps."""
+    start = _noisy(started(flow, n, fraction))
+    run = stepping(start, session)
+    first = _energy(start, run.snapshot())
+    while run.step < SPAN:
+        try:
+            run.advance(LOOK)
+            energy = _energy(start, run.snapshot())
+        except EngineBroken:
+            raise
+        except EngineRefused:
+            return True
+        if not energy < TENFOLD * first:
+            return True
+    return False
+
+
+def _energy(start: Start, shot: Snapshot) -> float:
+    """Return the sum of the kinetic energy and that of compression per unit mass, as for small waves."""
+    cs = start.case.scene.types[0].cs or 1.0
+    return float(np.sum(shot.v_nc**2) + cs**2 * np.sum(np.square(shot.rho_n / shot.rho_n.mean() - 1)))
+
+
+def _noisy(start: Start) -> Start:
+    atoms = start.atoms
+    random = np.random.default_rng(seed(f"timestep/{start.case.name}"))
+    v_nc = np.zeros(atoms.x_nc.shape) if atoms.v_nc is None else atoms.v_nc
+    assert atoms.rho_n is not None
+    scale = max(float(np.abs(v_nc).max()), float(np.abs(atoms.rho_n / atoms.rho_n.mean() - 1).max()))
+    noise_nc = random.uniform(-NOISE, NOISE, v_nc.shape) * scale
+    noise_nc[:, 2] = 0.0
+    return replace(start, atoms=replace(atoms, v_nc=v_nc + noise_nc))
+
+
+def _limits(flow: Flow, n: int, session: Session | None) -> Iterator[Crossing]:
+    variable, criterion = "step over min(h/4c, h^2/8nu)", f"energy grows tenfold within {SPAN} steps"
+    for name, side in (("reference", None), ("LAMMPS", session))[: 1 if session is None else 2]:
+        sides = f"{name}, stable", f"{name}, unstable"
+        yield Crossing(flow.name, sides, variable, criterion, stability(flow, n, side))
+
+
+def step_panels(quick: bool, session: Session | None) -> Iterator[Panel]:
+    """Yield time steps of two waves, each against the closed solution and a short step."""
+    for wave in waves()[: 1 if quick else None]:
+        yield from _wave_panels(wave, quick, session)

@@ -1,25 +1,100 @@
 r"""Chart of kernels and cutoffs: gradients and densities of analytic fields on disordered particles, on both engines.
 
-The field is :math:`v = (\sin kx\,\cos ky,\ \cos kx\,\sin ky)` of wavelength 16 spacings. Densities are those of an even
+The particles are a periodic, disordered lattice in 2D, in the reference and in LAMMPS. The field is
+:math:`v = (\sin kx\,\cos ky,\ \cos kx\,\sin ky)` of wavelength 16 spacings. Densities are those of an even
 distribution, and of one that a diverging flow has deformed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 
+from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.time_step import Simulation
 from eos_ref.kernels.styles import KernelStyle
+from lammps_cases.engine.session import Answer, Session
 from lammps_cases.records import measure
-from lammps_cases.studies.chart.points import ONE_PER_CENT, Map, MethodPoint, Panel, measured
-from lammps_cases.studies.chart.prepared import STILL, LatticeSetup, moving, opened, prepared, still_step, worst
+from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import Atoms, build
+from lammps_cases.scene.casefile import Case
+from lammps_cases.setup import reference_side
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.studies.chart.record import ONE_PER_CENT, Map, MethodPoint, Panel, measured
 from lammps_cases.studies.flows.flow import relative
+
+STILL = 1e-12  # time step in which no particle moves enough to matter
+
+
+@dataclass(frozen=True)
+class LatticeSetup:
+    """Particles of one kernel and cutoff, for either engine."""
+
+    case: Case
+    atoms: Atoms
+
+    def simulation(self, fields: Sequence[str]) -> Simulation:
+        """Return the compiled reference, evaluated once."""
+        scene, where = self.case.scene, self.case.where
+        sim = reference_side.simulation(scene, self.atoms, fields, where, evaluator=CompiledEvaluator)
+        sim.evaluate()
+        return sim
+
+    def started(self, session: Session) -> Answer:
+        """Run the scene in LAMMPS, which keeps it, and return its answer."""
+        scene = self.case.scene
+        return session.run(job(scene, self.atoms, plan(scene)))
+
+
+def prepared(
+    kernel: KernelStyle, cut: float, disorder: float, edge: int, rho_sum: bool = False, **more: Any
+) -> LatticeSetup:
+    """Return unit masses on a disordered square lattice of unit spacing, at rest; ``more`` are keys of a scene."""
+    data = {
+        "dimension": 2,
+        "types": [{"mass": 1.0, "rho0": 1.0, "cs": 1.0, "viscosity": 0.0}],
+        "positions": {"lattice": "sq", "spacing": 1.0, "cells": [edge, edge], "disorder": disorder},
+        "pressure": [{"types": "*", "style": "linear"}],
+        "rheo": {"kernel": kernel, "cut": cut, "rho_sum": rho_sum},
+        "rho": None if rho_sum else {"constant": 1.0},
+        "velocity": {"uniform": [0.0, 0.0]},
+        "evolve": {"steps": 1, "timestep": STILL, "compare_at": [0, 1]},
+        "compare": ["rho"] if rho_sum else ["grad/v"],
+        **more,
+    }
+    # One name for all: the same particles for every kernel and cutoff.
+    case = Case("chart-kernels", "", (), Scene.model_validate(data), Path("chart"))
+    return LatticeSetup(case, build(case, case.scene.eos()))
+
+
+def moving(setup: LatticeSetup, v_nc: FloatArray) -> LatticeSetup:
+    """Return the same particles with velocities (n, 2)."""
+    return replace(setup, atoms=replace(setup.atoms, v_nc=np.hstack([v_nc, np.zeros((len(v_nc), 1))])))
+
+
+def worst(error_n: FloatArray, scale_n: FloatArray) -> float:
+    """Return the largest error over the root mean square of its scale."""
+    return float(np.max(np.abs(error_n)) / np.sqrt(np.mean(np.square(scale_n))))
+
+
+def still_step(session: Session) -> Callable[[], object]:
+    """Return a call that takes a step of LAMMPS in which nothing moves."""
+    session.open().command(f"timestep {STILL!r}")
+    return partial(session.advance, 1)
+
+
+def opened(session: Session | None, stack: ExitStack) -> Session | None:
+    """Return one more LAMMPS, closed with the stack, so that all methods can be timed in turns; None without LAMMPS."""
+    return session and stack.enter_context(closing(Session(session.site)))
+
 
 KERNELS: tuple[KernelStyle, ...] = get_args(KernelStyle)
 REASONS = {
@@ -80,7 +155,7 @@ class TimedMethod:
     reason: str
 
 
-def run(methods: Iterable[Method], lmp: Any | None, stack: ExitStack) -> dict[str, TimedMethod]:
+def run(methods: Iterable[Method], session: Session | None, stack: ExitStack) -> dict[str, TimedMethod]:
     """Run methods on the reference, and each on an instance of LAMMPS of its own."""
     runs: dict[str, TimedMethod] = {}
     for m in methods:
@@ -90,10 +165,10 @@ def run(methods: Iterable[Method], lmp: Any | None, stack: ExitStack) -> dict[st
             sim.run(m.steps, 1.0 / m.steps)
             call = partial(sim.run, 1, STILL)
         runs[m.name] = TimedMethod(sim.output(m.field).copy(), call, m.reason)
-        if (instance := opened(lmp, stack)) is not None:
-            first = m.setup.started(instance).snapshots[0]
+        if (living := opened(session, stack)) is not None:
+            first = m.setup.started(living).snapshots[0]
             value_n = first["q.grad/v" if m.field == "grad/v" else m.field]
-            runs[f"LAMMPS {m.name}"] = TimedMethod(value_n, still_step(instance), m.lammps_reason)
+            runs[f"LAMMPS {m.name}"] = TimedMethod(value_n, still_step(living), m.lammps_reason)
     return runs
 
 
@@ -153,7 +228,7 @@ def _points(
     cuts: Sequence[float],
     exact: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
     quick: bool,
-    lmp: Any | None,
+    session: Session | None,
 ) -> tuple[tuple[MethodPoint, ...], tuple[MethodPoint, ...]]:
     """Return the points whose errors are root mean squares, and the same with the worst errors.
 
@@ -164,7 +239,7 @@ def _points(
     for disorder in QUICK_DISORDERS if quick else DISORDERS:
         exact_n, scale_n = exact(prepared("quintic", 3.0, disorder, edge).atoms.x_nc)
         with ExitStack() as stack:
-            runs = run(methods(cuts, disorder, edge), lmp, stack)
+            runs = run(methods(cuts, disorder, edge), session, stack)
             timings = measure.in_turns({name: r.call for name, r in runs.items()}, *measure.effort(quick))
         regime, reasons = f"disorder of {disorder:g} spacings", {name: r.reason for name, r in runs.items()}
         for norm in points:
@@ -173,14 +248,14 @@ def _points(
     return points[relative], points[worst]
 
 
-def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
-    """Yield gradients, summed densities, and densities of a deformed fluid; with ``lmp`` those of LAMMPS too.
+def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
+    """Yield gradients, summed densities, and densities of a deformed fluid; with ``session`` those of LAMMPS too.
 
     More instances of LAMMPS are opened, one per method of a regime, and closed again.
     """
     cuts, particles = QUICK_CUTS if quick else CUTS, f"{(QUICK_EDGE if quick else EDGE) ** 2:,} particles"
     about = f"{particles} of known density in 2D, field of wavelength 16 spacings. {_EVALUATION}"
-    mean, largest = _points("velocity gradient", gradients, cuts, lambda x_nc: (gradient(x_nc),) * 2, quick, lmp)
+    mean, largest = _points("velocity gradient", gradients, cuts, lambda x_nc: (gradient(x_nc),) * 2, quick, session)
     yield Panel(
         "kernels-gradient",
         "Kernels and cutoffs: gradients",
@@ -203,7 +278,7 @@ def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
         f"{particles} in 2D, one per unit area. Sums take the plain quintic whatever the kernel. {_EVALUATION}",
         "root mean square error, relative to the mean density",
         "particle and evaluation",
-        _points("summed density", _summed, cuts, lambda x_nc: (np.ones(len(x_nc)),) * 2, quick, lmp)[0],
+        _points("summed density", _summed, cuts, lambda x_nc: (np.ones(len(x_nc)),) * 2, quick, session)[0],
     )
 
     def deformation(x_nc: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -217,9 +292,9 @@ def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
         f"which moves each by up to {DEFORMED:g} spacings along either axis. Both times are of a whole time step.",
         "root mean square error, relative to the root mean square of the change of density",
         "particle and step",
-        _points("deformed density", _deformed_methods, (3.0,) if quick else (2.0, 3.0, 4.0), deformation, quick, lmp)[
-            0
-        ],
+        _points(
+            "deformed density", _deformed_methods, (3.0,) if quick else (2.0, 3.0, 4.0), deformation, quick, session
+        )[0],
     )
 
 

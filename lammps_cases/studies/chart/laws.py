@@ -1,13 +1,17 @@
-r"""Equations of state: every method of `eos_ref.methods.laws`, and LAMMPS, against Arb.
+r"""Equations of state: every method of `eos_ref.methods.laws`, and LAMMPS, against Arb; and what methods cost.
 
 Errors are the worst that a search finds in each regime, a range of :math:`|\rho/\rho_0-1|`; times are of shuffled
-states of that regime, for which tables and series are prepared.
+states of that regime, for which tables and series are prepared. The costs (seconds to start, nanoseconds per state) are
+those that `eos_ref.methods.choice` chooses by.
 """
 
 from __future__ import annotations
 
+import json
 import math
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,19 +23,22 @@ import numpy as np
 
 from eos_ref import EOS
 from eos_ref.eos.table import FloatArray, examples
+from eos_ref.methods.choice import COSTS, usable
 from eos_ref.methods.laws import Evaluate, LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, Regime, worst_case
-from lammps_cases.engine import cluster, session
-from lammps_cases.engine.session import EngineMissing
+from lammps_cases.engine import cluster
+from lammps_cases.engine.session import EngineMissing, Session
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.records.measure import Timing, in_turns
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.measure import Timing, in_turns, machine
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, build
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.particles import entries
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.chart.points import Crossing, Map, MethodPoint, Panel, bisected, measured
+from lammps_cases.studies.chart.record import Crossing, Map, MethodPoint, Panel, bisected, measured
 
 # Gamma 4 stands for whole exponents of tait/general.
 LAWS: tuple[EOS, ...] = (
@@ -52,23 +59,23 @@ def name(law: EOS) -> str:
     return f"{law.style}{parameter}" + (" + background" if law.background else "")
 
 
-def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
+def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
     """Yield one panel per law."""
     for law in LAWS[1:4] if quick else LAWS:
-        yield _panel(law, REGIMES[1::2] if quick else REGIMES, QUICK_STATES if quick else STATES, lmp)
+        yield _panel(law, REGIMES[1::2] if quick else REGIMES, QUICK_STATES if quick else STATES, session)
 
 
-def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Panel:
+def _panel(law: EOS, regimes: Sequence[Regime], n: int, session: Session | None) -> Panel:
     methods = methods_of(law)
     reasons = {m.name: m.reason for m in methods}
     reasons[OUTPUT] = "LAMMPS' own output, less what an output costs that needs no law"
     points: list[MethodPoint] = []
-    timed = [timings(law, methods, regime, n, lmp) for regime in regimes]  # first: a search compiles what it calls
+    timed = [timings(law, methods, regime, n, session) for regime in regimes]  # first: a search compiles what it calls
     searched = iter(each(worst_of, [(law, m.name, regime, SAMPLES) for regime in regimes for m in methods]))
     for regime, (took, _) in zip(regimes, timed, strict=True):
         errors = {m.name: next(searched) for m in methods}
-        if lmp is not None:
-            errors[OUTPUT] = _worst_error(EngineLaw(lmp, law).pressure, law, regime, SAMPLES)
+        if session is not None:
+            errors[OUTPUT] = _worst_error(EngineLaw(session, law).pressure, law, regime, SAMPLES)
         points += measured(f"pressure of {name(law)}", str(regime), errors, took, n, reasons)
     return Panel(
         id="law-" + re.sub("[^a-z0-9.]+", "-", name(law)),
@@ -95,7 +102,7 @@ def _worst_error(evaluate: Evaluate, law: EOS, regime: Regime, samples: int) -> 
 
 
 def timings(
-    law: EOS, methods: Sequence[LawMethod], regime: Regime, n: int, lmp: Any | None
+    law: EOS, methods: Sequence[LawMethod], regime: Regime, n: int, session: Session | None
 ) -> tuple[dict[str, Timing], float]:
     """Return the times of all methods in turns, and the seconds that copying the states takes."""
     rho_n = np.random.default_rng(1).permutation(regime.densities(law, n))
@@ -111,10 +118,10 @@ def timings(
     for method in methods:
         evaluate = method.prepare(law, float(rho_n.min()), float(rho_n.max()))
         calls[method.name] = partial(evaluate, method.stored(law, rho_n), e_n)
-    if lmp is not None:
-        calls[OUTPUT], calls["LAMMPS, no law"] = EngineLaw(lmp, law).timed(rho_n, e_n)
+    if session is not None:
+        calls[OUTPUT], calls["LAMMPS, no law"] = EngineLaw(session, law).timed(rho_n, e_n)
     took = in_turns(calls, at_least=0.01)
-    if lmp is not None:
+    if session is not None:
         whole, bare = took[OUTPUT], took.pop("LAMMPS, no law")
         alone = tuple(a - b for a, b in zip(whole.seconds_r, bare.seconds_r, strict=True))
         took[OUTPUT] = Timing(alone, whole.calls, alone[0])
@@ -129,30 +136,31 @@ class EngineLaw:
 
     Parameters
     ----------
-    lmp : a living instance, see `lammps_cases.engine.session.open_lammps`
+    session : Session
     law : EOS
     """
 
-    def __init__(self, lmp: Any, law: EOS) -> None:
-        self.lmp, self.law = lmp, law
+    def __init__(self, session: Session, law: EOS) -> None:
+        self.session, self.law = session, law
 
     def pressure(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> FloatArray:
         """Return pressures (n,) that LAMMPS puts out for densities and energies."""
         scene, atoms = self._scene(len(rho_n), rho_n, e_n)
-        answer = session.run(self.lmp, job(scene, atoms, plan(scene)))
+        answer = self.session.run(job(scene, atoms, plan(scene)))
         return np.asarray(answer.arrays["q.pressure"][: len(rho_n)])
 
     def timed(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> tuple[Callable[[], None], Callable[[], None]]:
         """Return two calls to be timed: the output of all pressures, and that of as many numbers that need no law.
 
-        A new count of steps makes LAMMPS evaluate an output anew; the difference of the two is the law alone.
+        A new count of steps makes LAMMPS evaluate an output again; the difference of the two is the law alone.
         """
         self.pressure(rho_n, e_n)
-        self.lmp.command("compute copied all rheo/property/atom phase")
+        lmp = self.session.open()
+        lmp.command("compute copied all rheo/property/atom phase")
 
         def output(name: str) -> None:
-            self.lmp.command(f"reset_timestep {int(self.lmp.extract_global('ntimestep')) + 1}")
-            self.lmp.extract_compute(name, 1, 1)
+            lmp.command(f"reset_timestep {int(lmp.extract_global('ntimestep')) + 1}")
+            lmp.extract_compute(name, 1, 1)
 
         return lambda: output("q"), lambda: output("copied")
 
@@ -241,3 +249,48 @@ def maps(quick: bool) -> Iterator[Map]:
             value=tuple(tuple(row) for row in value.tolist()),
             unit="worst relative error",
         )
+
+
+FLUID = Regime(1e-9, 0.1)  # the densities for which tables and series are prepared
+
+
+def save_costs(progress: Progress = SILENT, path: Path = COSTS) -> None:
+    """Measure and write ``costs.json``; times in two digits, so that measuring again changes little of the file."""
+    laws = [law for law in LAWS if not law.background]
+    costs: dict[str, dict[str, Any]] = {}
+    for k, law in enumerate(laws):
+        progress.advance(k, len(laws), f"costs of {law.style}")
+        methods = usable(law)
+        took, _ = timings(law, methods, FLUID, QUICK_STATES, None)
+        for method in methods:
+            ns = took[method.name].seconds.median / QUICK_STATES * 1e9
+            entry = {"ns": float(f"{ns:.2g}"), "startup": float(f"{_startup(law, method.name):.2g}")}
+            costs.setdefault(law.style, {}).setdefault(method.name, entry)
+    document = {"machine": machine(), "states": QUICK_STATES, "laws": costs}
+    write_atomically(path, json.dumps(document, indent=1) + "\n")
+
+
+def _startup(law: EOS, method: str, rounds: int = 3) -> float:
+    """Return the seconds that the first evaluation of ten states takes in a fresh process beyond the second.
+
+    The least of some rounds; one more comes before them, in which numba may compile for good.
+    """
+    code = f"""if True:
+        import time
+        import numpy as np
+        from eos_ref import EOS
+        from eos_ref.methods import laws
+        law = EOS({law.style!r}, {law.rho0!r}, {law.cs!r}, {law.parameter!r}, {law.background!r})
+        method = next(m for m in laws.METHODS if m.name == {method!r})
+        rho_n, e_n = np.linspace(0.99, 1.01, 10) * law.rho0, np.ones(10)
+        t = [time.perf_counter()]
+        evaluate = method.function(law, 0.99 * law.rho0, 1.01 * law.rho0)
+        for _ in range(2):
+            evaluate(rho_n, e_n)
+            t.append(time.perf_counter())
+        print(2 * t[1] - t[0] - t[2])"""
+    seconds = []
+    for _ in range(rounds + 1):
+        process = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+        seconds.append(max(float(process.stdout.split()[-1]), 0.0))
+    return min(seconds[1:])

@@ -1,18 +1,199 @@
-"""A chart on disk: ``chart.json``, tables as CSV, pictures, a page."""
+"""A chart: points of error against time, their frontier, crossings between methods; its tables and its document.
+
+On disk a chart is ``chart.json``, tables as CSV, pictures and a page.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from lammps_cases.records.documents import SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.records.journal import Parts
-from lammps_cases.studies.chart.points import Map, Panel
-from lammps_cases.studies.flows.converge import Convergence
+from lammps_cases.records.measure import ConfidenceInterval, Timing, verdict
+from lammps_cases.studies.flows.solve import Convergence
+
+LAMMPS = "LAMMPS"
+ONE_BIT = 2.0  # factor between two worst errors below which neither method is the better one
+ONE_PER_CENT = 1.01  # the same for errors of discretisation, which are no matter of chance
+DIGITS = 15.95  # of a double; an error of 0 is drawn there
+
+
+@dataclass(frozen=True)
+class MethodPoint:
+    """Error and time of one way to compute one quantity in one regime.
+
+    Attributes
+    ----------
+    quantity : what is computed, as ``pressure of tait/water``
+    regime : the conditions, as ``|rho/rho0 - 1| from 1e-6 to 1e-5``
+    method : name of the method; LAMMPS' own begins with ``LAMMPS``
+    error : the largest error found, dimensionless, relative to what the panel names
+    ns : nanoseconds per particle (or per particle and step): median and its interval
+    compiling : seconds that the first call took beyond the others
+    reason : what it is and why one would take it, in a line
+    dominated_by : a method that is as accurate and measurably faster, or as fast and more accurate
+    like : methods whose times do not differ measurably from this one's
+    """
+
+    quantity: str
+    regime: str
+    method: str
+    error: float
+    ns: ConfidenceInterval
+    compiling: float = 0.0
+    reason: str = ""
+    dominated_by: str = ""
+    like: tuple[str, ...] = ()
+
+    @property
+    def digits(self) -> float:
+        """Correct decimal digits, -log10 of the error; 0 where nothing is right."""
+        if not math.isfinite(self.error):
+            return 0.0
+        return min(max(-math.log10(self.error), 0.0), DIGITS) if self.error > 0 else DIGITS
+
+    @property
+    def engine(self) -> str:
+        """Whose method it is."""
+        return LAMMPS if self.method.startswith(LAMMPS) else "reference"
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Interval of a variable in which two methods change places: the better one below it, then the one above it."""
+
+    quantity: str
+    methods: tuple[str, str]
+    variable: str
+    criterion: str
+    at: ConfidenceInterval
+
+
+@dataclass(frozen=True)
+class Panel:
+    """The points of one quantity, all measured in the same rounds.
+
+    Attributes
+    ----------
+    error_of : definition of the error, and of its scale
+    unit : unit of work that a time belongs to
+    roofline_ns : time that moving the arrays alone takes on this machine, per unit; None: not bound by memory
+    """
+
+    id: str
+    title: str
+    about: str
+    error_of: str
+    unit: str
+    points: tuple[MethodPoint, ...]
+    roofline_ns: float | None = None
+    crossings: tuple[Crossing, ...] = field(default=())
+
+    @property
+    def regimes(self) -> list[str]:
+        """Regimes in the order of their points."""
+        return list(dict.fromkeys(point.regime for point in self.points))
+
+    def of(self, regime: str) -> list[MethodPoint]:
+        """Return the points of one regime."""
+        return [point for point in self.points if point.regime == regime]
+
+
+@dataclass(frozen=True)
+class Map:
+    """Errors over two parameters: ``value[row][column]`` belongs to ``y[row]`` and ``x[column]``."""
+
+    id: str
+    title: str
+    x_name: str
+    y_name: str
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    value: tuple[tuple[float, ...], ...]
+    unit: str
+
+
+def bisected(below: Callable[[float], bool], low: float, high: float, ratio: float) -> ConfidenceInterval:
+    """Return the number at which a condition ends, found by bisecting its logarithm.
+
+    Parameters
+    ----------
+    below : function
+        Returns whether a number lies below the one sought.
+    low, high : float
+        Positive numbers around it.
+    ratio : float
+        Ratio of the ends at which the bisection stops.
+    """
+    while high / low > ratio:
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if below(middle) else (low, middle)
+    return ConfidenceInterval(math.sqrt(low * high), low, high)
+
+
+def point(
+    quantity: str, regime: str, method: str, error: float, timing: Timing, per: float, reason: str = ""
+) -> MethodPoint:
+    """Return a point from a timing of a call that treats ``per`` particles (or particles and steps)."""
+    late = max(timing.first - timing.seconds.high, 0.0)
+    ns = timing.seconds.scaled(1e9 / per)
+    return MethodPoint(quantity, regime, method, error, ns, late, reason)
+
+
+def measured(
+    quantity: str,
+    regime: str,
+    errors: Mapping[str, float],
+    timings: Mapping[str, Timing],
+    per: float,
+    reasons: Mapping[str, str] | None = None,
+    same: float = ONE_BIT,
+) -> tuple[MethodPoint, ...]:
+    """Return the points of one regime, compared: of every method that has an error; see `point` and `compared`."""
+    reasons = reasons or {}
+    points = [point(quantity, regime, m, error, timings[m], per, reasons.get(m, "")) for m, error in errors.items()]
+    return compared(points, timings, same)
+
+
+def compared(
+    points: Sequence[MethodPoint], timings: Mapping[str, Timing], same: float = ONE_BIT
+) -> tuple[MethodPoint, ...]:
+    """Compare the points of one regime by their errors and by their timings, which are of the same rounds.
+
+    A method is dominated by another one that is measurably faster and no less accurate, or more accurate and not
+    measurably slower. Times are compared round by round (`Timing.against`).
+
+    Parameters
+    ----------
+    same : float
+        Factor within which errors count as the same: one bit for rounding errors, by which the search for a worst case
+        may miss; `ONE_PER_CENT` for errors of discretisation.
+    """
+    marked = []
+    for one in points:
+        like, dominated = [], ""
+        for other in points:
+            if other is one:
+                continue
+            answer = verdict(timings[other.method].against(timings[one.method]))
+            if answer == "cannot tell":
+                like.append(other.method)
+            better = other.error * same < one.error and answer != "slower"
+            as_good = other.error <= one.error * same
+            if (better or (as_good and answer == "faster")) and not dominated:
+                dominated = other.method
+        marked.append(replace(one, dominated_by=dominated, like=tuple(sorted(like))))
+    return tuple(marked)
+
+
+def frontier(points: Iterable[MethodPoint]) -> list[MethodPoint]:
+    """Return the points that no other dominates, from the fastest to the most accurate."""
+    return sorted((p for p in points if not p.dominated_by), key=lambda p: (p.ns.median, p.error))
 
 
 @dataclass(frozen=True)

@@ -6,21 +6,20 @@ measured, computed or solved, which is informative and never a verdict.
 
 from __future__ import annotations
 
-from lammps_cases.studies.flows import (
-    cavity,
-    channel,
-    convection,
-    dam,
-    drops,
-    periodic,
-    shock,
-    surfaces,
-    walls,
-    waves,
-)
+from lammps_cases.studies.flows import cavity, drops, periodic, surfaces, walls, waves
 from lammps_cases.studies.flows.flow import Flow
 
-FLOWS: dict[str, Flow] = {flow.name: flow for module in (periodic, walls, surfaces, shock) for flow in module.FLOWS}
+FLOWS: dict[str, Flow] = {
+    flow.name: flow for flow in (*periodic.FLOWS, *walls.FLOWS, *surfaces.FLOWS, *surfaces.SHOCKS)
+}
 VALIDATIONS: dict[str, Flow] = {
-    flow.name: flow for module in (channel, cavity, dam, waves, drops, convection) for flow in module.VALIDATIONS
+    flow.name: flow
+    for flow in (
+        *walls.VALIDATIONS,
+        *cavity.VALIDATIONS,
+        *waves.DAMS,
+        *waves.VALIDATIONS,
+        *drops.VALIDATIONS,
+        *cavity.HEATED,
+    )
 }

@@ -27,10 +27,14 @@ from lammps_cases.studies.flows.flow import (
     Options,
     Snapshot,
     Start,
+    fluid,
     line,
     misfits,
+    rows,
+    smooth,
+    start,
+    time_step,
 )
-from lammps_cases.studies.flows.layout import fluid, rows, smooth, start, time_step
 from lammps_cases.studies.flows.surfaces import INTERFACE, disc, radius_of
 
 ARTIFICIAL, DAMPING = 0.1, 0.1  # artificial viscosity; density diffusion over h c

@@ -1,10 +1,13 @@
-"""The page of validations, and its pictures as files."""
+"""A validation on disk: ``validate.json``, ``curves.csv``, the page and its pictures.
+
+``runs.jsonl`` holds the runs as they come, from which an interrupted validation is resumed.
+"""
 
 from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,22 +15,115 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records.documents import INFINITE, SCHEMAS, Document, Study
+from lammps_cases.records.files import csv_text, write_atomically
+from lammps_cases.records.journal import Parts
 from lammps_cases.records.wording import brief, number
 from lammps_cases.report.pages import frame
 from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, saved
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
-from lammps_cases.studies.flows.flow import Flow, FlowPanel, ReferenceCurve
-from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, Validated, called
+from lammps_cases.studies.flows.flow import Curve, Flow, FlowPanel, ReferenceCurve
+from lammps_cases.studies.flows.solve import Fit, fit
 
+REFERENCE, LAMMPS, UNIT = "reference", "LAMMPS", "LAMMPS in another unit of length"
 _COLOURS = {REFERENCE: BLUE, LAMMPS: RED, UNIT: RED}
 _FINDING = "#d98200"
 _MARKS = ("o", "^", "s", "D")
 ASSETS = Path(__file__).parent / "assets"
 
 
+def called(side: str) -> str:
+    """Return what a side is called in tables and legends."""
+    return {UNIT: "LAMMPS, particles 0.75 apart"}.get(
+        side, side if side in (REFERENCE, LAMMPS) else f"reference with {side}"
+    )
+
+
+@dataclass(frozen=True)
+class Lost:
+    """LAMMPS lost particles: the last step with all of them; findings with which the reference has lost some, when."""
+
+    step: int
+    findings: tuple[str, ...] = ()
+    after: int | None = None
+
+
+@dataclass(frozen=True)
+class FlowRecord:
+    """One flow at one resolution, as one side solved it.
+
+    Attributes
+    ----------
+    side : reference, LAMMPS, LAMMPS in another unit of length; or the id of the finding that the reference had
+    message : of LAMMPS, if it failed; then there is nothing else
+    lost : why, if it lost particles; of the coarsest resolution alone
+    """
+
+    __pydantic_config__ = INFINITE
+
+    flow: str
+    side: str
+    n: int
+    particles: int
+    steps: int
+    seconds: float
+    message: str
+    curves: Mapping[str, Curve]
+    errors: Mapping[str, float]
+    quantities: Mapping[str, float]
+    lost: Lost | None = None
+
+
+@dataclass(frozen=True)
+class Validated(Study):
+    """All that was run."""
+
+    runs: tuple[FlowRecord, ...]
+    schema: str = SCHEMAS["validate"]
+
+    @property
+    def flows(self) -> list[str]:
+        """Names of the flows, in their order."""
+        return list(dict.fromkeys(run.flow for run in self.runs))
+
+    def of(self, flow: str, side: str) -> list[FlowRecord]:
+        """Return the runs of one side, from the coarsest on."""
+        return sorted((run for run in self.runs if (run.flow, run.side) == (flow, side)), key=lambda run: run.n)
+
+    def sides(self, flow: str) -> list[str]:
+        """Return the sides that solved a flow."""
+        return list(dict.fromkeys(run.side for run in self.runs if run.flow == flow))
+
+    def order(self, flow: str, side: str, measure: str) -> Fit:
+        """Return the order of convergence of a measure."""
+        runs = [run for run in self.of(flow, side) if measure in run.errors]
+        return fit([run.n for run in runs], [run.errors[measure] for run in runs])
+
+
+DOCUMENT = Document("validate", Validated)
+
+
+def runs(folder: Path) -> Parts[FlowRecord]:
+    """Return ``runs.jsonl``: runs as they come."""
+    return Parts(folder / "runs.jsonl", FlowRecord)
+
+
+def _write_tables(validated: Validated, folder: Path) -> None:
+    """Write ``validate.json`` and ``curves.csv``."""
+    write_atomically(folder / "curves.csv", csv_text(_rows(validated)))
+    DOCUMENT.write(folder / "validate.json", validated)
+
+
+def _rows(validated: Validated) -> Iterable[Sequence[Any]]:
+    yield ("flow", "side", "n", "panel", "x", "y")
+    for run in validated.runs:
+        for panel, (x, y) in run.curves.items():
+            yield from ((run.flow, run.side, run.n, panel, *point) for point in zip(x, y, strict=True))
+
+
 def write(validated: Validated, folder: Path) -> None:
-    """Write ``report.html`` and ``figures/*.svg|png``."""
+    """Write ``validate.json``, ``curves.csv``, ``report.html`` and ``figures/*.svg|png``."""
+    _write_tables(validated, folder)
     figures = folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     flows = [VALIDATIONS[name] for name in validated.flows]
@@ -75,10 +171,10 @@ def effects(validated: Validated, of: Flow) -> Iterator[Effect]:
         run = next((run for run in reversed(validated.of(of.name, side)) if not run.message), None)
         if side == REFERENCE or run is None:
             continue
-        beside = next((ours for ours in validated.of(of.name, REFERENCE) if ours.n == run.n), None)
+        ours_here = next((ours for ours in validated.of(of.name, REFERENCE) if ours.n == run.n), None)
         for quantity in of.quantities:
-            if beside is not None and quantity.name in beside.quantities:
-                ours, theirs = beside.quantities[quantity.name], run.quantities[quantity.name]
+            if ours_here is not None and quantity.name in ours_here.quantities:
+                ours, theirs = ours_here.quantities[quantity.name], run.quantities[quantity.name]
                 yield Effect(
                     called(side),
                     run.n,
@@ -91,7 +187,7 @@ def effects(validated: Validated, of: Flow) -> Iterator[Effect]:
 
 
 def change(theirs: float, ours: float) -> str:
-    """Say how far a number is from another, to a tenth of a per cent at most; empty where nothing can be said."""
+    """Return how far a number is from another, to a tenth of a per cent at most; empty for numbers without a ratio."""
     ratio = theirs / ours if ours else math.nan
     if not math.isfinite(ratio):
         return ""
@@ -114,7 +210,7 @@ def stops(validated: Validated, of: Flow) -> Iterator[str]:
 
 
 def stopped(validated: Validated, flow: str, side: str) -> str:
-    """Say why a side has no numbers: of LAMMPS the findings with which the reference loses particles too."""
+    """Return why a side has no numbers: of LAMMPS the findings with which the reference loses particles too."""
     *_, last = runs = validated.of(flow, side)
     run = next((run for run in runs if run.lost), last)
     if not run.lost:

@@ -25,8 +25,7 @@ from eos_ref.analytic import waves
 from eos_ref.eos.table import EOS, FloatArray, examples
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.particles import entries
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, relative
-from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
+from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, fluid, relative, rows, start, time_step
 
 STRIP = 8  # particles across, where nothing depends on that direction
 FIRST = 16  # resolution at which the cutoff begins to grow, where it does
@@ -238,7 +237,7 @@ MACH = 0.1
 def _vortex(n: int, options: Options) -> tuple[float, float, float, float]:
     """Return the wave number, viscosity, highest speed, speed of sound.
 
-    Sound takes a spacing at twice the speed of diffusion, so that both limit the time step alike. The Mach number is
+    Sound takes a spacing at twice the speed of diffusion, so that both limit the time step equally. The Mach number is
     then Re/2N: the fluid becomes incompressible as the resolution grows. It is at most `MACH`.
     """
     nu = 1.0

@@ -23,11 +23,10 @@ from lammps_cases.findings.entry import Finding
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
-from lammps_cases.studies.flows import page, record
-from lammps_cases.studies.flows.converge import FlowResult, by_reference, in_worker
+from lammps_cases.studies.flows import page
 from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
-from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
-from lammps_cases.studies.flows.stepping import ReferenceFlow
+from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
+from lammps_cases.studies.flows.solve import FlowResult, ReferenceFlow, by_reference, in_worker
 
 LIMIT = 3600.0  # seconds for one run
 SPACING = 0.75  # between particles, in another unit of length
@@ -37,7 +36,7 @@ PATIENCE = 1.25  # times as many steps as LAMMPS took are given to the reference
 
 @dataclass(frozen=True)
 class FlowTask:
-    """A run to be done: a flow at a resolution, by one side; ``explained``: if LAMMPS loses atoms, it is said why."""
+    """A flow to be run at a resolution by one side; ``explained``: whether a loss of atoms by LAMMPS is explained."""
 
     of: Flow
     n: int
@@ -64,7 +63,7 @@ def validate(
     EngineMissing
     """
     site, begin, before = installations.resolve(engine).site, time.perf_counter(), machine()
-    kept, runs = record.runs(out), list[FlowRecord]()
+    kept, runs = page.runs(out), list[FlowRecord]()
     with Workers(site, 1) as workers:
         about = workers.identify().result()
         about["library_sha256"] = library_sha256(about.pop("library", ""))
@@ -80,7 +79,7 @@ def validate(
     progress.advance(len(tasks), len(tasks), "report")
     seconds = time.perf_counter() - begin + kept.earlier
     validated = Validated(command, before, about, quick, seconds, tuple(runs))
-    record.write(validated, out)
+    page._write_tables(validated, out)
     page.write(validated, out)
     return validated
 
@@ -107,7 +106,7 @@ def _with(finding: Finding, start: Start) -> FlowResult:
 
 
 def _in_another_unit(start: Start, solve: Callable[[Start], FlowResult]) -> FlowResult:
-    """Run a flow whose lengths and times are told in other units; snapshots are in the first ones."""
+    """Run a flow in other units of length and time; snapshots are in the first ones."""
     case, scale = start.case, Scale.of_size(SPACING, start.case.scene.dimension)
     cut = case.scene.rheo.cut
     assert cut is not None

@@ -16,10 +16,11 @@ from lammps_cases.engine.installations import library_sha256
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.studies.stability import probe, record
+from lammps_cases.studies.stability import model, probe
 from lammps_cases.studies.stability.model import (
     ENGINES,
     Agreement,
+    Atlas,
     Axis,
     Boundary,
     CellRun,
@@ -27,15 +28,16 @@ from lammps_cases.studies.stability.model import (
     Kind,
     MapCell,
     MapLine,
+    MapRecord,
     StabilityMap,
 )
 from lammps_cases.studies.stability.probe import Examined, Examiner, PendingCell
-from lammps_cases.studies.stability.record import Atlas, MapRecord
 
 JOBS = 2
 # Sources, besides the reference, that decide how a cell ends: from its start to what is observed of it.
 SOURCES = (
-    *("setup/commands.py", "engine/session.py", "setup/plan.py", "setup/reference_side.py"),
+    *("setup/commands.py", "engine/session.py", "engine/reading.py", "setup/plan.py", "setup/reference_side.py"),
+    "studies/flows/solve.py",
     *(f"studies/stability/{name}.py" for name in ("kinds", "probe", "runs")),
 )
 Key = Callable[[StabilityMap, MapCell, Engine], str]
@@ -92,7 +94,7 @@ def measure(
     records = tuple(map_record(of, quick, results, engines) for of in maps)
     seconds = time.perf_counter() - begin + survey.cells.earlier
     atlas = Atlas(command, before, about, quick, seconds, records)
-    record.write(atlas, out)
+    model.write(atlas, out)
     return atlas
 
 
@@ -164,7 +166,7 @@ class Survey:
         progress: Progress,
     ) -> None:
         self.maps, self.lines, self.examiner, self.key = maps, lines, examiner, key
-        self.out, self.progress, self.cells = out, progress, record.cells(out)
+        self.out, self.progress, self.cells = out, progress, model.cells(out)
         self.results: dict[MapLine, _Open] = {}
 
     def run(self, at_once: int) -> dict[MapLine, _Open]:
@@ -181,7 +183,7 @@ class Survey:
         return self.results
 
     def _ask(self, one: _Open) -> None:
-        """Ask for the next places of a line, as long as they are at hand."""
+        """Queue the next places of a line, as far as they are known."""
         of = self.maps[one.line.map]
         while not one.pending and (places := wanted(of, one.ends)):
             for x in places:
@@ -202,7 +204,7 @@ class Survey:
                     del one.pending[x]
                     examined = self.examiner.settle(pending)
                     run = one.runs[x] = CellRun(one.line.cell(x), one.line.engine, examined.outcome)
-                    record.write_state(self.out, run.cell, run.engine, examined.before)
+                    model.write_state(self.out, run.cell, run.engine, examined.before)
                     self.cells.add(key, run)
                     self._report(one.line)
             self._ask(one)

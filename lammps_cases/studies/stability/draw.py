@@ -22,8 +22,17 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.model.box import BoolArray
 from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis, plain_text
 from lammps_cases.scene.atoms import IntArray
-from lammps_cases.studies.stability.model import KINDS, Axis, Boundary, CellRun, Engine, Kind, MapCell, Theory
-from lammps_cases.studies.stability.record import MapRecord
+from lammps_cases.studies.stability.model import (
+    KINDS,
+    Axis,
+    Boundary,
+    CellRun,
+    Engine,
+    Kind,
+    MapCell,
+    MapRecord,
+    Theory,
+)
 
 # Colours of Okabe & Ito (2008), which the colour-blind tell apart, and a shape of its own for every kind.
 MARKS: dict[Kind, tuple[str, str]] = {
@@ -207,7 +216,7 @@ def _draw_theory(axis: Any, drawn: MapRecord, here: Sequence[Theory], theory: Se
 
 
 def _styles(theory: Sequence[Theory]) -> dict[str, dict[str, Any]]:
-    """Return the style of every line: those of one name, of several layers, alike."""
+    """Return the style of every line: the same for those of one name in several layers."""
     named = dict.fromkeys(line.name for line in theory)
     return dict(zip(named, itertools.cycle(_LINES), strict=False))
 

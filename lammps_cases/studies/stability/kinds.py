@@ -16,35 +16,11 @@ from eos_ref.model.parameters import IntArray, Model
 from eos_ref.numbers.matrices import cholesky
 from eos_ref.numbers.rounded import value
 from lammps_cases.setup import reference_side
-from lammps_cases.studies.flows.flow import Start
+from lammps_cases.studies.flows.flow import Snapshot, Start
 from lammps_cases.studies.stability.model import FailureCriteria, Kind
 
 VANISHING = 0.01  # of rho0
 ON_TOP = 0.01  # spacings: particles nearer than this lie on top of each other
-
-
-@dataclass(frozen=True)
-class Observation:
-    """Particles after a step, by id.
-
-    Attributes
-    ----------
-    x_nc, v_nc : (n, d)
-        Positions in any periodic image, velocities.
-    rho_n, pressure_n : (n,)
-    energy_n : (n,), optional
-        Energy of the particle.
-    surface_n : (n,), optional
-        Class of the field ``surface``: 0 bulk, 1 surface, 2 splash.
-    """
-
-    step: int
-    x_nc: FloatArray
-    v_nc: FloatArray
-    rho_n: FloatArray
-    pressure_n: FloatArray
-    energy_n: FloatArray | None = None
-    surface_n: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -128,7 +104,7 @@ def moment_matrices(evaluator: ArrayEvaluator, rho_n: FloatArray) -> tuple[Float
     return m_nbb, definite_n, value(evaluator.coordination_n) >= evaluator.model.fix.zmin
 
 
-def first(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
+def first(of: Subject, watch: FailureCriteria, look: Snapshot, energy: float | None) -> ParticleFailure | None:
     """Return the worst failure in an observation, in the order of `KINDS`; None if the particles are sound.
 
     Parameters
@@ -163,7 +139,7 @@ class FailureDetectors:
 
     of: Subject
     watch: FailureCriteria
-    look: Observation
+    look: Snapshot
     energy: float | None
 
     def _worst(self, kind: Kind, bad_n: BoolArray, size_n: Any, highest: bool = False) -> ParticleFailure | None:

@@ -30,7 +30,7 @@ class Numbers:
 
     ``c``, ``nu`` and ``h`` are the largest speed of sound plus flow, the largest diffusivity (kinematic viscosity,
     conductivity/(rho cv)), cut/3; ``conducts``: whether the diffusivity is that of heat. Source of the criteria:
-    Morris, Fox & Zhu (1997), see `lammps_cases.studies.flows.layout.time_step`.
+    Morris, Fox & Zhu (1997), see `lammps_cases.studies.flows.flow.time_step`.
     """
 
     c: float

@@ -24,8 +24,16 @@ from lammps_cases.setup.plan import plan
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability import draw, model
 from lammps_cases.studies.stability.maps import expected_difference, unexplained
-from lammps_cases.studies.stability.model import CellOutcome, Engine, Kind, MapCell, StabilityMap
-from lammps_cases.studies.stability.record import Atlas, MapRecord, read_state
+from lammps_cases.studies.stability.model import (
+    Atlas,
+    CellOutcome,
+    Engine,
+    Kind,
+    MapCell,
+    MapRecord,
+    StabilityMap,
+    read_state,
+)
 from lammps_cases.studies.stability.runs import watched
 
 ASSETS = Path(__file__).parent / "assets"

@@ -16,16 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from lammps_cases.engine.stepping import instance
+from lammps_cases.engine.session import kept
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.studies.flows.flow import Start
+from lammps_cases.studies.flows.flow import Snapshot, Start
+from lammps_cases.studies.flows.solve import FlowRun
 from lammps_cases.studies.stability import kinds
-from lammps_cases.studies.stability.kinds import Observation, ParticleFailure, Subject
+from lammps_cases.studies.stability.kinds import ParticleFailure, Subject
 from lammps_cases.studies.stability.model import CellOutcome, Engine, FailureCriteria, Kind, MapCell, StabilityMap
-from lammps_cases.studies.stability.runs import ObservedRun, ReferenceRun, Stopped, open_run
+from lammps_cases.studies.stability.runs import ReferenceRun, Stopped, open_run
 
 LIMIT = 30.0  # seconds that a cell may take
-Note = Callable[[Observation], None]
+Note = Callable[[Snapshot], None]
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Examined:
 
 
 def follow(
-    make: Callable[[], ObservedRun],
+    make: Callable[[], FlowRun],
     of: Subject,
     watch: FailureCriteria,
     steps: int,
@@ -71,10 +72,10 @@ def follow(
 class _Followed:
     """A run that is followed to its first failure; ``last`` is the last sound observation."""
 
-    run: ObservedRun
-    last: Observation
+    run: FlowRun
+    last: Snapshot
 
-    def __init__(self, make: Callable[[], ObservedRun], of: Subject, watch: FailureCriteria, note: Note) -> None:
+    def __init__(self, make: Callable[[], FlowRun], of: Subject, watch: FailureCriteria, note: Note) -> None:
         self.make, self.of, self.watch, self.note = make, of, watch, note
         self.energy, self.stretches = watch.energy, list[int]()
 
@@ -82,7 +83,7 @@ class _Followed:
         """See `follow`."""
         try:
             self.run = self.make()
-            self.last = self.run.look()
+            self.last = self.run.snapshot()
         except Stopped as stop:
             return Examined(CellOutcome(stop.kind, 0, stop.atom, message=stop.message))
         failure = self._failure(self.last)
@@ -103,7 +104,7 @@ class _Followed:
                 self.energy = max(at_rest, kinds.kinetic_energy(self.of.mass_n, self.last.v_nc))
         return Examined(CellOutcome("stable"))
 
-    def _failure(self, look: Observation) -> ParticleFailure | None:
+    def _failure(self, look: Snapshot) -> ParticleFailure | None:
         return kinds.first(self.of, self.watch, look, self.energy)
 
     def _advance(self, steps: int) -> tuple[ParticleFailure | None, str]:
@@ -111,7 +112,7 @@ class _Followed:
         self.stretches.append(steps)
         try:
             self.run.advance(steps)
-            look = self.run.look()
+            look = self.run.snapshot()
         except Stopped as stop:
             return self._failure_of_stopped() or ParticleFailure(stop.kind, stop.atom), stop.message
         failure = self._failure(look)
@@ -124,7 +125,7 @@ class _Followed:
         if not isinstance(self.run, ReferenceRun):
             return None
         watch = replace(self.watch, surface={}, condition=None, closest=None)
-        failure = kinds.first(self.of, watch, self.run.look(), self.energy)
+        failure = kinds.first(self.of, watch, self.run.snapshot(), self.energy)
         return failure if failure is not None and failure.kind in ("non-finite", "lost particles") else None
 
     def _located(self, first: ParticleFailure, end: int, first_message: str) -> Examined:
@@ -149,7 +150,7 @@ class _Followed:
         return Examined(outcome, particles(self.of, self.last, failure.atom))
 
 
-def particles(of: Subject, look: Observation, failing: int | None) -> dict[str, Any] | None:
+def particles(of: Subject, look: Snapshot, failing: int | None) -> dict[str, Any] | None:
     """Return observed particles as the arrays of `Examined.before`; None for a law alone."""
     if not of.moves:
         return None
@@ -179,13 +180,13 @@ def run_cell(
     """
     of, begin = kinds.subject(start), time.perf_counter()
 
-    def note(look: Observation) -> None:
+    def note(look: Snapshot) -> None:
         partly = trace.with_name(f"{trace.name}.new")
         partly.write_bytes(pickle.dumps((look, time.perf_counter() - begin)))
         partly.replace(trace)
 
     steps = start.steps[-1] if of.moves else 0
-    examined = follow(partial(open_run, start, watch, side, instance(site)), of, watch, steps, note, single)
+    examined = follow(partial(open_run, start, watch, side, kept(site)), of, watch, steps, note, single)
     seconds = time.perf_counter() - begin
     return replace(examined, outcome=replace(examined.outcome, seconds=seconds, steps=start.steps[-1]))
 
@@ -276,7 +277,7 @@ def _died(pending: PendingCell, kind: Kind, message: str, seconds: float) -> Exa
     return Examined(outcome, particles(kinds.subject(pending.start), look, None))
 
 
-def _last_observation(trace: Path) -> tuple[Observation, float] | None:
+def _last_observation(trace: Path) -> tuple[Snapshot, float] | None:
     """Return the last observation of a worker that died, and the seconds until then; None if it made none."""
     content = trace.read_bytes() if trace.exists() else b""
     return pickle.loads(content) if content else None

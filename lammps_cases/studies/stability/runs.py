@@ -1,30 +1,26 @@
-"""A run of one engine that can be observed between steps."""
+"""Runs of one engine that are observed between steps, in which whatever ends them is `Stopped`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from eos_ref import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
-from eos_ref.model import quantities
 from eos_ref.numbers.rounded import value
-from lammps_cases.engine import session
-from lammps_cases.engine.stepping import Instance, Stepping
+from lammps_cases.engine.session import EngineRefused, Session
 from lammps_cases.records.wording import one_line
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.runs import Expect
 from lammps_cases.setup import reference_side
-from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import Plan, plan
-from lammps_cases.studies.flows.flow import Start
-from lammps_cases.studies.stability.kinds import Observation
+from lammps_cases.studies.flows.flow import Snapshot, Start
+from lammps_cases.studies.flows.solve import FlowRun, LammpsFlow, LostAtoms, ReferenceFlow, snapshot
 from lammps_cases.studies.stability.model import Engine, FailureCriteria, Kind
 
 
@@ -37,25 +33,6 @@ class Stopped(RuntimeError):
 
     def __reduce__(self) -> tuple[type[Stopped], tuple[Kind, str, int | None]]:
         return Stopped, (self.kind, self.message, self.atom)
-
-
-class ObservedRun(Protocol):
-    """A run that is at step 0 when it is made, and observed between steps; whatever it does may raise `Stopped`."""
-
-    @property
-    def step(self) -> int:
-        """Steps taken."""
-
-    def advance(self, steps: int) -> None:
-        """Take steps."""
-
-    def look(self) -> Observation:
-        """Return the particles now, in arrays that the engine does not change."""
-
-
-def _observation(step: int, *fields: Any) -> Observation:
-    copies: list[Any] = [None if array is None else np.array(array) for array in fields]
-    return Observation(step, *copies)
 
 
 def watched(scene: Scene, watch: FailureCriteria) -> Scene:
@@ -91,51 +68,40 @@ class LawRun:
     def advance(self, steps: int) -> None:
         """Take no steps: nothing moves."""
 
-    def look(self) -> Observation:
+    def snapshot(self) -> Snapshot:
         """Return the pressures of the given densities."""
-        a, d = self.start.atoms, self.start.case.scene.dimension
+        a = self.start.atoms
         assert a.rho_n is not None
         e_n = None if a.energy_n is None else a.energy_n / a.mass_n
         with _refusals():
             pressure_n = self.eos.pressure(a.rho_n, a.type_n, e_n)
-        return _observation(0, a.x_nc[:, :d], _velocities(self.start)[:, :d], a.rho_n, pressure_n, a.energy_n)
+        return snapshot(self.start, 0, {"x": a.x_nc, "rho": a.rho_n, "pressure": pressure_n, "energy": a.energy_n})
 
 
-class ReferenceRun:
-    """The reference, by default with compiled sums; what it refuses stops the run."""
+class ReferenceRun(ReferenceFlow):
+    """The reference, by default with compiled sums, in float32 for particles of such; what it refuses stops the run."""
 
     def __init__(self, start: Start, watch: FailureCriteria, evaluator: MakeEvaluator | None = None) -> None:
-        self.start, self.step, self.surface = start, 0, bool(watch.surface)
-        scene, atoms, where = start.case.scene, start.atoms, start.case.where
-        short = atoms.x_nc.dtype == np.float32  # a layer of `maps.precision`
-        make = single_simulation if short else partial(reference_side.simulation, evaluator=evaluator)
         with _refusals():
-            stepped = quantities.needed_to_step(reference_side.model(scene, atoms, where))
-            self.simulation = make(scene, atoms, (*stepped, *(["surface"] if self.surface else [])), where)
-            self._run(0)
+            super().__init__(start, evaluator, bool(watch.surface))
+
+    def make(self, fields: Iterable[str], evaluator: MakeEvaluator | None) -> Simulation:
+        """See `ReferenceFlow.make`."""
+        if self.start.atoms.x_nc.dtype != np.float32:  # a layer of `maps.timestep`
+            return super().make(fields, evaluator)
+        case = self.start.case
+        return single_simulation(case.scene, self.start.atoms, fields, case.where)
 
     def advance(self, steps: int) -> None:
         """Take steps."""
         try:
-            self._run(steps)
+            super().advance(steps)
         except InputError as error:
             # Positions that are not finite, or far from the box: an observation shows the former.
             lost = bool(np.isfinite(self.simulation.state.x_nc).all()) and error.what == "position"
             raise Stopped("lost particles" if lost else "non-finite", str(error)) from None
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise Stopped("error", f"{type(error).__name__}: {error}") from None
-        self.step += steps
-
-    def _run(self, steps: int) -> None:
-        with np.errstate(all="ignore"):
-            self.simulation.run(steps, self.start.timestep)
-
-    def look(self) -> Observation:
-        """Return the state now, also of a run that has stopped."""
-        s, surface_n = self.simulation.state, self.simulation.fields.get("surface") if self.surface else None
-        with np.errstate(all="ignore"):
-            pressure_n = self.simulation.output("pressure")
-        return _observation(self.step, s.x_nc, s.v_nc, s.rho_n, pressure_n, s.energy_n, surface_n)
 
 
 # --- the reference in float32: the same stages, of arrays half as long
@@ -193,47 +159,31 @@ def saying(error: str) -> Kind:
     return next((kind for words, kind in SAYINGS if words in error), "error")
 
 
-class LammpsRun:
+class LammpsRun(LammpsFlow):
     """LAMMPS itself; its errors stop the run."""
 
-    def __init__(self, start: Start, watch: FailureCriteria, instance: Instance) -> None:
-        self.start, self.instance, scene = start, instance, watched(start.case.scene, watch)
-        whole = job(scene, start.atoms, _planned(scene))
-        with _stopping(instance) as lmp:
-            self.stepping = Stepping(lmp, whole)
-            self.stepping.begin()
+    finite = False
 
-    @property
-    def step(self) -> int:
-        """Steps taken."""
-        return self.stepping.step
+    def __init__(self, start: Start, watch: FailureCriteria, session: Session) -> None:
+        scene = watched(start.case.scene, watch)
+        with _errors():
+            super().__init__(start, session, scene, _planned(scene))
 
     def advance(self, steps: int) -> None:
         """Take steps."""
         try:
-            with _stopping(self.instance):
-                self.stepping.advance(steps)
+            with _errors():
+                super().advance(steps)
         except Stopped as stop:
-            if stop.kind == "lost particles" and self.instance.is_open:
-                missing = np.setdiff1d(self.start.atoms.id_n, session.read(self.stepping.lmp)["id"])
-                stop.atom = int(missing[0]) if missing.size else None
+            if stop.kind == "lost particles" and self.session.is_open:
+                lost = self.lost()
+                stop.atom = int(lost[0]) if lost.size else None
             raise
 
-    def look(self) -> Observation:
-        """Return LAMMPS' arrays by id."""
-        with _stopping(self.instance):
-            arrays = self.stepping.read()
-        wrong = self.stepping.lost(arrays["id"])
-        if wrong.size:
-            raise Stopped("lost particles", f"{wrong.size} of {len(self.start.atoms)} atoms", int(wrong[0]))
-        d, v_nc = self.start.case.scene.dimension, arrays["v"] if "v" in arrays else _velocities(self.start)
-        fields = arrays["x"][:, :d], v_nc[:, :d], arrays["rho"], arrays["q.pressure"]
-        return _observation(self.step, *fields, arrays.get("esph"), arrays.get("q.surface"))
-
-
-def _velocities(start: Start) -> Any:
-    """Return the velocities given, shape (n, 3)."""
-    return np.zeros(start.atoms.x_nc.shape) if start.atoms.v_nc is None else start.atoms.v_nc
+    def snapshot(self) -> Snapshot:
+        """See `LammpsFlow.snapshot`."""
+        with _errors():
+            return super().snapshot()
 
 
 def _planned(scene: Scene) -> Plan:
@@ -245,17 +195,18 @@ def _planned(scene: Scene) -> Plan:
 
 
 @contextmanager
-def _stopping(instance: Instance) -> Iterator[Any]:
-    """Give LAMMPS to a block; its errors become `Stopped`, any other is this project's own."""
+def _errors() -> Iterator[None]:
+    """Stop a run by an error of LAMMPS in a block; any other is this project's own."""
     try:
-        with instance.use() as lmp:
-            yield lmp
-    except session.EngineRefused as error:
+        yield
+    except LostAtoms as error:
+        raise Stopped("lost particles", f"{error.ids.size} of {error.natoms} atoms", int(error.ids[0])) from None
+    except EngineRefused as error:
         raise Stopped(saying(str(error)), str(error)) from None
 
 
-def open_run(start: Start, watch: FailureCriteria, side: Engine, instance: Instance) -> ObservedRun:
+def open_run(start: Start, watch: FailureCriteria, side: Engine, session: Session) -> FlowRun:
     """Return the run of a start on an engine."""
     if side == "lammps":
-        return LammpsRun(start, watch, instance)
+        return LammpsRun(start, watch, session)
     return ReferenceRun(start, watch) if start.case.scene.interacts else LawRun(start)

@@ -29,7 +29,7 @@ def job() -> Iterator[Job]:
 
 
 def _pid() -> int:
-    return ranks.kept(None, 2).pid
+    return ranks.kept_ranks(None, 2).pid
 
 
 def test_one_job_after_another_gives_the_same_bits(job: Job) -> None:
@@ -40,7 +40,7 @@ def test_one_job_after_another_gives_the_same_bits(job: Job) -> None:
     assert np.array_equal(first.arrays["id"], job.id_n)
     for name, array in first.arrays.items():
         assert array.tobytes() == second.arrays[name].tobytes(), name
-    left = {file.name.partition(".")[0] for file in ranks.kept(None, 2)._path.iterdir()}
+    left = {file.name.partition(".")[0] for file in ranks.kept_ranks(None, 2)._path.iterdir()}
     assert not left & {"job", "rank", "part"}, "as many as there are jobs"
 
 
@@ -67,10 +67,10 @@ def test_refusal_ends_the_processes_and_costs_no_later_job(job: Job) -> None:
 
 
 def test_a_failure_ends_its_own_ranks_and_the_end_all(job: Job) -> None:
-    other = ranks.kept(None, 1)
+    other = ranks.kept_ranks(None, 1)
     with pytest.raises(EngineRefused, match="no_such_command"):
         ranks.solve(None, replace(job, runs=(RunCommand("no_such_command"),)))
-    assert ranks.kept(None, 1) is other
+    assert ranks.kept_ranks(None, 1) is other
     os.kill(other.pid, 0)
     ranks.end_kept()
     with pytest.raises(ProcessLookupError):

@@ -28,8 +28,7 @@ from eos_ref import InputError
 from lammps_cases.engine import pool as processes
 from lammps_cases.engine import workers as engine
 from lammps_cases.engine.pool import LARGEST, limited, memory_share, size
-from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused, Job
-from lammps_cases.engine.stepping import instance
+from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused, Job, kept
 from lammps_cases.engine.workers import Failure, KeptAnswer, Workers, solve
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene.casefile import load
@@ -71,7 +70,7 @@ def atoms_after(site: str | None, job: Job, large: int) -> float:
     """Run a job, and return how many atoms LAMMPS has after it."""
     engine.LARGE = large
     solve(None, job)
-    with instance(None).use() as lmp:
+    with kept(None).use() as lmp:
         return float(lmp.get_natoms())
 
 

@@ -9,21 +9,23 @@ from dataclasses import dataclass
 from eos_ref import InputError
 from eos_ref.errors import unknown
 from lammps_cases.findings import LEDGER
-from lammps_cases.studies.stability.maps import (
-    laws,
-    matrices,
-    phases,
-    precision,
-    surfaces,
-    tension,
-    timestep,
-    walls,
-    whole,
-)
+from lammps_cases.studies.stability.maps import laws, matrices, tension, timestep, walls
 from lammps_cases.studies.stability.model import Agreement, MapCell, StabilityMap
 
-_MODULES = (timestep, laws, matrices, precision, tension, surfaces, phases, walls, whole)
-MAPS: dict[str, StabilityMap] = {one.id: one for module in _MODULES for one in module.MAPS}
+MAPS: dict[str, StabilityMap] = {
+    one.id: one
+    for one in (
+        *timestep.MAPS,
+        *laws.MAPS,
+        *matrices.MAPS,
+        *timestep.PRECISION_MAPS,
+        *tension.MAPS,
+        *matrices.SURFACE_MAPS,
+        *tension.PHASES_MAPS,
+        *walls.MAPS,
+        *walls.WHOLE_MAPS,
+    )
+}
 
 
 def select(by_id: Mapping[str, StabilityMap], names: Sequence[str] = (), tag: str | None = None) -> list[StabilityMap]:

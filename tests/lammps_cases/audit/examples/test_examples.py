@@ -15,8 +15,8 @@ from lammps_cases.audit import budgets, examples
 from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import installations
-from lammps_cases.engine.first_pressure import first_pressure
 from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.ranks import first_pressure
 from lammps_cases.records.case_parts import BudgetPart, BudgetRecord
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.outcome import Outcome

@@ -12,7 +12,7 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases.records.measure import ConfidenceInterval
-from lammps_cases.studies.chart import bench, bench_model, speed_history
+from lammps_cases.studies.chart import bench, speed_history
 from lammps_cases.studies.chart.bench import Ratio, against, laws_against_copy
 from tests.support.outcome import Outcome
 
@@ -99,17 +99,17 @@ def test_every_law_is_measured_and_a_run_is_kept(eos_ref_command: Run, tmp_path:
 
 @pytest.mark.lammps
 def test_the_particle_model_is_measured_against_lammps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench_model, "EDGE", {2: 12})
-    monkeypatch.setattr(bench_model, "STEPS", {2: 2})
-    found = list(bench_model.against_lammps((2,), 1))
-    assert [r.scene for r in found] == [f"2D {option}, 144 particles" for option in bench_model.OPTIONS]
+    monkeypatch.setattr(bench, "EDGE", {2: 12})
+    monkeypatch.setattr(bench, "MODEL_STEPS", {2: 2})
+    found = list(bench.against_lammps((2,), 1))
+    assert [r.scene for r in found] == [f"2D {option}, 144 particles" for option in bench.OPTIONS]
     assert all(r.peer == "LAMMPS" and r.peer_ns.median > 0 for r in found)
 
 
 @pytest.mark.lammps
 def test_taylor_green_runs_on_one_and_two_ranks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench, "VORTICES", 16)
-    monkeypatch.setattr(bench, "STEPS", 2)
+    monkeypatch.setattr(bench, "PEER_STEPS", 2)
     found = list(bench.taylor_green(1, None))
     assert {r.peer for r in found} == {"LAMMPS", "LAMMPS, 2 ranks"}
     assert all(r.peer_ns.median > 0 and r.ours_ns.median > 0 for r in found)

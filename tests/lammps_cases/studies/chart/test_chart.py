@@ -18,12 +18,11 @@ from eos_ref.methods.laws import METHODS as LAW_METHODS
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.records.measure import ConfidenceInterval, Timing
 from lammps_cases.report.pages.figures import RED
-from lammps_cases.studies.chart import collect, draw, flows, page, record
-from lammps_cases.studies.chart.points import Map, MethodPoint, Panel, compared, frontier, point
-from lammps_cases.studies.chart.record import Chart, Section
+from lammps_cases.studies.chart import collect, flows, page, record
+from lammps_cases.studies.chart.record import Chart, Map, MethodPoint, Panel, Section, compared, frontier, point
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.converge import Convergence
 from lammps_cases.studies.flows.flow import Options
+from lammps_cases.studies.flows.solve import Convergence
 from tests.support.outcome import Outcome
 from tests.support.roundings import rounded
 
@@ -140,7 +139,7 @@ def test_the_page_warns_of_a_machine_that_was_busy(load: float, cores: int, busy
 
 def test_the_frontier_that_is_drawn_is_that_of_the_points() -> None:
     panel = made_panel()
-    [axis] = [axis for axis in draw.panel_figure(panel).axes if axis.get_visible()]
+    [axis] = [axis for axis in page.panel_figure(panel).axes if axis.get_visible()]
     line = axis.lines[0]
     best = frontier(panel.points)
     x, y = line.get_xdata(), line.get_ydata()
@@ -156,11 +155,11 @@ def test_many_methods_are_all_in_the_legend_and_lammps_keeps_their_shapes() -> N
         for k, name in enumerate(names)
         for prefix in ("", "LAMMPS ")
     ]
-    figure = draw.panel_figure(Panel("p", "t", "a", "e", "u", tuple(points)))
+    figure = page.panel_figure(Panel("p", "t", "a", "e", "u", tuple(points)))
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert texts[:24] == sorted(names)
     assert texts[24:] == ["LAMMPS: same shape, red", "frontier"]
-    marks = draw.marks_of(points)
+    marks = page.marks_of(points)
     assert all(marks[f"LAMMPS {name}"] == (RED, marks[name][1]) for name in names)
     assert len({marks[name] for name in names}) == 24
 
@@ -176,13 +175,13 @@ def test_methods_are_explained_once_a_section_and_have_one_mark_in_all_of_it(
     section = Section("laws", "Laws", "about", 1.0, tuple(both))
     listed = [(["one"], named["one"]), (["two", "two again"], named["two"]), (["LAMMPS"], named["LAMMPS"])]
     assert page.methods(section) == listed
-    drawn: list[draw.Marks] = []
+    drawn: list[page.Marks] = []
 
-    def drawing(panel: Panel, others: object, marks: draw.Marks) -> Figure:
+    def drawing(panel: Panel, others: object, marks: page.Marks) -> Figure:
         drawn.append(marks)
         return Figure()
 
-    monkeypatch.setattr(draw, "panel_figure", drawing)
+    monkeypatch.setattr(page, "panel_figure", drawing)
     page.write(replace(made_chart(), sections=(section,)), tmp_path)
     assert drawn[0] == drawn[1] and {"one", "two"} <= set(drawn[0])
     text = (tmp_path / "report.html").read_text()

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import ExitStack
-from typing import Any
 
 import numpy as np
 import pytest
 
-from lammps_cases.engine import session
+from lammps_cases.engine.session import Session
 from lammps_cases.records import measure
 from lammps_cases.records.measure import Call, Timing
-from lammps_cases.studies.chart import kernels, timestep
-from lammps_cases.studies.chart.prepared import prepared
+from lammps_cases.studies.chart import collect, flows, kernels
+from lammps_cases.studies.chart.kernels import prepared
 from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.flow import relative
 
@@ -22,8 +21,8 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def lmp() -> Any:
-    return session.open_lammps()
+def session() -> Session:
+    return Session()
 
 
 @pytest.fixture
@@ -45,9 +44,9 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("untimed", "small")
-@pytest.mark.parametrize("module", [kernels, timestep], ids=["kernels", "timestep"])
-def test_panels_are_complete(module: Any) -> None:
-    panels = list(module.panels(True, None))
+@pytest.mark.parametrize("section", ["kernels", "timestep"])
+def test_panels_are_complete(section: str) -> None:
+    panels = list(collect.PANELS[section](True, None))
     assert len({panel.id for panel in panels}) == len(panels)
     for panel in panels:
         for regime in panel.regimes:
@@ -70,9 +69,9 @@ def test_the_gradient_is_that_of_the_field() -> None:
 
 
 @pytest.mark.lammps
-def test_both_engines_have_the_same_gradients(lmp: Any) -> None:
+def test_both_engines_have_the_same_gradients(session: Session) -> None:
     with ExitStack() as stack:
-        runs = kernels.run(kernels.gradients((2.0, 3.0), 0.2, 16), lmp, stack)
+        runs = kernels.run(kernels.gradients((2.0, 3.0), 0.2, 16), session, stack)
     for name in (name for name in runs if not name.startswith("LAMMPS")):
         theirs_n = runs[f"LAMMPS {name}"].value_n
         # Sums of fewer than 40 terms of size k, each with a few roundings; the corrections' matrix loses some digits.
@@ -129,32 +128,32 @@ def test_maps_have_a_value_for_every_cutoff_and_disorder(monkeypatch: pytest.Mon
 # --- time step
 
 
-def shear() -> timestep.Wave:
-    return timestep.waves()[0]
+def shear() -> flows.Wave:
+    return flows.waves()[0]
 
 
 def test_the_time_step_is_of_first_order_for_viscosity() -> None:
-    solved = timestep.solve(shear(), 16, timestep.FRACTIONS, 1 / 16, [None] * 5)
-    found = timestep.order(solved)
+    solved = flows.solve(shear(), 16, flows.FRACTIONS, 1 / 16, [None] * 5)
+    found = flows.order(solved)
     assert abs(found.order - 1) < 0.1 and found.standard_error < 0.05
     assert [s.temporal for s in solved] == sorted((s.temporal for s in solved), reverse=True)
 
 
 @pytest.mark.lammps
-def test_both_engines_become_unstable_at_the_same_step(lmp: Any) -> None:
-    ours, theirs = (timestep.stability(FLOWS["shear-wave"], 16, who) for who in (None, lmp))
-    assert ours.low < ours.high < timestep.CLOSE * 1.001 * ours.low
+def test_both_engines_become_unstable_at_the_same_step(session: Session) -> None:
+    ours, theirs = (flows.stability(FLOWS["shear-wave"], 16, who) for who in (None, session))
+    assert ours.low < ours.high < flows.CLOSE * 1.001 * ours.low
     assert ours == theirs  # the same bisection, so the same ends
-    assert not timestep._grows(FLOWS["shear-wave"], 16, ours.low, None)
-    assert timestep._grows(FLOWS["shear-wave"], 16, ours.high, None)
+    assert not flows._grows(FLOWS["shear-wave"], 16, ours.low, None)
+    assert flows._grows(FLOWS["shear-wave"], 16, ours.high, None)
 
 
 @pytest.mark.lammps
-def test_stepping_by_hand_is_stepping_at_once(lmp: Any) -> None:
-    start = timestep.started(FLOWS["sound-wave-linear"], 16, 1.0)
-    for who in (None, lmp):
-        shots = timestep.shots(timestep.stepping(start, who), start.steps)
+def test_stepping_by_hand_is_stepping_at_once(session: Session) -> None:
+    start = flows.started(FLOWS["sound-wave-linear"], 16, 1.0)
+    for who in (None, session):
+        shots = flows.shots(flows.stepping(start, who), start.steps)
         assert [round(shot.time / start.timestep) for shot in shots] == list(start.steps)
-        at_once = timestep.stepping(start, who)
+        at_once = flows.stepping(start, who)
         at_once.advance(start.steps[-1])
         assert np.array_equal(at_once.snapshot().rho_n, shots[-1].rho_n)

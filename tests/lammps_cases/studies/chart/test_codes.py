@@ -14,12 +14,12 @@ import pytest
 from eos_ref import InputError
 from eos_ref.analytic import waves
 from lammps_cases.report.pages.figures import BLUE, RED
-from lammps_cases.studies.chart import codes, draw, pysph, record
+from lammps_cases.studies.chart import codes, page, record
 from lammps_cases.studies.chart.codes import COMPARED, SWIRL, by_pysph
 from lammps_cases.studies.chart.record import Chart, Section
 from lammps_cases.studies.flows import periodic
-from lammps_cases.studies.flows.converge import Convergence
 from lammps_cases.studies.flows.flow import Options
+from lammps_cases.studies.flows.solve import Convergence
 from tests.support.outcome import Outcome
 from tests.support.roundings import HALF_EPS, rounded
 from tests.workshop import tables_codes, tables_validation
@@ -119,7 +119,7 @@ def test_vortices_at_rest_on_a_lattice_are_as_they_were() -> None:
 def test_a_peer_that_fails_is_one_line(tmp_path: Path, code: str | None, words: str) -> None:
     named = str(tmp_path / "nowhere") if code is None else python(tmp_path, code)
     with pytest.raises(InputError, match=f"Python of PySPH: {words}") as caught:
-        pysph.answer(named, "script.py", limit=0.5 if code and "sleep" in code else 600.0)
+        codes.pysph_answer(named, "script.py", limit=0.5 if code and "sleep" in code else 600.0)
     assert len(str(caught.value).splitlines()) == 1
 
 
@@ -187,12 +187,12 @@ def test_a_code_has_one_colour_and_what_stopped_is_no_point() -> None:
         made("PySPH tvf", (0.2, 0.1)),
         made("PySPH edac", (0.3, 0.1)),
     ]
-    figure = draw.codes_figure(runs)
+    figure = page.codes_figure(runs)
     [axis] = figure.axes
     drawn = {line.get_color(): list(line.get_ydata()) for line in axis.lines if line.get_marker() != "^"}
-    assert drawn == {BLUE: [0.1, 0.05], draw._PEER: [0.2, 0.1]}
+    assert drawn == {BLUE: [0.1, 0.05], page._PEER: [0.2, 0.1]}
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [codes.name(run) for run in runs]
-    assert draw._code("lammps")["color"] == RED
+    assert page._code("lammps")["color"] == RED
     assert [row[-1] for row in codes.rows(runs)][2:4] == ["Lost atoms", "Lost atoms"]
 
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from lammps_cases.records.measure import ConfidenceInterval
-from lammps_cases.studies.chart import draw, page, record
-from lammps_cases.studies.chart.points import MethodPoint, Panel
-from lammps_cases.studies.chart.record import Chart, Section
+from lammps_cases.studies.chart import page, record
+from lammps_cases.studies.chart.record import Chart, MethodPoint, Panel, Section
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
@@ -31,7 +30,7 @@ def chart(version: str, ns: float) -> Chart:
 
 
 def test_points_and_frontier_of_another_engine_are_drawn_over_the_first() -> None:
-    alone, both = draw.panel_figure(panel(9.0)), draw.panel_figure(panel(9.0), [("2026.7.4", panel(5.0))])
+    alone, both = page.panel_figure(panel(9.0)), page.panel_figure(panel(9.0), [("2026.7.4", panel(5.0))])
     lines = [[tuple(line.get_xdata()) for line in figure.axes[0].lines] for figure in (alone, both)]
     assert lines[1][: len(lines[0])] == lines[0], "the first engine's are where they were"
     added = both.axes[0].lines[len(lines[0]) :]

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lammps_cases.records.measure import Timing
-from lammps_cases.studies.chart.points import DIGITS, MethodPoint, compared, frontier, point
+from lammps_cases.studies.chart.record import DIGITS, MethodPoint, compared, frontier, point
 from tests.support.roundings import rounded
 
 pytestmark = pytest.mark.slow

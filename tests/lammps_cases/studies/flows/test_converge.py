@@ -11,9 +11,9 @@ from scipy.stats import linregress
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.engine.workers import Workers
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.converge import by_lammps, by_reference, converge, fit, in_worker
 from lammps_cases.studies.flows.flow import Flow, Options, Start
 from lammps_cases.studies.flows.periodic import SHEAR
+from lammps_cases.studies.flows.solve import by_lammps, by_reference, converge, fit, in_worker
 from tests.support.roundings import HALF_EPS, rounded
 
 pytestmark = pytest.mark.slow

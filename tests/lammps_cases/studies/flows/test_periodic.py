@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,11 +10,10 @@ import pytest
 from eos_ref import InputError
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.kernels.quintic import QUINTIC
-from lammps_cases.engine import session
+from lammps_cases.engine.session import Session
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.thermal import HeatAsTemperatureRate
 from lammps_cases.setup import reference_side
-from lammps_cases.studies.flows.converge import ENGINES, Engine, by_lammps, by_reference, converge
 from lammps_cases.studies.flows.flow import Flow, Options, Start
 from lammps_cases.studies.flows.periodic import (
     COMPRESSED,
@@ -30,6 +28,7 @@ from lammps_cases.studies.flows.periodic import (
     VORTICES,
     wave_number,
 )
+from lammps_cases.studies.flows.solve import ENGINES, Engine, by_lammps, by_reference, converge
 from tests.support.flow_faults import Plant, differences, in_scene, of_types
 
 pytestmark = pytest.mark.slow
@@ -39,8 +38,8 @@ SAME = 1e-8  # formulas that are the same on paper differ by roundings, which hu
 
 
 @pytest.fixture(scope="module")
-def lmp() -> Any:
-    return session.open_lammps()
+def session() -> Session:
+    return Session()
 
 
 def orders(flow: Flow, plant: Plant | None = None) -> dict[str, float]:
@@ -127,21 +126,21 @@ def test_sound_grows_unless_the_step_is_short(name: Engine) -> None:
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("flow", [SHEAR, VORTICES, *SOUNDS], ids=lambda flow: flow.name)
-def test_findings_account_for_lammps(flow: Flow, lmp: Any) -> None:
+def test_findings_account_for_lammps(flow: Flow, session: Session) -> None:
     """With forces per volume the reference does what LAMMPS does."""
     n = 12
     shot = by_reference(flow.start(n, flow.options)).snapshots[-1]
-    assert max(differences(flow, n, ForcePerVolume, lmp)) < SAME
+    assert max(differences(flow, n, ForcePerVolume, session)) < SAME
     assert np.abs(shot.rho_n / shot.rho_n.mean() - 1).max() < 20 * COMPRESSED or flow is VORTICES
 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("extra", [{}, {"cv": 2.0}, {"rho0": 2.0, "cv": 3.0}], ids=["unit", "cv", "rho0-cv"])
-def test_findings_account_for_heat(extra: dict[str, float | str], lmp: Any) -> None:
+def test_findings_account_for_heat(extra: dict[str, float | str], session: Session) -> None:
     """heat-is-temperature-rate: the diffusivity for the conductivity, which is the same where m, V and cv are 1."""
     n, options = 12, replace(HEAT.options, extra=extra)
     start = HEAT.start(n, options)
-    found = by_lammps(start, lmp).snapshots[-1]
+    found = by_lammps(start, session).snapshots[-1]
     scene = start.case.scene
     model, box = reference_side.model(scene, start.atoms, ""), reference_side.box(scene, start.atoms)
     simulation = Simulation(model, box, reference_side.state(scene, start.atoms), (), HeatAsTemperatureRate)

@@ -10,11 +10,11 @@ import pytest
 from eos_ref import InputError
 from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from lammps_cases.engine import session
+from lammps_cases.engine.session import Session
 from lammps_cases.findings.forces import ForcePerVolume
-from lammps_cases.studies.flows.converge import converge
 from lammps_cases.studies.flows.flow import Options
-from lammps_cases.studies.flows.shock import SHOCK_TUBE, problem, without_volume
+from lammps_cases.studies.flows.solve import converge
+from lammps_cases.studies.flows.surfaces import SHOCK_TUBE, problem, without_volume
 from tests.support.flow_faults import Plant, differences, of_energy, of_gamma, of_types, order
 
 pytestmark = pytest.mark.slow
@@ -52,9 +52,9 @@ def test_lammps_converges_to_the_solution_without_volumes() -> None:
 
 @pytest.mark.lammps
 def test_finding_accounts_for_lammps() -> None:
-    lmp = session.open_lammps()
-    assert max(differences(SHOCK_TUBE, QUICK[0], ForcePerVolume, lmp)) < SAME
-    assert max(differences(SHOCK_TUBE, QUICK[0], ArrayEvaluator, lmp)) > 1e4 * SAME
+    session = Session()
+    assert max(differences(SHOCK_TUBE, QUICK[0], ForcePerVolume, session)) < SAME
+    assert max(differences(SHOCK_TUBE, QUICK[0], ArrayEvaluator, session)) > 1e4 * SAME
 
 
 def test_solution_without_volumes() -> None:

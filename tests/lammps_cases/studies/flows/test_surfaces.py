@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from lammps_cases.engine import session
+from lammps_cases.engine.session import Session
 from lammps_cases.findings.forces import ForcePerVolume
-from lammps_cases.studies.flows.converge import converge
 from lammps_cases.studies.flows.flow import Flow
+from lammps_cases.studies.flows.solve import converge
 from lammps_cases.studies.flows.surfaces import DROP, INTERFACE
 from tests.support.flow_faults import Plant, differences, faster, of_types, order
 
@@ -23,8 +21,8 @@ flows = pytest.mark.parametrize("flow", [DROP, INTERFACE], ids=["drop", "interfa
 
 
 @pytest.fixture(scope="module")
-def lmp() -> Any:
-    return session.open_lammps()
+def session() -> Session:
+    return Session()
 
 
 @flows
@@ -58,6 +56,6 @@ def test_lammps_converges_as_well(flow: Flow) -> None:
 
 @pytest.mark.lammps
 @flows
-def test_finding_accounts_for_lammps(flow: Flow, lmp: Any) -> None:
-    assert max(differences(flow, QUICK[0], ForcePerVolume, lmp)) < SAME
-    assert max(differences(flow, QUICK[0], ArrayEvaluator, lmp)) > 1e3 * SAME
+def test_finding_accounts_for_lammps(flow: Flow, session: Session) -> None:
+    assert max(differences(flow, QUICK[0], ForcePerVolume, session)) < SAME
+    assert max(differences(flow, QUICK[0], ArrayEvaluator, session)) > 1e3 * SAME

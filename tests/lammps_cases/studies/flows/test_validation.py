@@ -12,25 +12,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.engine import session
-from lammps_cases.engine.session import EngineRefused
+from lammps_cases.engine.session import EngineRefused, Session
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.files import DATA
-from lammps_cases.studies.flows import cavity, channel, convection, drops, page, record, run
+from lammps_cases.studies.flows import cavity, drops, page, run, walls
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
-from lammps_cases.studies.flows.converge import FlowResult, by_reference
 from lammps_cases.studies.flows.flow import Flow, ReferenceCurve, Snapshot, Start, table
-from lammps_cases.studies.flows.page import Effect
-from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
-from lammps_cases.studies.flows.stepping import LammpsFlow, ReferenceFlow
+from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, UNIT, Effect, FlowRecord, Lost, Validated
+from lammps_cases.studies.flows.solve import FlowResult, LammpsFlow, ReferenceFlow, by_reference
 from tests.support.flow_faults import Plant, of_gravity, of_types
 from tests.support.outcome import Outcome
 from tests.support.roundings import rounded
 from tests.workshop import tables_validation
 
 Run = Callable[..., Outcome]
-THICK = channel.THICKENING
+THICK = walls.THICKENING
 
 
 # --- what is known
@@ -56,7 +53,7 @@ def test_the_cavity_has_seventeen_points_on_each_line_and_walls_at_their_ends() 
 @pytest.mark.parametrize("power", [0.5, 1.5])
 def test_the_power_law_has_the_velocity_of_the_closed_form(power: float) -> None:
     """Where the law is not cut: a cut at zero rate is no cut."""
-    cut = channel.power_law(power, 64)
+    cut = walls.power_law(power, 64)
     uncut = replace(cut, eta=cut.K * (1e-9 * cut.gd0) ** (power - 1), gd0=1e-9 * cut.gd0)
     y = np.linspace(0, 64, 65)
     away = np.abs(y - 32)
@@ -70,9 +67,9 @@ def test_a_stiff_plug_becomes_rigid() -> None:
     """The stiffer it is below the yield stress, the nearer Bingham's own solution; in proportion."""
     y, misses = np.linspace(0, 24, 49), []
     for stiff in (20.0, 200.0):
-        soft = channel.bingham(24)
+        soft = walls.bingham(24)
         law = replace(soft, eta=stiff, gd0=soft.yield_stress / (stiff - soft.K))
-        misses.append(np.abs(law.velocity(y) - channel.ideal_bingham(law, y)).max())
+        misses.append(np.abs(law.velocity(y) - walls.ideal_bingham(law, y)).max())
     assert 8 < misses[0] / misses[1] < 12
 
 
@@ -114,7 +111,7 @@ def test_a_quick_flow_agrees_is_drawn_and_is_not_run_again(
     first = eos_ref_command("validate", "--quick", THICK.name, "--out", tmp_path)
     assert first.code == 0
     assert f"report: {tmp_path / 'report.html'}" in first.out
-    validated = record.DOCUMENT.read(tmp_path / "validate.json")
+    validated = page.DOCUMENT.read(tmp_path / "validate.json")
     ours, theirs = (validated.of(THICK.name, side) for side in (REFERENCE, LAMMPS))
     assert [of.n for of in ours] == [of.n for of in theirs] == list(THICK.quick)
     for one, other in zip(ours, theirs, strict=True):
@@ -264,7 +261,7 @@ def test_particles_are_gone_beyond_an_end_of_the_box_or_nowhere() -> None:
         moved_nc = x_nc.copy()
         moved_nc[3, axis] = value
         zero_n = np.zeros(len(x_nc))
-        shot = Snapshot(0.0, moved_nc, np.zeros_like(x_nc), zero_n, None, zero_n, None)
+        shot = Snapshot(0, moved_nc, np.zeros_like(x_nc), zero_n, zero_n)
         assert run.gone(start, shot) is expected
 
 
@@ -347,22 +344,23 @@ def test_the_ellipse_keeps_its_energy() -> None:
 
 
 @pytest.mark.lammps
-@pytest.mark.parametrize("of", [drops.DROP, convection.CONVECTION], ids=lambda of: of.name)
+@pytest.mark.parametrize("of", [drops.DROP, cavity.CONVECTION], ids=lambda of: of.name)
 def test_a_body_pulls_on_both_sides_alike(of: Flow) -> None:
     """What it adds to the forces of the set-up is what its formula says, on fluid alone, but for rounding."""
-    start, lmp = of.start(10, of.options), session.open_lammps()
+    start, lammps = of.start(10, of.options), Session()
     body, atoms = start.body, start.atoms
     assert body
 
     def of_lammps(begin: Start) -> Any:
-        LammpsFlow(begin, lmp)
+        LammpsFlow(begin, lammps)
+        lmp = lammps.open()
         order = np.argsort(lmp.numpy.extract_atom("id"))
         return np.array(lmp.numpy.extract_atom("f"))[order][:, :2]
 
     def of_reference(begin: Start) -> Any:
         return ReferenceFlow(begin).simulation.fields["f"]
 
-    T_n = None if atoms.energy_n is None else np.where(atoms.type_n > 2, 1 / convection.HEAVY, 1.0) * atoms.energy_n
+    T_n = None if atoms.energy_n is None else np.where(atoms.type_n > 2, 1 / cavity.HEAVY, 1.0) * atoms.energy_n
     exact_nc = np.where((atoms.type_n == 1)[:, None], body.force(atoms.mass_n, atoms.x_nc[:, :2], T_n), 0.0)
     for forces in (of_lammps, of_reference):
         with_nc, without_nc = forces(start), forces(replace(start, body=None))
@@ -374,7 +372,7 @@ def test_a_body_pulls_on_both_sides_alike(of: Flow) -> None:
 @pytest.mark.lammps
 def test_no_fix_of_lammps_has_a_surface_tension() -> None:
     assert "RHEO has no surface tension" in drops.NO_TENSION
-    styles = session.open_lammps().available_styles("fix")
+    styles = Session().open().available_styles("fix")
     assert "rheo/viscosity" in styles
     assert not [style for style in styles if "tension" in style]
 
@@ -384,7 +382,7 @@ def test_no_fix_of_lammps_has_a_surface_tension() -> None:
 
 def test_the_document_has_the_table_that_was_measured() -> None:
     path = Path(__file__).parents[4] / "docs" / "validation.md"
-    measured, text = record.DOCUMENT.read(tables_validation.MEASURED), path.read_text(encoding="utf-8")
+    measured, text = page.DOCUMENT.read(tables_validation.MEASURED), path.read_text(encoding="utf-8")
     assert tables_validation.document(text, measured) == text
     assert not measured.quick
 

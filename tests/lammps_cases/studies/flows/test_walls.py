@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
 from eos_ref import EOS
 from eos_ref.analytic.channel import column
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from lammps_cases.engine import session
+from lammps_cases.engine.session import Session
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.walls import WallVelocityLost
-from lammps_cases.studies.flows.converge import Engine, converge
 from lammps_cases.studies.flows.flow import Flow, Options
+from lammps_cases.studies.flows.solve import Engine, converge
 from lammps_cases.studies.flows.walls import COMPRESSION, COUETTE, COUETTE_STORED, POISEUILLE, TANK
 from tests.support.flow_faults import Plant, differences, faster, of_gravity, of_types, order
 
@@ -30,8 +29,8 @@ class ForceAndWall(ForcePerVolume, WallVelocityLost):
 
 
 @pytest.fixture(scope="module")
-def lmp() -> Any:
-    return session.open_lammps()
+def session() -> Session:
+    return Session()
 
 
 @pytest.mark.parametrize(
@@ -88,10 +87,13 @@ def test_lammps_tank_keeps_an_error_of_the_size_of_its_compression() -> None:
     [(POISEUILLE, ForcePerVolume), (COUETTE, ForceAndWall), (TANK, ForcePerVolume)],
     ids=["poiseuille", "couette", "tank"],
 )
-def test_findings_account_for_lammps(flow: Flow, stages: type[ArrayEvaluator], lmp: Any) -> None:
+def test_findings_account_for_lammps(flow: Flow, stages: type[ArrayEvaluator], session: Session) -> None:
     """With the findings' variants the reference does what LAMMPS does, without them it does not (poiseuille: "
     "hardly)."""
-    explained, plain = differences(flow, QUICK[0], stages, lmp), differences(flow, QUICK[0], ArrayEvaluator, lmp)
+    explained, plain = (
+        differences(flow, QUICK[0], stages, session),
+        differences(flow, QUICK[0], ArrayEvaluator, session),
+    )
     assert max(explained) < SAME
     assert flow is POISEUILLE or max(plain) > 1e4 * SAME
 

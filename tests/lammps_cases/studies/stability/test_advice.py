@@ -20,8 +20,7 @@ from eos_ref.model.state import State
 from lammps_cases.audit.evaluation import ParticleSample, TimedSample
 from lammps_cases.audit.warn import Questions
 from lammps_cases.setup import reference_side
-from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.flows.flow import Options, Start, rows, start
 from lammps_cases.studies.stability.advice import advice, judge
 from lammps_cases.studies.stability.limits import (
     Curve,

@@ -14,13 +14,14 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.engine.stepping import Instance
+from lammps_cases.engine.session import Session
 from lammps_cases.records.progress import SILENT
-from lammps_cases.studies.stability import atlas, kinds, record
+from lammps_cases.studies.stability import atlas, kinds, model
 from lammps_cases.studies.stability.atlas import Survey, agreement, boundaries, places, sequence, wanted
 from lammps_cases.studies.stability.maps import MAPS
 from lammps_cases.studies.stability.model import (
     ENGINES,
+    Atlas,
     Axis,
     CellOutcome,
     CellRun,
@@ -32,7 +33,6 @@ from lammps_cases.studies.stability.model import (
     StabilityMap,
 )
 from lammps_cases.studies.stability.probe import Examined, follow
-from lammps_cases.studies.stability.record import Atlas
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.roundings import rounded
 from tests.support.stability_scenes import resting, viscous
@@ -137,7 +137,7 @@ class Threads:
         start, watch = faulty.start(cell), of.watch(cell)
 
         def work() -> None:
-            run = partial(open_run, start, watch, "reference", Instance(None))
+            run = partial(open_run, start, watch, "reference", Session())
             later.future.set_result(follow(run, kinds.subject(start), watch, start.steps[-1]))
 
         threading.Timer(float(self.random.uniform(0, 0.01)), work).start()
@@ -178,7 +178,7 @@ def test_a_planted_viscosity_differs(tmp_path: Path) -> None:
 def test_results_do_not_depend_on_who_comes_first(tmp_path: Path) -> None:
     ones = [surveyed(Threads(delays=k), tmp_path / str(k)).maps for k in (1, 2)]
     assert ones[0] == ones[1]
-    kept = [{part.key: part.result for part in record.cells(tmp_path / str(k)).journal.entries()} for k in (1, 2)]
+    kept = [{part.key: part.result for part in model.cells(tmp_path / str(k)).journal.entries()} for k in (1, 2)]
     assert kept[0] == kept[1]
 
 
@@ -197,7 +197,7 @@ def test_a_killed_survey_loses_the_cell_it_was_writing(tmp_path: Path) -> None:
     again = Threads()
     assert surveyed(again, tmp_path).maps == first.maps
     assert again.asked == 3
-    assert len({one.key for one in record.cells(tmp_path).journal.entries()}) == len(lines)
+    assert len({one.key for one in model.cells(tmp_path).journal.entries()}) == len(lines)
 
 
 # --- the whole, with LAMMPS
@@ -216,12 +216,12 @@ def test_an_atlas_is_measured_kept_and_read_again(tmp_path: Path, small: list[St
     first = atlas.measure(small, tmp_path, "test")
     kept = (tmp_path / "cells.jsonl").read_bytes()
     assert kept.count(b"\n") == sum(len(m.cells) for m in first.maps)
-    assert repr(record.DOCUMENT.read(tmp_path / "atlas.json")) == repr(first)  # NaN is not itself
+    assert repr(model.DOCUMENT.read(tmp_path / "atlas.json")) == repr(first)  # NaN is not itself
     assert [a.verdict for m in first.maps for a in m.agreement] == ["same"] * 3
-    states = {record.state_file(tmp_path, r.cell, r.engine) for r in first.maps[1].cells if r.outcome.kind != "stable"}
+    states = {model.state_file(tmp_path, r.cell, r.engine) for r in first.maps[1].cells if r.outcome.kind != "stable"}
     assert states == set((tmp_path / "states").glob("*.npz"))
     failed = next(r for r in first.maps[1].cells if r.outcome.kind == "energy growth")
-    before = record.read_state(tmp_path, failed.cell, failed.engine)
+    before = model.read_state(tmp_path, failed.cell, failed.engine)
     assert before is not None
     assert before["failing"].tolist() == [failed.outcome.atom]
     assert before["x"].shape == (100, 2) and int(before["step"]) == (failed.outcome.step or 0) - 1
@@ -240,16 +240,16 @@ def test_an_atlas_is_measured_kept_and_read_again(tmp_path: Path, small: list[St
 
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
-        record.DOCUMENT.read(tmp_path / "atlas.json")
+        model.DOCUMENT.read(tmp_path / "atlas.json")
     (tmp_path / "atlas.json").write_text("{}")
     with pytest.raises(InputError, match="eos-ref/stability/1"):
-        record.DOCUMENT.read(tmp_path / "atlas.json")
+        model.DOCUMENT.read(tmp_path / "atlas.json")
 
 
 def test_numbers_that_json_has_not_come_back(tmp_path: Path) -> None:
     ran = CellRun(MapCell("m", 0.1, 1.0), "lammps", CellOutcome("overflow", 3, 5, float("inf")))
-    record.cells(tmp_path).add("k", ran)
-    assert record.cells(tmp_path).get("k") == ran
+    model.cells(tmp_path).add("k", ran)
+    assert model.cells(tmp_path).get("k") == ran
 
 
 # --- the maps

@@ -13,7 +13,7 @@ import pytest
 
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import MapDifference
-from lammps_cases.studies.stability import atlas, maps, probe, record
+from lammps_cases.studies.stability import atlas, maps, model, probe
 from lammps_cases.studies.stability.limits import Limits, read
 from tests.support.made_atlas import MAP, made_atlas
 from tests.support.outcome import Outcome
@@ -36,7 +36,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     def measure(chosen: Any, out: Path, command: str, **options: Any) -> Any:
         asked.append({"chosen": [one.id for one in chosen], **options})
         found = made_atlas(out)
-        record.write(found, out)
+        model.write(found, out)
         return found
 
     monkeypatch.setattr(atlas, "measure", measure)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.engine import session
+from lammps_cases.engine.reading import read
+from lammps_cases.engine.session import open_lammps, run
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.flows.flow import Options, Start, rows, start
 from lammps_cases.studies.stability.page import deck
 
 pytestmark = pytest.mark.lammps
@@ -26,7 +26,7 @@ ARRAYS = ("x", "v", "rho")
 
 @pytest.fixture(scope="module")
 def lmp() -> Any:
-    return session.open_lammps()
+    return open_lammps()
 
 
 def flow(name: str, n: int, steps: int, **options: Any) -> Start:
@@ -64,8 +64,8 @@ def disordered(**scene: Any) -> Start:
 def ours(lmp: Any, begun: Start) -> dict[str, Any]:
     """The last arrays of the engine's own run."""
     told = job(begun.case.scene, begun.atoms, plan(begun.case.scene))
-    session.run(lmp, told)
-    return session.read(lmp, told.outputs, ARRAYS)
+    run(lmp, told)
+    return read(lmp, told.outputs, ARRAYS)
 
 
 def of_deck(lmp: Any, text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
@@ -74,7 +74,7 @@ def of_deck(lmp: Any, text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) 
     Path("in.cell").write_text(text)
     lmp.command("clear")
     lmp.file("in.cell")
-    return session.read(lmp, {}, ARRAYS)
+    return read(lmp, {}, ARRAYS)
 
 
 STARTS: dict[str, Callable[[], Start]] = {

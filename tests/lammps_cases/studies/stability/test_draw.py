@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lammps_cases.report.pages.figures import svg
-from lammps_cases.studies.flows.layout import rows
+from lammps_cases.studies.flows.flow import rows
 from lammps_cases.studies.stability import draw
 from lammps_cases.studies.stability.model import KINDS, Boundary, Engine, Kind
 from tests.support.made_atlas import MAP, PLACES, kind, made_map

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lammps_cases.studies.flows.flow import Snapshot
 from lammps_cases.studies.stability import kinds
-from lammps_cases.studies.stability.kinds import Observation, ParticleFailure
+from lammps_cases.studies.stability.kinds import ParticleFailure
 from lammps_cases.studies.stability.model import KINDS, FailureCriteria
 from tests.support.roundings import rounded
 from tests.support.stability_scenes import brute_moments, channel
@@ -26,12 +27,12 @@ WATCH = FailureCriteria(
     growth=4.0, closest=0.5, hyperbolic=True, pressure=True, behind=(1, 1.7), surface={10: 0, 60: 1}, condition=1e12
 )
 
-LOOK = Observation(7, X, V, np.ones(N), np.full(N, 0.5), None, np.where(OF.id_n == 60, 1.0, 0.0))
+LOOK = Snapshot(7, X, V, np.ones(N), np.full(N, 0.5), None, np.where(OF.id_n == 60, 1.0, 0.0))
 K = 40  # a fluid particle far from all faces
 WALL = int(np.flatnonzero(OF.solid_n)[0])
 
 
-def put(**rows: tuple[int, object]) -> Observation:
+def put(**rows: tuple[int, object]) -> Snapshot:
     """The sound look with one row of some arrays replaced."""
     changed = {}
     for name, (k, value) in rows.items():
@@ -40,7 +41,7 @@ def put(**rows: tuple[int, object]) -> Observation:
     return replace(LOOK, **changed)
 
 
-def seen(look: Observation, watch: FailureCriteria = WATCH, energy: float | None = ENERGY) -> ParticleFailure | None:
+def seen(look: Snapshot, watch: FailureCriteria = WATCH, energy: float | None = ENERGY) -> ParticleFailure | None:
     return kinds.first(OF, watch, look, energy)
 
 
@@ -55,7 +56,7 @@ def apart(distance: float) -> Any:
 
 
 NAN = pytest.approx(np.nan, nan_ok=True)
-PLANTED: dict[str, Callable[[], tuple[Observation, ParticleFailure]]] = {
+PLANTED: dict[str, Callable[[], tuple[Snapshot, ParticleFailure]]] = {
     "lost": lambda: (put(x_nc=(K, (3.0, 13.25))), ParticleFailure("lost particles", K + 1, 0.25)),
     "nan density": lambda: (put(rho_n=(K, np.nan)), ParticleFailure("non-finite", K + 1, NAN)),
     "nan pressure": lambda: (put(pressure_n=(K, np.nan)), ParticleFailure("non-finite", K + 1, NAN)),
@@ -162,7 +163,7 @@ def test_condition_is_that_of_an_own_sum_and_an_own_norm() -> None:
     assert seen(LOOK, replace(WATCH, condition=conditions[worst] * 1.001)) is None
 
 
-def collinear() -> Observation:
+def collinear() -> Snapshot:
     """One fluid particle with five neighbours, all on a line: no second derivative across it."""
     x_nc = X.copy()
     x_nc[FLUID[-6:]] = [(1.0 + 0.75 * k, 12.0) for k in range(6)]

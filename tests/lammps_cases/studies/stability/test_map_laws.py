@@ -98,7 +98,7 @@ def test_lost_digits_are_seen() -> None:
     cell = MapCell("", 0.5, 1.3)
     start = laws.LIMIT.start(cell)
     run = open_run(start, FailureCriteria(), "reference", living())
-    of, look = kinds.subject(start), run.look()
+    of, look = kinds.subject(start), run.snapshot()
     for error, wanted in ((1e-9, None), (1e-7, "lost digits")):
         found = kinds.first(
             of, FailureCriteria(digits=8), replace(look, pressure_n=look.pressure_n * (1 + error)), None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lammps_cases.studies.stability.maps import phases
+from lammps_cases.studies.stability.maps import tension
 from lammps_cases.studies.stability.model import ENGINES, Engine, MapCell
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.roundings import rounded
@@ -13,7 +13,7 @@ from tests.support.stability_cells import living, outcome
 
 pytestmark = pytest.mark.slow
 
-MAP = phases.MAPS[0]
+MAP = tension.PHASES_MAPS[0]
 
 
 @pytest.mark.lammps
@@ -48,17 +48,17 @@ def test_tension_of_summed_densities() -> None:
     cell = MapCell(MAP.id, 1000.0, 1.0, "rho/sum")
     start = MAP.start(cell)
     run = open_run(start, MAP.watch(cell), "reference", living())
-    look, heavy_n = run.look(), start.atoms.type_n == 1
-    depth_n = phases.SIZE / 4 - np.abs(start.atoms.x_nc[:, 0] - phases.SIZE / 2)
+    look, heavy_n = run.snapshot(), start.atoms.type_n == 1
+    depth_n = tension.SIZE / 4 - np.abs(start.atoms.x_nc[:, 0] - tension.SIZE / 2)
     face_n = heavy_n & (depth_n < 0.7)
     deep_n = heavy_n & (depth_n > 2.2)
-    assert look.pressure_n[face_n].max() < 0 < phases.BACKGROUND
-    assert abs(np.mean(look.pressure_n[deep_n]) - phases.BACKGROUND) < 0.05
+    assert look.pressure_n[face_n].max() < 0 < tension.BACKGROUND
+    assert abs(np.mean(look.pressure_n[deep_n]) - tension.BACKGROUND) < 0.05
     # On the interface half of the mass is missing; the first particles lie half a spacing inside.
-    assert -0.5 < np.mean(look.pressure_n[face_n]) - phases.BACKGROUND < -0.2
+    assert -0.5 < np.mean(look.pressure_n[face_n]) - tension.BACKGROUND < -0.2
 
 
 def test_the_boundary_lies_beyond_the_viscous_limit() -> None:
-    limit = phases.viscous_limit(1.0)
+    limit = tension.viscous_limit(1.0)
     assert limit == rounded(11.5, 8)  # 2 h^2/8 over nu dt = 0.1 x 0.2, less 1
     assert outcome(MAP, limit, 1.0, "continuity").kind == "stable"

@@ -10,7 +10,7 @@ import pytest
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.setup import reference_side
-from lammps_cases.studies.stability.maps import precision
+from lammps_cases.studies.stability.maps import timestep
 from lammps_cases.studies.stability.model import ENGINES, Kind, MapCell, StabilityMap
 from lammps_cases.studies.stability.runs import ReferenceRun, open_run, single_simulation
 from tests.support.stability_cells import living, outcome
@@ -25,8 +25,8 @@ def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
 def test_all_of_it_is_float32() -> None:
     """After some steps no array of the state or the fields is longer; else the layer would be float64 in disguise."""
     cell = MapCell("", 1.0, 0.03, "float32")
-    start = precision.STEP.start(cell)
-    run = open_run(start, precision.STEP.watch(cell), "reference", living())
+    start = timestep.PRECISION_STEP.start(cell)
+    run = open_run(start, timestep.PRECISION_STEP.watch(cell), "reference", living())
     assert isinstance(run, ReferenceRun)
     run.advance(3)
     simulation = run.simulation
@@ -38,9 +38,9 @@ def test_all_of_it_is_float32() -> None:
 
 def test_it_is_the_same_model() -> None:
     """Forces of both types agree to a few float32 roundings of their terms."""
-    start = precision.STEP.start(MapCell("", 1.0, 0.3, "float64"))
+    start = timestep.PRECISION_STEP.start(MapCell("", 1.0, 0.3, "float64"))
     x_nc = start.atoms.x_nc + np.random.default_rng(1).uniform(-0.1, 0.1, start.atoms.x_nc.shape) * (1, 1, 0)
-    short = precision.single(replace(start, atoms=replace(start.atoms, x_nc=x_nc))).atoms
+    short = timestep.single(replace(start, atoms=replace(start.atoms, x_nc=x_nc))).atoms
     doubles = {name: getattr(short, name).astype(float) for name in ("x_nc", "v_nc", "rho_n")}
     half = single_simulation(start.case.scene, short)
     long = reference_side.simulation(start.case.scene, replace(short, **doubles), evaluator=ArrayEvaluator)
@@ -51,7 +51,7 @@ def test_it_is_the_same_model() -> None:
 
 
 def test_float32_is_of_the_reference_alone() -> None:
-    for of in precision.MAPS:
+    for of in timestep.PRECISION_MAPS:
         assert of.engines("float64") == ENGINES
         assert of.engines("float32") == ("reference",)
 
@@ -59,15 +59,15 @@ def test_float32_is_of_the_reference_alone() -> None:
 @pytest.mark.parametrize("layer", ["float64", "float32"])
 def test_origin(layer: str) -> None:
     """Particles fall on one another where whole numbers are the densest."""
-    limit = next(t for t in precision.ORIGIN.theory if t.layer == layer).x_of_y(0.3)
-    assert kind(precision.ORIGIN, limit / 2, 0.3, layer) == "stable"
-    assert kind(precision.ORIGIN, limit, 0.3, layer) == "error"
-    assert precision.ORIGIN.x.low < limit < precision.ORIGIN.x.high
+    limit = next(t for t in timestep.ORIGIN.theory if t.layer == layer).x_of_y(0.3)
+    assert kind(timestep.ORIGIN, limit / 2, 0.3, layer) == "stable"
+    assert kind(timestep.ORIGIN, limit, 0.3, layer) == "error"
+    assert timestep.ORIGIN.x.low < limit < timestep.ORIGIN.x.high
 
 
 def test_compression() -> None:
     """Float32 makes noise of a wave that float64 carries, and has none below a rounding of the density."""
-    assert kind(precision.COMPRESSION, 3e-7, 1.0, "float64") == "stable"
-    assert kind(precision.COMPRESSION, 3e-7, 1.0, "float32") == "energy growth"
-    start = precision.COMPRESSION.start(MapCell("", 2.0**-26, 1.0, "float32"))
+    assert kind(timestep.COMPRESSION, 3e-7, 1.0, "float64") == "stable"
+    assert kind(timestep.COMPRESSION, 3e-7, 1.0, "float32") == "energy growth"
+    start = timestep.COMPRESSION.start(MapCell("", 2.0**-26, 1.0, "float32"))
     assert start.atoms.rho_n is not None and set(start.atoms.rho_n.tolist()) == {1.0}

@@ -44,10 +44,10 @@ def test_shift_raises_the_density_until_the_tension_is_gone() -> None:
     cell = MapCell("tension", -0.2, 1.0, "shift")
     start = tension.TENSION.start(cell)
     run = open_run(start, tension.TENSION.watch(cell), "reference", living())
-    assert np.mean(run.look().pressure_n) == rounded(-0.2, 8, terms=1.0)
+    assert np.mean(run.snapshot().pressure_n) == rounded(-0.2, 8, terms=1.0)
     run.advance(start.steps[-1])
-    assert np.mean(run.look().rho_n) > 1.1
-    assert np.mean(run.look().pressure_n) > -0.1
+    assert np.mean(run.snapshot().rho_n) > 1.1
+    assert np.mean(run.snapshot().pressure_n) > -0.1
 
 
 def fastest(background: float) -> tuple[np.ndarray, np.ndarray]:
@@ -79,7 +79,7 @@ def test_growth_of_a_wave(side: Engine) -> None:
     sizes = []
     for steps in (500, 500):
         run.advance(steps)
-        moved_nc = run.look().x_nc - x_nc
+        moved_nc = run.snapshot().x_nc - x_nc
         moved_nc -= np.round(moved_nc / edges) * edges
         sizes.append(float(wave_n @ moved_nc @ e_c) / float(wave_n @ wave_n))
     rate = tension.growth_rate(background, 1.0, 3.0)

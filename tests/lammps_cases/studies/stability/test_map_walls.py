@@ -46,7 +46,7 @@ def test_stiffness_counts_with_reconstruction_only() -> None:
         cell = MapCell(walls.STIFFNESS.id, 0.2, sound, walls.STORED)
         run = open_run(walls.STIFFNESS.start(cell), walls.STIFFNESS.watch(cell), "reference", living())
         run.advance(50)
-        ends.append(run.look().x_nc)
+        ends.append(run.snapshot().x_nc)
     assert np.array_equal(ends[0], ends[1])
 
 
@@ -88,5 +88,5 @@ def test_the_face_lies_behind_the_solids() -> None:
         cell = MapCell(walls.THICKNESS.id, 0.2, layers, walls.STORED)
         start, watch = walls.THICKNESS.start(cell), walls.THICKNESS.watch(cell)
         solid_n = start.atoms.type_n == 2
-        assert solid_n.sum() == layers * walls.WIDTH
+        assert solid_n.sum() == layers * walls.BLOCK_WIDTH
         assert watch.behind == (1, start.atoms.x_nc[solid_n, 1].min() - 0.5)

@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.engine import session
-from lammps_cases.engine.stepping import Instance
+from lammps_cases.engine.session import Session
 from lammps_cases.engine.workers import Workers
 from lammps_cases.setup import reference_side
-from lammps_cases.studies.flows.flow import Start
+from lammps_cases.studies.flows.flow import Snapshot, Start
 from lammps_cases.studies.stability import kinds, runs
 from lammps_cases.studies.stability.maps import timestep
 from lammps_cases.studies.stability.model import ENGINES, Axis, Engine, FailureCriteria, MapCell, StabilityMap
@@ -32,11 +31,11 @@ WATCH = timestep.watch(1e-3)
 
 
 @pytest.fixture(scope="module")
-def living() -> Instance:
-    return Instance(None)
+def living() -> Session:
+    return Session()
 
 
-def followed(start: Start, watch: FailureCriteria, side: Engine, living: Instance, **options: Any) -> Examined:
+def followed(start: Start, watch: FailureCriteria, side: Engine, living: Session, **options: Any) -> Examined:
     return follow(
         partial(open_run, start, watch, side, living), kinds.subject(start), watch, start.steps[-1], **options
     )
@@ -52,7 +51,7 @@ def by_hand(start: Start, watch: FailureCriteria) -> tuple[int, kinds.ParticleFa
     for step in range(1, 1000):
         made[0].run(1, start.timestep)
         s = made[0].state
-        look = kinds.Observation(step, s.x_nc, s.v_nc, s.rho_n, made[0].output("pressure"))
+        look = Snapshot(step, s.x_nc, s.v_nc, s.rho_n, made[0].output("pressure"))
         found = kinds.first(kinds.subject(start), watch, look, watch.energy)
         if found is not None:
             return step, found, made[1]
@@ -60,7 +59,7 @@ def by_hand(start: Start, watch: FailureCriteria) -> tuple[int, kinds.ParticleFa
     raise AssertionError("nothing failed")
 
 
-def test_step_atom_and_value_are_the_first_ones(living: Instance) -> None:
+def test_step_atom_and_value_are_the_first_ones(living: Session) -> None:
     start = unstable()
     step, found, before = by_hand(start, WATCH)
     assert step > 2 and step % WATCH.every  # within a stretch
@@ -76,7 +75,7 @@ def test_step_atom_and_value_are_the_first_ones(living: Instance) -> None:
 
 @pytest.mark.parametrize("side", ENGINES)
 @pytest.mark.parametrize("every", [1, 3, 1000])
-def test_the_stretch_does_not_matter(side: Engine, every: int, living: Instance) -> None:
+def test_the_stretch_does_not_matter(side: Engine, every: int, living: Session) -> None:
     found = followed(unstable(), WATCH, side, living)
     again = followed(unstable(), replace(WATCH, every=every), side, living)
     assert again.outcome == found.outcome
@@ -84,7 +83,7 @@ def test_the_stretch_does_not_matter(side: Engine, every: int, living: Instance)
     assert np.array_equal(again.before["v"], found.before["v"])
 
 
-def test_engines_fail_alike(living: Instance) -> None:
+def test_engines_fail_alike(living: Session) -> None:
     ours, theirs = (followed(unstable(), WATCH, side, living).outcome for side in ENGINES)
     assert (ours.kind, ours.step, ours.atom) == (theirs.kind, theirs.step, theirs.atom)
     # LAMMPS' forces lack the volumes, which differ from 1 by the Mach number; the energy has grown by its square.
@@ -92,15 +91,15 @@ def test_engines_fail_alike(living: Instance) -> None:
 
 
 @pytest.mark.parametrize("side", ENGINES)
-def test_energy_of_the_first_look_is_the_scale_where_none_is_given(side: Engine, living: Instance) -> None:
+def test_energy_of_the_first_look_is_the_scale_where_none_is_given(side: Engine, living: Session) -> None:
     start = unstable(1e-6)
     watch = FailureCriteria(every=20, growth=10.0)
     run = open_run(start, watch, side, living)
     of = kinds.subject(start)
-    energies = [kinds.kinetic_energy(of.mass_n, run.look().v_nc)]
+    energies = [kinds.kinetic_energy(of.mass_n, run.snapshot().v_nc)]
     for _ in range(40):
         run.advance(1)
-        energies.append(kinds.kinetic_energy(of.mass_n, run.look().v_nc))
+        energies.append(kinds.kinetic_energy(of.mass_n, run.snapshot().v_nc))
     scale = energies[20]
     assert scale > energies[0]
     step = next(k for k in range(21, 41) if energies[k] > 10 * scale)
@@ -110,13 +109,13 @@ def test_energy_of_the_first_look_is_the_scale_where_none_is_given(side: Engine,
 
 
 @pytest.mark.parametrize("side", ENGINES)
-def test_sound_runs_are_stable(side: Engine, living: Instance) -> None:
+def test_sound_runs_are_stable(side: Engine, living: Session) -> None:
     examined = followed(resting(25), replace(WATCH, closest=0.9), side, living)
     assert (examined.outcome.kind, examined.before) == ("stable", None)
 
 
 @pytest.mark.parametrize("side", ENGINES)
-def test_surfaces_are_those_of_the_engine(side: Engine, living: Instance) -> None:
+def test_surfaces_are_those_of_the_engine(side: Engine, living: Session) -> None:
     start = channel()
     look = followed(start, FailureCriteria(surface={60: 0, 66: 1}), side, living)
     assert look.outcome.kind == "stable"
@@ -125,7 +124,7 @@ def test_surfaces_are_those_of_the_engine(side: Engine, living: Instance) -> Non
 
 
 @pytest.mark.parametrize("side", ENGINES)
-def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Instance) -> None:
+def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Session) -> None:
     start = channel(60)
     v_nc = np.zeros(start.atoms.x_nc.shape)
     v_nc[-1, 1] = 10.0
@@ -135,13 +134,13 @@ def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Instanc
     run = open_run(start, FailureCriteria(), side, living)
     assert outcome.step is not None
     run.advance(outcome.step - 1)
-    assert run.look().x_nc[-1, 1] < 13.0
+    assert run.snapshot().x_nc[-1, 1] < 13.0
     with contextlib.suppress(Stopped):  # LAMMPS stops at once if it happens to list neighbours
         run.advance(1)
-        assert run.look().x_nc[-1, 1] > 13.0
+        assert run.snapshot().x_nc[-1, 1] > 13.0
 
 
-def test_positions_that_are_no_numbers_are_seen_in_the_step_that_made_them(living: Instance) -> None:
+def test_positions_that_are_no_numbers_are_seen_in_the_step_that_made_them(living: Session) -> None:
     """The reference stops in the middle of a step; what it has by then is looked at."""
     start = unstable(0.3)
     huge = replace(start, atoms=replace(start.atoms, v_nc=start.atoms.v_nc * 1e200))
@@ -153,7 +152,7 @@ def test_positions_that_are_no_numbers_are_seen_in_the_step_that_made_them(livin
 # --- ends that are not the particles'
 
 
-def test_refusals_are_errors_with_their_text(living: Instance) -> None:
+def test_refusals_are_errors_with_their_text(living: Session) -> None:
     """A law that the reference refuses and LAMMPS takes."""
     start = channel(3)
     law = start.case.scene.pressure[0].model_copy(update={"style": "tait/general", "A3": None, "gamma": 0.0})
@@ -164,7 +163,7 @@ def test_refusals_are_errors_with_their_text(living: Instance) -> None:
     assert followed(start, FailureCriteria(), "lammps", living).outcome.kind != "error"
 
 
-def test_lammps_errors_keep_their_text(living: Instance) -> None:
+def test_lammps_errors_keep_their_text(living: Session) -> None:
     start = channel(3)
     scene = start.case.scene.model_copy(update={"violate": "unknown-pressure-style"})
     outcome = followed(
@@ -175,16 +174,14 @@ def test_lammps_errors_keep_their_text(living: Instance) -> None:
     assert followed(channel(), FailureCriteria(), "lammps", living).outcome.kind == "stable"  # the instance serves on
 
 
-def test_mistakes_of_this_project_are_not_blamed_on_an_engine(
-    monkeypatch: pytest.MonkeyPatch, living: Instance
-) -> None:
+def test_mistakes_of_this_project_are_not_blamed_on_an_engine(monkeypatch: pytest.MonkeyPatch, living: Session) -> None:
     def mistaken(*arguments: object) -> None:
         raise TypeError("a mistake")
 
-    monkeypatch.setattr(session, "read", mistaken)
+    monkeypatch.setattr(Session, "read", mistaken)
     with pytest.raises(TypeError, match="a mistake"):
         followed(resting(5), FailureCriteria(), "lammps", living)
-    monkeypatch.setattr(ReferenceRun, "look", mistaken)
+    monkeypatch.setattr(ReferenceRun, "snapshot", mistaken)
     with pytest.raises(TypeError, match="a mistake"):
         followed(resting(5), FailureCriteria(), "reference", living)
 
@@ -280,7 +277,7 @@ def test_others_are_not_touched(faulty: Workers) -> None:
 
 
 def test_a_run_that_ends_earlier_the_second_time_keeps_what_was_seen_first(
-    monkeypatch: pytest.MonkeyPatch, living: Instance
+    monkeypatch: pytest.MonkeyPatch, living: Session
 ) -> None:
     """LAMMPS may read memory that nobody wrote: the way back then fails itself."""
     start = unstable()

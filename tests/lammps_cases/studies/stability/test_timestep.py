@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from lammps_cases.engine.stepping import Instance
+from lammps_cases.engine.session import Session
 from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.maps import timestep
 from lammps_cases.studies.stability.maps.timestep import (
@@ -29,8 +29,8 @@ TINY = 1e-9  # Mach number at which the scheme is linear
 
 
 @pytest.fixture(scope="module")
-def living() -> Instance:
-    return Instance(None)
+def living() -> Session:
+    return Session()
 
 
 @pytest.mark.lammps
@@ -39,15 +39,15 @@ def living() -> Instance:
     ("fraction", "ratio", "cut"), [(1.5, 0.1, 3.0), (4.3, 1.0, 3.0), (4.5, 3.0, 2.5), (0.5, 1.0, 4.0)]
 )
 def test_energy_is_that_of_the_linearised_scheme(
-    side: Engine, fraction: float, ratio: float, cut: float, living: Instance
+    side: Engine, fraction: float, ratio: float, cut: float, living: Session
 ) -> None:
     start = box(fraction, ratio, cut, TINY)
     of, run = kinds.subject(start), open_run(start, watch(TINY), side, living)
-    first = kinds.kinetic_energy(of.mass_n, run.look().v_nc)
+    first = kinds.kinetic_energy(of.mass_n, run.snapshot().v_nc)
     measured = []
     for _ in range(5):
         run.advance(4)
-        measured.append(kinds.kinetic_energy(of.mass_n, run.look().v_nc) / first)
+        measured.append(kinds.kinetic_energy(of.mass_n, run.snapshot().v_nc) / first)
     # In a box of 10 spacings places round by 1e-15; particles move by 2e-10 and more in a step: 5e-6 of it, and the
     # energy is a square.
     assert measured == pytest.approx(growth(fraction, ratio, cut, 4, 5), rel=1e-5)
@@ -56,7 +56,7 @@ def test_energy_is_that_of_the_linearised_scheme(
 @pytest.mark.lammps
 @pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("side", ENGINES)
-def test_runs_fail_beyond_the_limit_of_growth(side: Engine, ratio: float, living: Instance) -> None:
+def test_runs_fail_beyond_the_limit_of_growth(side: Engine, ratio: float, living: Session) -> None:
     limit = growth_limit(ratio, 3.0)
     for fraction, kind in ((0.97 * limit, "stable"), (1.01 * limit, "energy growth")):
         start = box(fraction, ratio, 3.0, 1e-4)

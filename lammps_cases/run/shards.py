@@ -23,11 +23,11 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import strictest
 from lammps_cases.records.run_record import SHARD, RunRecord, read_run
 from lammps_cases.records.wording import counted
+from lammps_cases.report.findings import compare_with_ledger
 from lammps_cases.run.campaign import cases_of, triaged
 from lammps_cases.run.provenance import command_line
 from lammps_cases.run.report_files import output_folder, write_kept_run
 from lammps_cases.scene.casefile import Case
-from tests.lammps_cases.verdict.test_outcome import carried_over
 
 NAMED = 100  # missing shards in a complaint
 Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -133,7 +133,7 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
     merged.allowed = {name: why for name, why in merged.allowed.items() if all(name in run.allowed for run in runs)}
     merged.shard = merged.divided = ""
     merged.faults = []
-    merged.carried = part("carried findings", merged.faults, lambda: carried_over(merged), None)
+    merged.carried = part("carried findings", merged.faults, lambda: compare_with_ledger(merged), None)
     merged.cases.sort(key=lambda record: record.case)
     for case, following in itertools.pairwise(merged.cases):
         if case.case == following.case:

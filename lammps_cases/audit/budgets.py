@@ -2,7 +2,7 @@ r"""Mass, momentum and energy of a sample, what each part of the model adds to t
 
 A fluid without heat has the kinetic energy :math:`K=\frac12\sum_im_iv_i^2` and that of its compression, whose rate is
 :math:`\dot U=\sum_im_iP_i\dot\rho_i/\rho_i^2`. With the quintic kernel the forces of a pair are opposite, and what
-pressure takes from K it gives to U: both sums are 0 but for rounding. Reproducing kernels, walls and shifts keep
+pressure takes from K it gives to U: both sums are 0 up to rounding. Reproducing kernels, walls and shifts keep
 neither; viscosity, artificial viscosity and density diffusion take energy away.
 """
 
@@ -41,7 +41,7 @@ def budget(
     entries: Sequence[Finding] = (),
     of_press: Sequence[str] = (),
 ) -> BudgetRecord:
-    """Return what there is of mass, momentum and kinetic energy, and what each part of the model adds to them.
+    """Return mass, momentum and kinetic energy, and what each part of the model adds to them.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def budget(
     half_step : float
         Time by which the velocities are behind, 0 at the set-up of a run.
     entries : sequence of Finding
-        Whose effect on the sums is wanted.
+        Findings whose effect on the sums is wanted.
     of_press : sequence of str
         Findings that can change the pressure of the system.
     """
@@ -127,13 +127,13 @@ class Rates:
 
     @property
     def pressure_force_nc(self) -> Array:
-        """Those of pressure and artificial viscosity, (n, d)."""
+        """Forces of pressure and artificial viscosity, (n, d)."""
         forces: Any = self._own.simulation.pressure_force_nc  # None only where no forces are evaluated
         return forces  # type: ignore[no-any-return]
 
     @cached_property
     def acted_nc(self) -> Array:
-        """Forces after those of other fixes, (n, d)."""
+        """Forces after other fixes have acted, (n, d)."""
         forces: Array = acted_on(self.force_nc, self.sample.actions, self.sample.mass_n)
         return forces
 
@@ -177,7 +177,7 @@ class Rates:
         )
 
     def of_pairs(self, name: str) -> BudgetPart:
-        """Return what all that pairs do adds up to."""
+        """Return the total of all that pairs do."""
         rates_n = [of for of in (self.compressed_n, self.diffused_n) if of is not None]
         part = self.part(name, self.force_nc, sum(rates_n[1:], start=rates_n[0]) if rates_n else None)
         return part.model_copy(update={"heat": _number(summed(self.heat_n))}) if self.model.thermal else part
@@ -232,7 +232,7 @@ class Conserved:
 class Part:
     """What one change of the reference does to the deviation from a closed solution, all at one step.
 
-    ``deviation`` is the run's own, ``contribution`` what the changed thing adds to it; None if the run broke off.
+    ``deviation`` is that of the run, ``contribution`` what the change adds to it; None if the run broke off.
     """
 
     name: str
@@ -243,7 +243,7 @@ class Part:
 
 
 def conserved(budgets: Sequence[BudgetRecord]) -> Iterator[Conserved]:
-    """Go through what the formulas may conserve."""
+    """Yield what the formulas may conserve."""
     for quantity in budgets[0].residual if budgets else ():
         shares = [_share(abs(of.residual[quantity]), _size(of, quantity)) for of in budgets]
         kept = all(abs(of.residual[quantity]) <= of.bound[quantity] for of in budgets)
@@ -261,7 +261,7 @@ def _share(of: float, size: float) -> float:
 
 
 def _size(of: BudgetRecord, quantity: str) -> float:
-    """Return what a sum is measured by: the forces of pairs, or the powers of the parts."""
+    """Return the scale of a sum: the forces of pairs, or the powers of the parts."""
     if quantity == "momentum":
         return of.size
     return sum(abs(part.power) + abs(part.storage) + abs(part.heat) for part in of.parts)
@@ -298,14 +298,14 @@ def parts(case: CaseRecord) -> list[Part]:
         at = max((step for step in series.steps if step in exact.steps), default=0)
         reference = deviation(exact, right, at) if at else None
         away = None if own is None or reference is None or series is right or series.name == LAMMPS else reference - own
-        if away is not None and series.findings:  # which such a run has, and the reference as it is has not
+        if away is not None and series.findings:  # which such a run has, but not the unchanged reference
             away = -away
         deviations.append(Part(series.name, at, own, away, series.ended))
     return deviations
 
 
 def log_deviation(exact: ClosedRecord | None, columns: Mapping[str, Sequence[float]]) -> tuple[int, float] | None:
-    """Return last step and deviation of a decay by the thermo output of a log; None if it is of something else."""
+    """Return last step and deviation of a decay by the thermo output of a log; None for any other flow."""
     energy, steps = columns.get("KinEng", []), columns.get("Step", [])
     if exact is None or not exact.decays or not energy or not all(of > 0 for of in energy[:: len(energy) - 1 or 1]):
         return None
@@ -323,7 +323,7 @@ def dissipated(budgets: Sequence[BudgetRecord]) -> dict[str, float]:
 
 
 def percent(of: float | None) -> str:
-    """Write a relative difference, without a sign if none is left of it; empty for None."""
+    """Format a relative difference, without a sign if it rounds to 0; empty for None."""
     if of is None:
         return ""
     rounded = round(100 * of, 2)
@@ -335,7 +335,7 @@ def lines(case: CaseRecord) -> Iterator[str]:
     for of in conserved(case.budgets):
         lost = f"not conserved by the formulas, {number(of.share, 2)} of its terms remain"
         broken = "".join(f"; {name} changes it by {number(by, 2)} of its terms" for name, by in of.broken_by.items())
-        yield f"{of.quantity}: {'conserved but for rounding' if of.kept else lost}{broken}"
+        yield f"{of.quantity}: {'conserved up to rounding' if of.kept else lost}{broken}"
     if case.closed is not None:
         yield f"closed solution of the {case.closed.quantity}: {case.closed.flow}, {case.closed.about}"
     for part in parts(case):

@@ -1,4 +1,4 @@
-"""The process that runs a deck: how it is started, what of the user's it may read, and what it does.
+"""The process that runs a deck: how it is started, what it may read, and what it does.
 
 A segfault, abort, hang or exit of the deck ends this process alone.
 """
@@ -47,7 +47,7 @@ from lammps_cases.records.case_parts import Seconds
 LARGEST_FILE = 2**34  # bytes
 Entry = Callable[[AuditTask, Connection], None]
 START = "import pickle, sys; sys.path[:], run = pickle.load(open(sys.argv[1], 'rb')); pickle.loads(run)()"
-# What a deck may read of the user's environment, and what Python, numba and MPI need of it.
+# Variables of the user's environment that a deck may read, or that Python, numba and MPI need.
 KEPT = ("PATH", "LD_LIBRARY_PATH", "LANG", "TZ", "PYTHONHOME", "LAMMPS_POTENTIALS")
 KEPT_BEGINNINGS = ("LC_", "OMP_", "KMP_", "NUMBA_", "MPICH_", "OMPI_MCA_", "UCX_", "FI_", "COVERAGE_")
 # Contained ranks may neither read one another's memory, as MPICH's CMA does, nor open files of one another.
@@ -84,7 +84,7 @@ def environment(task: AuditTask) -> dict[str, str]:
 
 
 def reach_of(task: AuditTask) -> containment.Reach:
-    """Return what the process may read and write, before it knows the libraries of its LAMMPS."""
+    """Return what the process may read and write, before the libraries of its LAMMPS are known."""
     folders = [Path(platformdirs.user_cache_dir("eos-ref")) / "numba"]
     if task.options.engine is not None:
         site = Path(task.options.engine)
@@ -98,9 +98,9 @@ def reach_of(task: AuditTask) -> containment.Reach:
 def running(
     entry: Entry, task: AuditTask, output: Path, launcher: Sequence[str] = ()
 ) -> Iterator[tuple[subprocess.Popen[bytes], Connection]]:
-    """Start the process, with what it prints in a file, and give it with the end of its messages; it ends with this.
+    """Start the process, its output in a file; yield it with the receiving end of its messages. It ends with this one.
 
-    With the words of a ``launcher`` it is the one that starts the ranks.
+    With the words of a ``launcher`` the process is the launcher, which starts the ranks.
     """
     Path(task.temporary).mkdir()
     os.mkfifo(task.fifo)
@@ -124,17 +124,17 @@ def running(
                 start_new_session=True,
             )
         finally:
-            os.close(writing)  # the process holds this end, and what it starts: its death ends the messages
+            os.close(writing)  # this end is held by the process and its children: their death ends the messages
         try:
             yield process, receiver
         finally:
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)  # with what a trusted deck has started
+                os.killpg(process.pid, signal.SIGKILL)  # with all that a trusted deck has started
             process.wait()
 
 
 def main(task: AuditTask, connection: Connection) -> None:
-    """Run a deck and send the `lammps_cases.audit.messages`; at last `DeckEnd`, or the error."""
+    """Run a deck and send the `lammps_cases.audit.messages`, at last `DeckEnd` or the error."""
     containment.end_with_parent()
     containment.limit(memory_share(task.options.ranks), task.options.timeout, LARGEST_FILE)
     os.chdir(task.working)
@@ -150,7 +150,7 @@ def main(task: AuditTask, connection: Connection) -> None:
 
 
 class Sender:
-    """Sends the messages of the first rank, and those of one that LAMMPS has ended alone, one at a time."""
+    """Sends the messages of the first rank, or of a rank that LAMMPS has ended alone, one at a time."""
 
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
@@ -165,9 +165,9 @@ class Sender:
 
 
 def start(task: AuditTask) -> tuple[Any, dict[str, str]]:
-    """Return an open LAMMPS, and which one, in a process contained from here on: nothing of the deck is read before.
+    """Contain this process, then return an open LAMMPS and its identity; nothing of the deck is read before.
 
-    MPI starts within its files too; only then is the network closed, and what MPI reads of the machine.
+    MPI, too, starts with restricted files; afterwards the network is closed, and what MPI reads of the machine.
 
     Raises
     ------

@@ -46,8 +46,8 @@ from lammps_cases.run.command import Result, report_folder
 from lammps_cases.run.report_files import output_folder
 
 DECK_NAMES = ("in.*", "*.in", "*.lmp")
-HEAD = 2**16  # bytes of a file that are looked at to see whether it is a deck
-RESTART_NAME = "eosref_restart"  # of the copy, among the deck's files
+HEAD = 2**16  # bytes of a file that are searched for a command
+RESTART_NAME = "eosref_restart"  # the copy's name, among the deck's files
 SETTINGS = "eos-ref.toml"
 UNTIL = re.compile(r"until (\d{4})-(\d{2})(?:-(\d{2}))?, (\S.*)")
 
@@ -62,7 +62,7 @@ def audit(
     level: DeckLevelOptions,
     out: str | Path | None = None,
 ) -> Result:
-    """Check every atom while LAMMPS runs an input deck, unchanged, in a copy, as ``eos-ref audit`` does.
+    """Check every atom while LAMMPS runs an unchanged input deck in a copy of its folder, as ``eos-ref audit`` does.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def decks(folder: Path, settings: Settings) -> list[str]:
     Raises
     ------
     InputError
-        There is none, or the settings name one that is not there.
+        No deck, or the settings name one that does not exist.
     """
     for name in settings.decks:
         if not (folder / name).is_file():
@@ -219,7 +219,7 @@ def audit_restart(restart: Path, deck: Path, options: AuditOptions) -> AuditResu
         result = _audited_restart(restart, deck, setups, of_step, options)
     case = result.record.cases[0]
     case.case, case.source = case_name(restart), str(restart)
-    case.about = "a restart file of your input deck: what LAMMPS makes of it before a step"
+    case.about = "a restart file of your input deck: the state that LAMMPS reads from it, before a step"
     words = ["--restart", str(restart), "--deck", str(deck), *options.words()]
     case.reproduce = shlex.join(["eos-ref", "audit", *words])
     return result
@@ -266,7 +266,7 @@ class DeckLimits(BaseModel):
     fields: list[str] | None = None
 
     def values(self) -> dict[str, Any]:
-        """Return what is set, as `AuditOptions` has it.
+        """Return the values that are set, as `AuditOptions` has them.
 
         Raises
         ------
@@ -284,7 +284,7 @@ class Settings(DeckLimits):
     Attributes
     ----------
     decks : further decks of the folder, by their paths in it
-    skip : patterns of names that are no decks
+    skip : patterns of names of files that are not decks
     allow : by finding ``until DATE, REASON``; the day or the month is the last
     deck : by pattern of names, what is set for these decks
     """
@@ -295,7 +295,7 @@ class Settings(DeckLimits):
     deck: dict[str, DeckLimits] = {}
 
     def options(self, name: str, options: AuditOptions) -> AuditOptions:
-        """Return the options for a deck; those that are not the defaults go before the file."""
+        """Return the options for a deck; options other than the defaults override the file."""
         values = self.values()
         for pattern, limits in self.deck.items():
             if matches(name, pattern):
@@ -304,7 +304,7 @@ class Settings(DeckLimits):
         return replace(options, **{name: value for name, value in values.items() if name in default})
 
     def allowed(self, shown: Collection[str], today: date) -> tuple[dict[str, str], list[str]]:
-        """Return the allowances that hold, and notes on the others: expired, or of a finding that no deck shows."""
+        """Return the valid allowances, and notes on the others: expired, or of a finding that no deck shows."""
         held, notes = {}, []
         for finding, text in self.allow.items():
             last, reason = allowance(finding, text)
@@ -320,7 +320,7 @@ class Settings(DeckLimits):
 
 
 def matches(name: str, pattern: str) -> bool:
-    """Return whether a pattern is of a deck: of its path in the folder, or of its name alone."""
+    """Return whether a pattern matches a deck: its path in the folder, or its name alone."""
     return fnmatchcase(name, pattern) or fnmatchcase(Path(name).name, pattern)
 
 
@@ -340,19 +340,19 @@ def allowance(finding: str, text: str) -> tuple[date, str]:
             raise ValueError
         year, month = int(parts[1]), int(parts[2])
         last = date(year, month, int(parts[3]) if parts[3] else calendar.monthrange(year, month)[1])
-    except ValueError:  # calendar's error of a month is one, too
+    except ValueError:  # also calendar's error about a month
         rule = "must be 'until YEAR-MONTH, REASON', or until a day"
         raise InputError(f"allow.{finding}", rule, text) from None
     return last, parts[4]
 
 
 def read_settings(folder: Path) -> Settings:
-    """Return the settings of a folder of decks; without a file those that set nothing.
+    """Return the settings of a folder of decks; empty without a file.
 
     Raises
     ------
     InputError
-        No TOML, an unknown key, a value that is not allowed: file, key and rule.
+        Not TOML, an unknown key, a value that is not allowed: file, key and rule.
     """
     path = folder / SETTINGS
     if not path.exists():

@@ -47,10 +47,10 @@ class Deck:
     excludes: bool = False
 
     def note(self, values: list[str]) -> None:
-        """Take a command that LAMMPS has executed."""
+        """Record a command that LAMMPS has executed."""
         match values:
             case ["fix", name, _, _, *_]:
-                # A range with a hyphen is taken for its first number, which is a finding.
+                # LAMMPS reads a range with a hyphen as its first number, which is a finding.
                 self.fixes[name] = [word.partition("-")[0] if word in hyphens(values) else word for word in values]
             case ["unfix", name]:
                 self.fixes.pop(name, None)
@@ -79,7 +79,7 @@ class Deck:
     def model(
         self, dimension: int, ntypes: int, mass_t: Sequence[float], eos: EOSTable, manual: Manual = FIRST
     ) -> Model:
-        """Return the particle model, by a version of the manual.
+        """Return the particle model according to a version of the manual.
 
         Raises
         ------
@@ -123,15 +123,13 @@ class Deck:
         words = self.fix("rheo") or []
         return "rho/sum" in words and "interface/reconstruct" in words
 
-    # --- why sums over pairs cannot be checked
+    # --- reasons why sums over pairs cannot be checked
 
     def hides_pairs(self) -> str:
         """Return why the neighbours of a particle are not simply all within the cutoff; or nothing."""
         if self.excludes:
             return "neigh_modify exclude takes pairs out"
-        if (
-            self.pair[:1] not in ([], ["rheo"]) and not self._rheo_for_all()
-        ):  # each pair of types has a cutoff of its own
+        if self.pair[:1] not in ([], ["rheo"]) and not self._rheo_for_all():  # each pair of types has a separate cutoff
             return SOME_TYPES
         return ""
 
@@ -140,7 +138,7 @@ class Deck:
         return "" if self._rheo_for_all() else SOME_TYPES
 
     def keeps_masses(self) -> bool:
-        """Return whether images of particles with masses of their own have these, too."""
+        """Return whether images of particles with individual masses have these masses, too."""
         own = (values for values in self.fixes.values() if values[3] == "property/atom" and "rmass" in values)
         return all(("ghost", "yes") in itertools.pairwise(values) for values in own)
 
@@ -181,7 +179,7 @@ class Deck:
         return ""
 
     def moves_on(self) -> str:
-        """Return what may move particles or the box between the forces and a dump, apart from fix rheo; or nothing."""
+        """Return what, apart from fix rheo, may move particles or the box between the forces and a dump; or nothing."""
         rheo = self.fix("rheo")
         if rheo is not None and rheo[2] != "all":
             return f"fix rheo integrates group {rheo[2]} alone"
@@ -222,11 +220,11 @@ def between(values: Sequence[str]) -> str:
 
 SOME_TYPES = "pair_coeff gives rheo to some types only"
 _LAWS = ("rheo", "rheo/pressure")
-_HYPHEN = re.compile("([0-9]+)-[0-9]+")  # no number looks so
+_HYPHEN = re.compile("([0-9]+)-[0-9]+")  # never a number
 
 
 def hyphens(values: Sequence[str]) -> list[str]:
-    """Return the words of a command of RHEO's fixes that are meant as ranges of types, and are not."""
+    """Return the words of a command of RHEO's fixes that look like ranges of types but are not."""
     of_rheo = values[0] == "fix" and values[3:4] and values[3].startswith("rheo")
     return [word for word in values[4:] if _HYPHEN.fullmatch(word)] if of_rheo else []
 

@@ -1,8 +1,8 @@
-"""The columns of a dump, by its deck and to so many digits, and a snapshot of it as a sample.
+"""The columns of a dump by its deck, with their digits, and a snapshot as a sample.
 
 A dump is written at the end of a step, half a step after the forces: velocities have moved on by half a step of f/m,
 densities of fluid by half a step of the rate of the continuity equation, energies by half a step of the heat flow. All
-are taken back with the columns of the dump, so that nothing is compared that it does not hold. Positions and phases are
+are taken back with the columns of the dump, so that only what it holds is compared. Positions and phases are
 those of the forces; the pressure and the total stress are those of the densities and energies of the dump itself. On
 the set-up of a run nothing has moved on.
 """
@@ -37,9 +37,9 @@ from lammps_cases.scene.fields import FIELDS
 from lammps_cases.scene.lammps_files import FileSnapshot
 
 FORMAT = re.compile(r"%[-+ 0#]*[0-9]*(?:\.([0-9]+))?l?([eEfFgG])")
-PLACES = ("unwrapped", "scaled")  # positions but for x y z: by whole edges elsewhere, in parts of the edges
-DEFAULT = "%g"  # the manual's, of dump custom
-EXACT = {"e": 16, "g": 17}  # digits (e: behind the point) from which on every double has a text of its own
+PLACES = ("unwrapped", "scaled")  # positions other than x y z: shifted by whole edges, or in fractions of the edges
+DEFAULT = "%g"  # by the manual, of dump custom
+EXACT = {"e": 16, "g": 17}  # digits (e: after the point) from which on every double has its own text
 OF_ATOM = {"drho": "drho", "viscosity": "viscosity", "rho": "rho", "rheo_status": "status"}  # compute property/atom
 NAMED = {
     "x": "columns x y z",
@@ -60,7 +60,7 @@ class Component(NamedTuple):
 
 @dataclass(frozen=True)
 class DumpColumns:
-    """The columns of a dump: their names in the file, what they hold if that is known, and the format of each."""
+    """The columns of a dump: their names in the file, their content if known, and the format of each."""
 
     dump: DeckDump
     names: tuple[str, ...]
@@ -73,7 +73,7 @@ class DumpColumns:
         Raises
         ------
         InputError
-            A column that does not hold numbers, or none that are finite.
+            A column that does not hold numbers, or no finite ones.
         """
         components: dict[str, dict[int, Rounded]] = {}
         for name, part, form in zip(self.names, self.parts, self.formats, strict=True):
@@ -101,9 +101,9 @@ class DumpColumns:
 
 
 def _positions(place_nc: Rounded, form: str, snapshot: FileSnapshot, dimension: int) -> Rounded:
-    """Return positions, (n, d), of such in parts of the box's edges, or of unwrapped ones, which may lie outside.
+    """Return positions, (n, d), from fractions of the box's edges, or from unwrapped ones, which may lie outside.
 
-    LAMMPS' own numbers are off by the roundings of what it made of its positions: two operations with an edge.
+    LAMMPS' numbers are off by the roundings of its conversion of positions: two operations with an edge.
     """
     d = dimension
     tilt = snapshot.tilt[: d * (d - 1) // 2] if any(snapshot.tilt) else ()
@@ -144,7 +144,7 @@ def number(values_n: FloatArray, form: str) -> Rounded:
 
 
 def columns_of(path: Path, names: Sequence[str], dumps: Sequence[DeckDump], setup: RunSetup) -> DumpColumns:
-    """Return what columns hold, by the dump of a deck that writes them: that of the file's name, else the first.
+    """Return what columns hold, by the dump of the deck that writes them: the one with the file's name, else the first.
 
     Raises
     ------
@@ -262,7 +262,7 @@ def by_columns(name: str, held: Container[str]) -> bool:
 
 
 class _Printed(ArrayEvaluator):
-    """Pairs of positions known to some digits: all that may be within the cutoff; beyond it their kernel is 0."""
+    """Pairs of positions of limited precision: all that may be within the cutoff; beyond it their kernel is 0."""
 
     spread = 0.0
 
@@ -315,7 +315,7 @@ class FrameEvaluation(SampleEvaluation):
             self.simulation.fields["viscosity"] = self.stages.viscosity(sample.gradient_ncc)
 
     def comparable(self, field: str) -> Any:
-        """Return the particles for which a field can be compared, (n,): those that the digits do not leave open."""
+        """Return the particles for which a field can be compared, (n,): those that the digits decide."""
         n = len(self.sample.state.solid_n)
         may_n = np.ones(n, bool) if field in self.by_columns else super().comparable(field)
         return may_n & np.isfinite(error(self.output(field)).reshape(n, -1)).all(axis=1) if may_n.any() else may_n
@@ -340,7 +340,7 @@ def lacking(name: str, model: Model, held: Container[str], set_up: bool, whole: 
 
 
 def _of_forces(name: str, model: Model, set_up: bool) -> list[str]:
-    """Return what gives the densities, velocities and energies that a field's sums take."""
+    """Return the sources of the densities, velocities and energies that a field's sums take."""
     quantities = dependencies(model, name)
     wanted = ["mass"]
     if "rho" in quantities and name != "rho":

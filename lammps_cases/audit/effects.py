@@ -1,4 +1,4 @@
-"""The findings of an engine in a deck: those that explain fields, what each does to a field, those that act on it.
+"""The findings of an engine in a deck: those that explain fields, the effect of each, those that act on the deck.
 
 The effects are fields of one sample with and without a finding, computed from the model of the deck alone, also where
 LAMMPS' own field cannot be compared because other styles add to it. A finding acts on a deck by its definitions, before
@@ -33,7 +33,7 @@ from lammps_cases.verdict import runaway
 
 Explained = dict[str, list[Finding]]  # by field
 NOTHING: Mapping[str, SampleEvaluation] = {}
-MULTIPLE = 0.01  # part of the largest value by which a field may differ from a multiple of the right one
+MULTIPLE = 0.01  # fraction of the largest value by which a field may differ from a multiple of the right one
 PRINTED = "thermo_style press"  # of a deck that names it
 
 
@@ -44,7 +44,7 @@ class Left(NamedTuple):
     unbounded: frozenset[str] = frozenset()
 
 
-# What the stages of some findings leave; if the flag is set, particles without a bound are left out.
+# The fields that the stages of some findings leave; with the flag, particles without a bound are left out.
 Outside = Callable[[Sequence[Finding], type[ArrayEvaluator], bool], Left]
 
 
@@ -65,11 +65,11 @@ def explain(
     last: Explained,
     lists: Callable[[], Sequence[NeighbourList]] = tuple,
 ) -> SampleExplanation:
-    """Return the findings that bring fields back inside their bounds, and for the others those that reach them.
+    """Return the findings that bring fields back inside their bounds, and for the other fields those that affect them.
 
     Of the findings that apply, those whose variants can be fitted to the sample explain; they explain nothing if they
     take a field out of its bound that was inside. What depends on a quantity that another one changes, by lists that
-    were not read or memory that nobody knows, cannot be predicted.
+    were not read or unknown memory, cannot be predicted.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def explain(
     of_stages = [
         e for e in applicable(problem, lists=True) if e in listed and e.model_variant and e.model_variant.stages
     ]
-    # What follows lists says by its own rule whether it acts, and must not be tried where it does not.
+    # A finding that follows lists has its own rule on when it acts, and must not be tried elsewhere.
     acting = [e for e in of_stages if not (e.model_variant and e.model_variant.lists) or e.acting(setting)]
     known: dict[tuple[str, ...], Left] = {(): Left(before)}
 
@@ -158,12 +158,12 @@ def effects(
     """Return what each finding of an engine changes in the fields that a step of the sample's model needs.
 
     Gravity, which would hide changes of pair forces, is left out. Of many particles those around the likeliest to run
-    away are looked at. Changes inside the bounds are left out but for findings that were ``seen`` to explain LAMMPS'
+    away are evaluated. Changes inside the bounds are left out, except of findings ``seen`` to explain LAMMPS'
     fields.
 
     Parameters
     ----------
-    evaluated : what the sample was evaluated by already: findings by id, the reference by no name
+    evaluated : existing evaluations of the sample, by id of the finding; that of the reference has no name
     """
     variants = [(entry.id, v) for entry in touching(sample, engine) if (v := entry.model_variant) and v.stages]
     reached = {name: [f for f in needed_to_step(sample.model) if v.reaches(sample.model, f)] for name, v in variants}
@@ -200,7 +200,7 @@ def effects(
 
 
 def compare(right: FloatArray, wrong: FloatArray, bound: FloatArray) -> tuple[int, float | None, float | None] | None:
-    """Compare a field, (n, ...), with what a finding makes of it.
+    """Compare a field, (n, ...), with the same field under a finding.
 
     Returns
     -------
@@ -220,7 +220,7 @@ def compare(right: FloatArray, wrong: FloatArray, bound: FloatArray) -> tuple[in
 
 
 def worst(known: Sequence[EffectRecord], more: Sequence[EffectRecord]) -> list[EffectRecord]:
-    """Return, of every finding and field, the effect that is largest."""
+    """Return the largest effect of every finding and field."""
 
     def size(effect: EffectRecord) -> float:
         return effect.relative or 0.0
@@ -240,7 +240,7 @@ class Acting:
     engine: str
     found: dict[str, ActingRecord] = field(default_factory=dict)
     _shown: set[str] = field(default_factory=lambda: {"press"})  # by thermo_style one, the default
-    _kept: list[str] | None = None  # the fix rheo of the run before, or of the file that was read
+    _kept: list[str] | None = None  # fix rheo of the previous run, or of the file that was read
     _created: bool = False  # whether particles were created after a run
 
     def note(self, values: list[str]) -> None:
@@ -260,7 +260,7 @@ class Acting:
                 self._kept, self._created = None, False
 
     def accepted(self, error: InputError) -> InputError:
-        """Take an argument that LAMMPS has accepted and the reference refuses; return its error with the known bug."""
+        """Record an argument that LAMMPS accepted and the reference refuses; return its error with the known bug."""
         entry = accepting(error, self.engine)
         if entry is None:
             return error

@@ -39,12 +39,12 @@ class ParticleSample:
     model, box, state : of the reference
     mass_n : (n,) masses
     actions : fixes that change forces, each with the particles it acts on
-    summed : whether the densities of walls are not those that the forces used (after the set-up of a run with rho/sum
+    summed : whether densities of walls differ from those that the forces used (after the set-up of a run with rho/sum
         and interface/reconstruct; see the ledger)
-    z_n : (n,) heights of particles in 2D, which ought to be all the same
+    z_n : (n,) heights of particles in 2D, which should all be equal
     unlists_bonded : whether LAMMPS may leave pairs of bonded particles out of its neighbour lists
     newton : the flags of pairs and of bonds
-    ranks : that LAMMPS has
+    ranks : number of ranks of LAMMPS
     """
 
     model: Model
@@ -59,7 +59,7 @@ class ParticleSample:
     ranks: int = 1
 
     def problem(self, fields: tuple[str, ...], steps: tuple[int, ...] = (0,)) -> Problem:
-        """Return the sample as a problem whose findings can be looked for."""
+        """Return the sample as a problem for the search of findings."""
         of_lammps = {name: getattr(self, name) for name in ("ranks", "newton", "unlists_bonded")}
         return Problem(self.model, self.box, self.state, 0.0, fields, steps, **of_lammps)
 
@@ -101,7 +101,7 @@ class _GivenDensities(ArrayEvaluator):
     forces = True  # whether they are wanted
 
     def artificial(self, *given: Any) -> Any:
-        """Return nothing where no forces are wanted, of which these terms take the longest."""
+        """Return nothing where no forces are wanted; these terms take the longest of all."""
         return super().artificial(*given) if self.forces else 0.0
 
     def density_sum(self) -> Any:
@@ -176,7 +176,7 @@ class SampleEvaluation:
         return self._outputs[field]
 
     def own(self, field: str) -> Any:
-        """Return a field of the model itself: of forces those of pairs, without what fixes make of them."""
+        """Return a field of the model itself: forces are those of pairs, before fixes change them."""
         return self.of_pairs if field == "f" else self.output(field)
 
     def comparable(self, field: str) -> BoolArray:
@@ -207,7 +207,7 @@ class SampleEvaluation:
         return self.stages.any_neighbour(lambda _, other: other, some_n) if some_n.any() else some_n
 
     def _in_plane(self) -> BoolArray:
-        """Return the particles that lie in a plane with their neighbours, as do these with theirs."""
+        """Return the particles that lie in a plane with their neighbours and the neighbours of these."""
         tilted_n = self.tilted()
         return ~(tilted_n | self._near(tilted_n))
 

@@ -46,10 +46,10 @@ from lammps_cases.run import provenance
 LARGEST = 2**24  # bytes of a log
 LOOP = re.compile(r"^Loop time of \S+ on (\d+) procs", re.MULTILINE)
 VERSION = re.compile(r"^LAMMPS \((\d+ \w+ \d+)", re.MULTILINE)
-SHORT, LOOKS = 400, 20  # steps of the shortened form, and looks at them
-FULL_EVERY = 200  # steps between two looks at a deck in full, as the decks print their thermo output
+SHORT, LOOKS = 400, 20  # steps of the shortened form, and its number of samples
+FULL_EVERY = 200  # steps between two samples of a full deck, at which the decks print their thermo output
 LIMIT = 300.0  # seconds for one pressure
-# Colours of Okabe & Ito (2008), which the colour-blind tell apart.
+# Colours of Okabe & Ito (2008), which colour-blind readers can distinguish.
 PARTS = {
     "pressure": "#0072b2",
     "viscosity": "#d55e00",
@@ -86,7 +86,7 @@ def decks(engine: Engine, folder: Path | None, names: Sequence[str] = ()) -> lis
     Raises
     ------
     InputError
-        There is no deck, or none of a name.
+        There is no deck, or no deck of a given name.
     """
     folder = folder or installations.examples(engine)
     if folder is None:
@@ -133,7 +133,7 @@ def shipped_log(path: Path) -> ShippedLog | None:
 
 @dataclass(frozen=True)
 class FirstPressure:
-    """The pressure that thermo prints before the first step: as which LAMMPS, or why there is none."""
+    """The pressure that thermo prints before the first step: by which LAMMPS, or why it is missing."""
 
     ranks: int
     newton: str  # as in the deck, or on
@@ -169,7 +169,7 @@ NAME = "examples.json"
 
 
 def judged(folder: Path) -> Parts[Example]:
-    """Return ``decks.jsonl``: decks as they are judged."""
+    """Return the journal ``decks.jsonl``, to which each deck is added when it is judged."""
     return Parts(folder / "decks.jsonl", Example)
 
 
@@ -183,7 +183,7 @@ def collect(
     trust: bool = False,
     progress: Progress = SILENT,
 ) -> Examples:
-    """Audit decks, each into a folder of its own, and return all that the page shows; those judged before are kept.
+    """Audit decks, each into its own folder, and return all that the page shows; finished audits are kept.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def collect(
             run = audit_into(folder / deck.name, deck.path, replace(options, progress=SILENT), engine, line, "new")
             logs = tuple(log for path in deck.logs if (log := shipped_log(path)))
             pressures = _pressures(deck, run.cases[0], logs, workers) if trust else ()
-            case = run.cases[0].model_copy(update={"checks": []})  # every look at every field is in the deck's report
+            case = run.cases[0].model_copy(update={"checks": []})  # every sample of every field is in the deck's report
             example = Example(deck.name, deck.name, case, pressures, logs)
             examples.append(kept.add(key, example))
         progress.advance(len(decks), len(decks), "")
@@ -275,7 +275,7 @@ def picture(example: Example) -> Markup:
 
 
 def _values(series: SeriesRecord, exact: ClosedRecord | None) -> list[float]:
-    """Return what the closed solution is of, else the kinetic energy."""
+    """Return the quantity that the closed solution describes, else the kinetic energy."""
     if exact is None or exact.decays:
         return series.kinetic
     axis = "xyz".index(exact.quantity[-1])
@@ -335,11 +335,11 @@ class View:
 
     @property
     def why_not(self) -> str:
-        """Why there are no budgets."""
+        """Reason why there are no budgets."""
         return self.example.case.unchecked.get("f", "the forces of pairs are not known in this deck")
 
     def logs(self) -> Iterator[tuple[ShippedLog, float | None, tuple[int, float] | None]]:
-        """Go through the logs shipped: each with its first pressure, and its last step and deviation."""
+        """Yield the logs shipped, each with its first pressure, its last step and its deviation."""
         for log in self.example.logs:
             yield (
                 log,

@@ -25,7 +25,7 @@ DEFAULT = (ALL,)
 ABSENT = "fix rheo of this deck has no such feature"  # where all fields are requested
 INTEGRATED = "integrated over time; it can be checked only with rho/sum"
 PRESSURE = ("pressure",)
-# Measured: with these pairs left out, by the statuses of the step before, the sum is LAMMPS' on every particle.
+# Measured: without these pairs, by the statuses of the step before, the sum equals LAMMPS' on every particle.
 MARKED = (
     "with fix rheo/oxidation LAMMPS marks particles (64 in their status) and leaves pairs of two marked ones out of "
     "the sum; the pages that the reference follows do not say so"
@@ -38,7 +38,7 @@ def checked() -> tuple[str, ...]:
 
 
 def offered() -> tuple[str, ...]:
-    """Return the fields that may be named: those that an audit can check, then those that it cannot."""
+    """Return the names that a user may give: fields that an audit can check, then those that it cannot."""
     return (*checked(), *(name for name in QUANTITIES if name in FIELDS and FIELDS[name].unaudited))
 
 
@@ -53,7 +53,7 @@ def chosen(names: Iterable[str]) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        An unknown name, or none.
+        An unknown name, or no name.
     """
     names = list(names)
     for name in names:
@@ -70,7 +70,7 @@ def chosen(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def out_of_scope(reasons: Iterable[tuple[str, str]]) -> list[str]:
-    """Return those of some fields, with the reasons why they are not checked, of which no audit of a deck would."""
+    """Return those of some fields that no audit of a deck checks, with the reasons why they are not checked."""
     ordinary = {ABSENT, INTEGRATED, *unaudited().values()}
     pairs = list(reasons)
     others = {name for name, reason in pairs if reason not in ordinary}
@@ -87,12 +87,12 @@ class Choice:
 
 @dataclass(frozen=True)
 class Setting:
-    """A run's circumstances apart from its model."""
+    """The setting of a run apart from its model."""
 
     deck: Deck
     units: str
     open_tilt: bool = False  # whether the box is tilted along an axis that is not periodic
-    between: str = ""  # a command that run executes in between and that may change the model
+    between: str = ""  # a command that the run executes in between and that may change the model
     massless: bool = False  # whether periodic images lack the masses that particles have of their own
 
 

@@ -42,7 +42,7 @@ NO_RATE = "no column of it in the dump (compute property/atom drho)"
 
 
 class Run(NamedTuple):
-    """A run of the deck, by its number, with its model; an error where none can be followed."""
+    """A run of the deck, by its number, with its model, or an error where it has no model that can be followed."""
 
     number: int
     setup: RunSetup
@@ -50,7 +50,7 @@ class Run(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """A snapshot in its run; ``set_up`` whether it is that of the run's set-up."""
+    """A snapshot in its run; ``set_up``: whether it is the snapshot of the run's set-up."""
 
     snapshot: FileSnapshot
     run: Run
@@ -58,12 +58,12 @@ class Frame(NamedTuple):
 
 
 def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
-    """Check the columns of a dump against each other; the deck is followed, its runs are set up, none is carried out.
+    """Check the columns of a dump against each other; the deck's runs are set up, but not carried out.
 
     Parameters
     ----------
     dump : Path
-        A dump custom, text or binary, with one snapshot or several; of a file that is cut off, the whole ones count.
+        A dump custom, text or binary, with one or more snapshots; of a truncated file, the complete ones count.
     deck : Path
         The deck that has written it.
     options : AuditOptions
@@ -92,7 +92,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
         frame = _frame(snapshot, writing, dump.name)
         writing = writing[writing.index(frame.run) :]  # steps may be counted from 0 again
         _check(frame, dump.name)
-        with np.errstate(all="ignore"):  # of numbers that overflow, which the comparison judges
+        with np.errstate(all="ignore"):  # overflowing numbers, which the comparison judges
             audit.take(frame)
     audit.end(str(dump), rest)
     case = findings.case(case_name(dump))
@@ -107,7 +107,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
 
 
 def _read(dump: Path) -> tuple[list[FileSnapshot], list[str]]:
-    """Return the whole snapshots, and a line on what the file ends with."""
+    """Return the complete snapshots, and a line on how the file ends."""
     every: list[FileSnapshot] = []
     rest: list[str] = []
     try:
@@ -134,7 +134,7 @@ def _run(number: int, setup: RunSetup) -> Run:
 
 
 def _frame(snapshot: FileSnapshot, runs: Sequence[Run], where: str) -> Frame:
-    """Find the run of a snapshot: where one ends and another begins, the first, if the dump was there already.
+    """Find the run of a snapshot: at the step between two runs the first, if the dump was defined by then.
 
     ``runs`` are those that can have written it.
     """
@@ -149,7 +149,7 @@ def _frame(snapshot: FileSnapshot, runs: Sequence[Run], where: str) -> Frame:
 
 
 def _check(frame: Frame, where: str) -> None:
-    """Refuse a snapshot whose particles are not the deck's.
+    """Reject a snapshot whose particles do not belong to the deck.
 
     Raises
     ------
@@ -168,13 +168,13 @@ def _coarse(x_nc: Rounded, model: Model) -> str:
     """Return why neighbours do not follow from positions; or nothing."""
     if not np.isfinite(x_nc.value).all():
         return "positions are not numbers"
-    # Beyond the latter, the squares of distances are no longer distinguished by the cutoff, whatever the digits.
+    # Beyond the latter, the cutoff no longer distinguishes the squares of distances, whatever the digits.
     known = 2 * np.sqrt(model.dimension) * x_nc.error.max(initial=0.0) + EPS * np.abs(x_nc.value).max(initial=0.0)
     return "" if known < 0.5 * model.cut else "positions are not known to within the cutoff"
 
 
 def _writing(dump: DeckDump, runs: Sequence[Run]) -> list[Run]:
-    """Return the runs that can have written a dump; write_dump shows what the run before it leaves."""
+    """Return the runs that can have written a dump; write_dump shows the state after the run before it."""
     if dump.step is not None:
         return [run for run in runs if run.number <= max(dump.begin, 1)]
     return [run for run in runs if dump.begin < run.number <= dump.end]
@@ -225,7 +225,7 @@ class _Audit:
                 some = f"{left} of {wording.counted(len(id_n), 'particle')} {OPEN}"
                 reason = NO_PARTICLE if left == len(id_n) else some
                 self.reasons.setdefault((name, reason), []).append(snapshot.step)
-        if self.findings.blame is None:  # of the first snapshot in which a field differs, or the last one
+        if self.findings.blame is None:  # of the first snapshot in which a field differs, else of the last one
             self.arrays = _arrays(sample, snapshot, id_n, compared)
         known = {"x", "v", "rho"} | ({"energy"} if sample.model.thermal else set())
         doubled = len(self.steps) & (len(self.steps) - 1) == 0  # the 1st, 2nd, 4th, ... snapshot
@@ -271,7 +271,7 @@ class _Audit:
         return run.setup.deck.moves_on()
 
     def unchecked(self) -> dict[str, str]:
-        """Return by field why it was not checked, with the steps if that does not hold for all snapshots."""
+        """Return by field why it was not checked, with the steps if that concerns only some snapshots."""
         lines = []
         for (name, reason), steps in self.reasons.items():
             some = f" (steps {', '.join(map(str, steps[:5]))}{', ...' * (len(steps) > 5)})"
@@ -279,7 +279,7 @@ class _Audit:
         return by_field(lines)
 
     def end(self, file: str, rest: Sequence[str] = ()) -> None:
-        """Note in the record that all snapshots of a file have been taken."""
+        """Complete the record after the last snapshot of a file."""
         if not self.findings.checks and self.findings.broke is None:
             missing = [name for name, reason in self.reasons if reason in (NO_COLUMN, NO_FORCES, NO_RATE)]
             others = [f"{name}: {reason}" for name, reason in self.reasons if name not in missing]
@@ -291,7 +291,7 @@ class _Audit:
 
 
 def _broke(snapshot: FileSnapshot, run: int) -> BreakRecord | None:
-    """Return where a snapshot holds what is not a finite number: the particle of least id, its first such column."""
+    """Return where a snapshot holds a number that is not finite: the particle of least id, its first such column."""
     id_n = snapshot.numbers("id", int)
     bad = {name: ~np.isfinite(values_n) for name, values_n in _numbers(snapshot)}
     found = [(int(id_n[bad_n].min()), k, name) for k, (name, bad_n) in enumerate(bad.items()) if bad_n.any()]
@@ -306,7 +306,7 @@ def _broke(snapshot: FileSnapshot, run: int) -> BreakRecord | None:
 
 
 def _numbers(snapshot: FileSnapshot) -> Iterator[tuple[str, npt.NDArray[Any]]]:
-    """Yield the columns that hold numbers: others, such as element, are left out."""
+    """Yield the columns that hold numbers, without others such as element."""
     for name in snapshot.columns:
         with contextlib.suppress(InputError):
             yield name, snapshot.numbers(name)
@@ -342,7 +342,7 @@ def _sample(frame: Frame, held: dict[str, Any], id_n: npt.NDArray[Any]) -> Frame
 
 
 def _solid(held: dict[str, Any], setup: RunSetup, at_n: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
-    """Return which particles are solid: by the dump, else as they were when the run began."""
+    """Return which particles are solid, by the dump, else at the beginning of the run."""
     if "phase" in held:
         return np.asarray(held["phase"].value != 0)
     if "status" in held:

@@ -5,7 +5,7 @@ that runs inside them are met, fixes are known as LAMMPS got them, and no comman
 variables and substitution remain LAMMPS' own: an ``if`` is handed to LAMMPS with each branch replaced by a
 number, and a line is substituted once, by LAMMPS (a random variable must not advance twice).
 
-A deck can be followed without its runs: then it is kept what each begins with, and what the deck's dumps write.
+A deck can be followed without its runs: then the start of each run is kept, and what the deck's dumps write.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ LINE = "eosref_line"
 _UNSET = re.compile(r"Substitution for illegal variable (\w+)")
 _FLOW = frozenset({"jump", "include", "label", "next", "clear", "run", "partition"})
 ENDLESS = 2**31 - 1
-# What a restart file does not bring along; it has the box, the particles, their masses and their groups.
+# What a restart file lacks; it has the box, the particles, their masses and their groups.
 DEFINITIONS = frozenset(
     {
         *("newton", "lattice", "region", "variable", "neighbor", "neigh_modify", "comm_modify", "comm_style"),
@@ -48,7 +48,7 @@ DEFINITIONS = frozenset(
 
 
 class Finished(Exception):
-    """End of the deck: quit, or the last step that the audit is to do."""
+    """End of the deck: quit, or the last step of the audit."""
 
 
 class _Script:
@@ -71,7 +71,7 @@ class Follower:
     report : callable
         Called with place and text of every command before LAMMPS gets it.
     within : DeckPlace, optional
-        What has been copied; without it commands are left unchecked by `place.check_command`.
+        What has been copied; without it `place.check_command` is not applied to commands.
     """
 
     def __init__(
@@ -198,8 +198,8 @@ class Follower:
             self._line(inner)
 
     def _make_folders(self, values: list[str]) -> None:
-        """Make the folders for what a command writes: they may be there where the deck is meant to run."""
-        if self.lmp.extract_setting("world_rank"):  # the first rank does
+        """Make the folders that a command writes into: they may exist where the deck is meant to run."""
+        if self.lmp.extract_setting("world_rank"):  # the first rank makes them
             return
         for folder in {Path(os.path.normpath(file)).parent for file in written(values)}:
             with contextlib.suppress(OSError, ValueError):  # LAMMPS' own message follows
@@ -221,7 +221,7 @@ class Follower:
                 raise InputError(f"command {words[0].value}", rule, inner, self.where)
 
     def execute(self, command: str) -> None:
-        """Hand over a substituted command; LAMMPS may neither substitute it again nor see a comment in it."""
+        """Give a substituted command to LAMMPS, which may neither substitute it again nor see a comment in it."""
         if "#" in command or "$" in command:
             self._call(lambda: self.lmp.set_string_variable(LINE, command))
             command = f"${{{LINE}}}"
@@ -242,7 +242,7 @@ class Follower:
 
 
 class SetupWatch(DeckWatch):
-    """Executes ``run 0`` in place of every run, and keeps what the run would begin with."""
+    """Executes ``run 0`` in place of every run, and keeps the state with which the run would begin."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)

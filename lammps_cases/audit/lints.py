@@ -1,6 +1,6 @@
-"""Set-ups that LAMMPS runs without a word and that physics forbids, judged by single samples of a run.
+"""Unphysical set-ups that LAMMPS accepts silently, judged by single samples of a run.
 
-Every line has the numbers that it is judged by. Gases are left out: they have neither an equilibrium density nor a
+Every line holds the numbers on which it is based. Gases are left out: they have neither an equilibrium density nor a
 speed of sound of their own.
 """
 
@@ -22,17 +22,17 @@ from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.records.wording import counted, number
 
 Array = npt.NDArray[Any]
-FAR = 0.1  # of rho0: ten times what a weakly compressible fluid is set up to vary by
-SLOW = 10.0  # times the largest speed is what sound takes for densities to vary by 1 %, Monaghan, JCP 110, 399 (1994)
+FAR = 0.1  # of rho0: ten times the variation that a weakly compressible fluid is set up for
+SLOW = 10.0  # speed of sound over the largest speed at which densities vary by 1 %, Monaghan, JCP 110, 399 (1994)
 OUTER = 2 / 3  # of the cutoff, beyond which a full support has neighbours in every direction
-MOST = 100_000  # particles whose neighbours are looked at; of more, blocks of them
-FEW = 2_000  # particles by which it is then judged what known bugs do: no blocks, which would push out those of all
-CLOSE = 0.5  # of the spacing: no lattice and no fluid that is well resolved has pairs that close
+MOST = 100_000  # particles whose neighbours are evaluated; of more particles, blocks
+FEW = 2_000  # particles in which known bugs are then evaluated: no blocks, which would push out those of all
+CLOSE = 0.5  # of the spacing: no lattice and no well resolved fluid has closer pairs
 
 
 @dataclass(frozen=True)
 class Lint:
-    """A questionable set-up: of lines on one subject that with the largest measure is the worst.
+    """A questionable set-up: of lines on one subject the one with the largest measure is the worst.
 
     ``brief`` says it in a few words where it can make a run diverge.
     """
@@ -77,7 +77,7 @@ def number_density(sample: ParticleSample) -> tuple[Array, BoolArray]:
 
 
 def blocks(n: int) -> list[int]:
-    """Return the first particles of the blocks that are evaluated of some."""
+    """Return the first particles of the blocks that are evaluated."""
     first = np.arange(0, n, ROWS)
     some = np.linspace(0, len(first) - 1, MOST // ROWS).round().astype(int) if n > MOST else slice(None)
     return first[some].tolist()  # type: ignore[no-any-return]
@@ -160,7 +160,7 @@ def _density(t: int, law: EOS, rho_n: Array, id_n: Array) -> Iterator[Lint]:
 
 
 def _mass(t: int, law: EOS, mass_n: Array, n_n: Array, rho_n: Array, far: bool) -> Iterator[Lint]:
-    """Judge the masses of a type; those that fit a density which is far from rho0 are not to blame as well.
+    """Judge the masses of a type; masses that fit a density far from rho0 are not blamed as well.
 
     Particles with masses of their own are judged by groups of one mass.
     """
@@ -261,15 +261,15 @@ class Stillness:
         """Take a sample; ``first`` of a run, before which velocities may have been set."""
         state, box = sample.state, sample.box
         moves_n = (state.v_nc != 0).any(axis=1)
-        still_n = ~moves_n & ~state.solid_n & ~held(sample)  # those that setforce holds have a line of their own
+        still_n = ~moves_n & ~state.solid_n & ~held(sample)  # particles held by setforce have a separate line
         stuck_n = still_n & np.isin(id_n, self._exposed)
         count = 0 if first else int(stuck_n.sum())
         if count > self._most:
             self._most = count
             self.line = (
                 f"{count} fluid particles of type {_types(state.type_n[stuck_n])} are at rest in step {step} as in the "
-                "sample before, although others beside them moved: something holds them; those of a wall must be solid "
-                "(set ... rheo/status 1)"
+                "sample before, although others next to them moved: something holds them; those of a wall must be "
+                "solid (set ... rheo/status 1)"
             )
         self._exposed = ()
         if still_n.any() and moves_n.any():

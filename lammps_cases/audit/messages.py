@@ -43,7 +43,7 @@ class RunSetup:
     id_n, solid_n : of the particles
     members : by group, whether a particle is in it
     newton : the flags of pairs and of bonds
-    ranks : that LAMMPS has
+    ranks : number of ranks of LAMMPS
     """
 
     __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
@@ -67,7 +67,7 @@ class RunSetup:
     ranks: int
 
     def model(self) -> Model:
-        """Return the particle model; masses of particles of their own are not part of it.
+        """Return the particle model, without individual masses of particles.
 
         Raises
         ------
@@ -102,7 +102,7 @@ class DeckDump:
 
 @dataclass
 class ScriptCommand:
-    """A command of a deck as written, and as LAMMPS got it: no words where only the deck's flow depends on it.
+    """A command of a deck as written, and as LAMMPS got it: without words if it only controls the deck's flow.
 
     ``runs`` is the number of runs before it.
     """
@@ -143,9 +143,9 @@ class StartState:
 
 @dataclass(frozen=True)
 class DeckSetups:
-    """The runs of a deck, none of which has been carried out, its dumps, and its fixes and the like as commands.
+    """The runs of a deck, set up but not carried out, its dumps, and its fixes and the like as commands.
 
-    With all of its commands, and the particles at its first run.
+    Also all of its commands, and the particles at its first run.
     """
 
     runs: list[RunSetup]
@@ -171,7 +171,7 @@ class CommandPlace:
 
 
 class SampleRow(NamedTuple):
-    """A field of one atom type (or all) in one sample; a plain tuple, as sending a model takes ten times longer."""
+    """A field of one atom type (or all) in one sample: a plain tuple, which is sent ten times faster than a model."""
 
     natoms: int
     verdict: Verdict
@@ -196,8 +196,8 @@ class SampleRow(NamedTuple):
 class SampleRows:
     """One sample: every field and atom type (0: all types) at one step, and the number of steps done.
 
-    ``effects``: what known findings do to the particles as they are, in some of the samples; ``budgets``: one, if
-    wanted; ``unpredictable``: by field that could not be compared, the findings that reach it.
+    ``effects``: what known findings do to the particles, in some of the samples; ``budgets``: one, if
+    wanted; ``unpredictable``: by field that could not be compared, the findings that affect it.
     """
 
     step: int
@@ -211,7 +211,7 @@ class SampleRows:
 
 @dataclass(frozen=True)
 class RunFacts:
-    """Facts of a run at its start; ``derivations`` are of the pressure per type, ``derivation`` of the rest."""
+    """Facts of a run at its start; ``derivations`` are for the pressure per type, ``derivation`` for the rest."""
 
     natoms: int
     dimension: int
@@ -226,7 +226,7 @@ class RunFacts:
 
 @dataclass(frozen=True)
 class PairShare:
-    """A deck of pair_style rheo alone, and the lines of its data file: the particles of a sample.
+    """A deck with pair_style rheo alone, and the lines of its data file: the particles of a sample.
 
     ``reason`` says why the forces of the sample itself could not be compared.
     """
@@ -240,7 +240,7 @@ class PairShare:
 
 @dataclass(frozen=True)
 class DeckEnd:
-    """The deck came to its end, or to the error ``refused``; with arrays of one sample, and the fields of the last."""
+    """The end of the deck, or the error ``refused``; with arrays of one sample, and the fields of the last."""
 
     __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
 
@@ -257,11 +257,11 @@ class DeckEnd:
     share: PairShare | None = None
     series: list[SeriesRecord] = field(default_factory=list)
     closed: ClosedRecord | None = None
-    touching: tuple[str, ...] = ()  # findings that the deck is under by its commands, whatever its particles are
+    touching: tuple[str, ...] = ()  # findings that act on the deck by its commands, whatever its particles
     acting: list[ActingRecord] = field(default_factory=list)
     broke: BreakRecord | None = None
     lost: LostRecord | None = None
-    brief: str = ""  # what is most questionable about the set-up
-    lacks: str = ""  # what this LAMMPS was built without, and the deck needs
+    brief: str = ""  # the most questionable part of the set-up
+    lacks: str = ""  # what the deck needs but this LAMMPS was built without
     kept: dict[int, dict[str, npt.NDArray[Any]]] = field(default_factory=dict)  # see `lammps_cases.audit.arrays`
     thermo: list[dict[str, float]] = field(default_factory=list)

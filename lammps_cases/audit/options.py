@@ -41,7 +41,7 @@ def _names(fields: Any) -> Any:
 
 @dataclass(frozen=True)
 class FinishedOptions:
-    """What a deck has written, to be checked instead of a run of the deck."""
+    """Output of a deck to be checked instead of a run of the deck."""
 
     dump: Annotated[Path | None, Option("Check a dump written by DECK, without running it.", metavar="FILE")] = None
     restart: Annotated[Path | None, Option("Check a restart file written by DECK.", metavar="FILE")] = None
@@ -49,7 +49,7 @@ class FinishedOptions:
 
 @dataclass(frozen=True)
 class DeckLevelOptions(LevelOptions):
-    """Which LAMMPS runs a deck, and which known findings make the exit code 1."""
+    """The LAMMPS that runs a deck, and the known findings that make the exit code 1."""
 
     _: KW_ONLY
     fail_on: Annotated[
@@ -72,7 +72,7 @@ class AuditOptions:
     engine : str, optional
         Folder (for ``sys.path``) of another lammps package.
     progress : Progress, optional
-        Receives the number of steps done, and of how many.
+        Receives the number of steps done, and the total.
     keep : Path, optional
         Run in this folder and leave it, with what the deck wrote; by default a temporary one.
 
@@ -141,7 +141,7 @@ class AuditOptions:
 
     @classmethod
     def of(cls, **given: Any) -> AuditOptions:
-        """Return options given by a user: fields may be one string, with commas; wrong types are bad input.
+        """Return options given by a user: fields may be one string with commas; wrong types are bad input.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class AuditOptions:
         return [*suffix, *(f"package {given}" for given in self.package), *variables]
 
     def words(self) -> list[str]:
-        """Return the options that are not the defaults as words of the command line."""
+        """Return the options other than the defaults as words of the command line."""
         plain = AuditOptions(trust=False)
         given = {each.name: getattr(self, each.name) for each in fields_of(self) if each.compare}
         return [w for name, value in given.items() if value != getattr(plain, name) for w in _words(name, value)]
@@ -195,9 +195,9 @@ def _words(name: str, value: Any) -> list[str]:
 
 @dataclass(frozen=True)
 class AuditResult:
-    """The record of an audit, which LAMMPS it was, and the per-atom arrays of one sample, sorted by id.
+    """The record of an audit, the identity of its LAMMPS, and the per-atom arrays of one sample, sorted by id.
 
-    That is the first sample in which a field differs, or the last one.
+    The sample is the first in which a field differs, else the last.
 
     ``arrays`` has ``id``, ``type``, ``x``, ``rho``, ``box`` (low and high corner), ``step``, for every field
     ``FIELD.lammps``, ``FIELD.reference`` and ``FIELD.bound``, and ``e`` if a law needs it; it is empty if there
@@ -221,7 +221,7 @@ class AuditTask:
     options: AuditOptions
     means: Means
     outside: str  # folder outside of the copy, for the files of the audit itself
-    setups: bool = False  # whether runs are not carried out, but described
+    setups: bool = False  # whether runs are described instead of carried out
     place: DeckPlace = field(default_factory=DeckPlace)
 
     @property

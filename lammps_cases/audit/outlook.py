@@ -1,6 +1,6 @@
-"""Whether the state of a deck is that of a fluid, what findings do to its samples, and why a run broke off.
+"""Whether the state of a deck is that of a fluid, the effects of findings on its samples, and why a run broke off.
 
-A state is no longer a fluid's if numbers are not finite, or if particles run away or are lost.
+A state is not a fluid's if numbers are not finite, or if particles run away or are lost.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ def mach(model: Model, state: State) -> float:
 
 @dataclass
 class Health:
-    """The first sample in which the state of a deck is not that of a fluid, and the particles that it has lost."""
+    """The first sample in which the state of a deck is not that of a fluid, and the particles lost."""
 
     broke: BreakRecord | None = None
     lost: LostRecord | None = None
     broke_off: int | None = None  # step at which LAMMPS ended a run
-    ignores: bool = False  # whether LAMMPS goes on when particles are lost
+    ignores: bool = False  # whether LAMMPS continues when particles are lost
     changes: bool = False  # whether fixes add or remove particles
     _count: int = 0  # particles at the beginning of the run
     _energy: float = 0.0  # largest at the beginning of the run
@@ -153,15 +153,15 @@ def component_name(field: str, shape: tuple[int, ...], component: int) -> str:
 def outlook(
     good: TimedSample, engine: str, taken: int, brief: str = "", unpredictable: Sequence[Finding] = ()
 ) -> tuple[OutlookRecord | None, list[EffectRecord]]:
-    """Return why a run broke off, and what findings do to the particles that the reference makes of the sample.
+    """Return why a run broke off, and what findings do to the particles after the reference's steps from the sample.
 
-    A lattice at rest feels no force yet, right or wrong; some steps later it does. The latter is left out where the
+    A lattice at rest feels no force yet, right or wrong; some steps later it does. Effects are left out where the
     particles are too many to follow them all.
 
     Parameters
     ----------
     taken : steps that LAMMPS took from the sample
-    brief : what is wrong with the set-up, in a few words
+    brief : the fault of the set-up, in a few words
     unpredictable : findings that change forces of the sample in a way that cannot be evaluated
     """
     sample, model = boxed(good.sample), model_with_forces(good.sample)
@@ -187,7 +187,7 @@ def outlook(
 
 
 def _limit(good: TimedSample) -> str:
-    """Return how many times its limit by theory the time step is, and of what that is."""
+    """Return the time step over its theoretical limit, and the cause of that limit."""
     step = numbers(good.sample.model, good.sample.state, good.timestep)
     of = "sound" if step.viscous <= step.acoustic else "conduction" if step.conducts else "viscosity"
     return f"time step is {step.fraction:.3g} times the limit of {of} at step {good.step}"
@@ -195,11 +195,11 @@ def _limit(good: TimedSample) -> str:
 
 @dataclass
 class FluidSamples:
-    """Takes the samples of a deck; those look like a fluid whose particles are slower than sound, and none is missing.
+    """Takes the samples of a deck; a sample looks like a fluid if its particles are slower than sound and all there.
 
     Attributes
     ----------
-    last : the last one of these, if all forces of the deck are known
+    last : the last such sample, if all forces of the deck are known
     first : the first one of the last run
     """
 
@@ -207,15 +207,15 @@ class FluidSamples:
     engine: str
     last: TimedSample | None = None
     first: TimedSample | None = None
-    _open: Explained = field(default_factory=dict)  # by field of the last one, findings that cannot be evaluated
-    _harmful: set[str] = field(default_factory=set)  # findings that change a field that steps need, in some sample
-    _count: int = 0  # samples that looked so
-    _least: int = 0  # particles of a sample that looks so, in this run
+    _open: Explained = field(default_factory=dict)  # by field of this `last`, findings that cannot be evaluated
+    _harmful: set[str] = field(default_factory=set)  # findings that change, in some sample, a field that steps need
+    _count: int = 0  # samples that look like a fluid
+    _least: int = 0  # particles of such a sample, in this run
 
     def take(
         self, now: TimedSample | None, sampler: Sampler | None, starts: bool, broke: bool, unpredictable: Explained
     ) -> tuple[EffectRecord, ...]:
-        """Take a sample, None if there is none to look at; of the 1st, 2nd, 4th, 8th ... return what findings do to it.
+        """Take a sample, None without a model; of the 1st, 2nd, 4th, 8th ... return what findings do to it.
 
         ``starts``: whether it is the first of a run; ``broke``: whether the state of the deck is no longer a fluid's.
         """
@@ -224,7 +224,7 @@ class FluidSamples:
             self._least = count
         looks_so = count >= self._least and now is not None and mach(now.sample.model, now.sample.state) <= 1
         if now is None or sampler is None or not looks_so:
-            self._least = count + 1  # what is left of a run that lost particles, or its measure, may look well again
+            self._least = count + 1  # the rest of a run that lost particles, or its measure, may look sound again
             return ()
         if not broke or self.last is None:
             if "f" in sampler.fields:
@@ -242,7 +242,7 @@ class FluidSamples:
         return found
 
     def series(self) -> tuple[list[SeriesRecord], ClosedRecord | None]:
-        """Return runs of the reference from the first sample of the last run, with what a closed solution says of them.
+        """Return runs of the reference from the first sample of the last run, compared with a closed solution.
 
         Nothing unless budgets are wanted and all forces are known.
         """
@@ -269,7 +269,7 @@ class FluidSamples:
         return [line] if short else []
 
     def outlook(self, health: Health, brief: str) -> tuple[OutlookRecord | None, list[EffectRecord]]:
-        """Return why the state broke or LAMMPS ended a run before its time; nothing if neither, or if nobody knows."""
+        """Return why the state broke or LAMMPS ended a run before its time; None if neither, or if unknown."""
         broke, lost, broke_off = health.broke, health.lost, health.broke_off
         if broke is not None and broke.given:
             given = f"run {broke.run} begins with {broke.column} = {broke.value} of atom {broke.atom}"
@@ -290,7 +290,7 @@ class FluidSamples:
 
 
 def _undefined(explained: Explained) -> Explained:
-    """Return, of the findings that explain fields, those that leave some particles open."""
+    """Return those findings that explain fields but leave some particles undecided."""
     of = {
         name: [e for e in entries if e.model_variant and e.model_variant.undefined]
         for name, entries in explained.items()

@@ -1,4 +1,4 @@
-"""Where a deck runs: the folder that is copied, the one in which LAMMPS runs, and what the deck reads and writes there.
+"""Where a deck runs: the folder that is copied, the folder in which LAMMPS runs, and the files read and written there.
 
 ``lmp -in path/in.x`` runs in the current folder, and its file names are relative to it. So does an audit if the files
 that the deck reads by plain names lie there, or in the folder of ``--root``; otherwise it runs in the deck's own one.
@@ -40,7 +40,7 @@ EMPTY: Mapping[str, Sequence[str]] = MappingProxyType({})
 NESTED = "must not nest commands without end"
 _COMPRESSED = (".gz", ".bz2", ".zst", ".xz", ".lzma", ".lz4")  # LAMMPS hands these names to a shell
 _BY_ITSELF = ("/gz", "/zstd")  # styles that compress without one
-LARGEST = 2 * 2**30  # bytes; a deck that lies in a home folder must not copy all of it
+LARGEST = 2 * 2**30  # bytes; for a deck in a home folder not all of it must be copied
 
 
 def files(values: Sequence[str]) -> list[str]:
@@ -97,14 +97,14 @@ class DeckPlace:
         return [word for word in files(values) if self.leaves(word)]
 
     def leaves(self, word: str) -> bool:
-        """Return whether a word is such a path."""
+        """Return whether a word is a path out of what is copied."""
         if any(c.isspace() for c in word) or not word.strip("/"):
             return False
         up = os.path.normpath(word).split("/").count("..")
         return word.startswith("/") or up > len(self.within.parts)
 
     def refusal(self, words: Sequence[str], command: str, found: str, where: str) -> InputError:
-        """Return the error about such paths, with what to type."""
+        """Return the error about such paths, with the command to type."""
         targets = [Path(os.path.normpath(self.working / word)).parent for word in words if word[0] != "/"]
         common = os.path.commonpath([self.root, self.own or self.root, *targets])
         root = f"--root {os.path.relpath(common, self.current)}, to copy that folder, or "
@@ -116,7 +116,7 @@ class DeckPlace:
 
 
 class DeckLine(NamedTuple):
-    """A line of a deck, its place, and the words of its commands: its own and those held by it, as far as known."""
+    """A line of a deck, its place, and the words of its command and of nested commands, as far as known."""
 
     where: str
     text: str
@@ -129,7 +129,7 @@ def find(deck: Path, root: Path | None, var: Mapping[str, Sequence[str]]) -> Dec
     Raises
     ------
     InputError
-        The root is no folder, or does not hold the deck; the deck cannot be read.
+        The root is not a folder, or does not hold the deck; the deck cannot be read.
     """
     own, current = deck.resolve().parent, Path.cwd()
     top = None if root is None else root.resolve()
@@ -143,14 +143,14 @@ def find(deck: Path, root: Path | None, var: Mapping[str, Sequence[str]]) -> Dec
 
 
 def _read(deck: Path, working: Path, var: Mapping[str, Sequence[str]]) -> set[str]:
-    """Return the files that a deck reads by plain names and that are there."""
+    """Return the existing files that a deck reads by plain names."""
     commands = [values for line in lines(deck, DeckPlace(working, working), var) for values in line.commands]
     names = {name for values in commands if values[0] in READERS for name in files(values)}
     return {name for name in names if _file(working / name) is not None}
 
 
 def lines(deck: Path, place: DeckPlace, var: Mapping[str, Sequence[str]]) -> Iterator[DeckLine]:
-    """Yield the lines of a deck and of the files within a place that it includes or jumps to, each file once.
+    """Yield the lines of a deck and of the files in its place that it includes or jumps to, each file once.
 
     Variables of style index and string that the lines before define are replaced by their first value.
 
@@ -195,16 +195,16 @@ def _commands(command: str, known: Mapping[str, str], depth: int = 0) -> Iterato
 
 
 def _file(path: Path) -> Path | None:
-    """Return the file that a path of a deck names; None if there is none."""
+    """Return the file that a path of a deck names; None if it does not exist."""
     try:
         file = path.resolve()
         return file if file.is_file() else None
-    except (OSError, ValueError):  # no name of a file
+    except (OSError, ValueError):  # not a file name
         return None
 
 
 def is_open(values: list[str]) -> bool:
-    """Return whether a command that LAMMPS substitutes later may still become one that `fault` refuses."""
+    """Return whether a command may, after substitution by LAMMPS, be one that `fault` refuses."""
     name, arguments = values[0], values[1:]
     if name.startswith(("write_", "dump", "restart", "log", "fix", "pair_style")):
         return any("$" in word for word in arguments)
@@ -232,12 +232,12 @@ def fault(values: list[str]) -> str:
 
 
 def check_command(command: list[text.Word], where: str, within: DeckPlace | None, depth: int = 0) -> None:
-    """Check one command by its words, and those held by it.
+    """Check one command by its words, and its nested commands.
 
     Parameters
     ----------
     within : DeckPlace, optional
-        What has been copied: paths may not leave it. Paths are not checked without.
+        What has been copied: paths may not leave it. Without it paths are not checked.
 
     Raises
     ------
@@ -258,7 +258,7 @@ def check_command(command: list[text.Word], where: str, within: DeckPlace | None
 
 
 def check_script(path: Path, within: DeckPlace | None = None, var: Mapping[str, Sequence[str]] = EMPTY) -> None:
-    """Check the text of a deck and of the files that it includes or jumps to, by names that follow from the text.
+    """Check the text of a deck and of the files that it includes or jumps to, as far as the text gives their names.
 
     Parameters
     ----------
@@ -301,7 +301,7 @@ def copy_folder(source: Path, target: Path, largest: int = LARGEST, links_out: b
         here = Path(directory)
         folders[:] = [name for name in folders if links_out or _is_within(source, here / name)]
         if here.resolve() in done or (target.resolve().is_relative_to(here.resolve()) and here != source):
-            folders.clear()  # a link that leads back, or the copy itself
+            folders.clear()  # a link to a folder above, or the copy itself
             continue
         done.add(here.resolve())
         to = target / here.relative_to(source)
@@ -324,7 +324,7 @@ def copy_folder(source: Path, target: Path, largest: int = LARGEST, links_out: b
 def nested_folder(source: Path, target: Path) -> Path:
     """Make and return the folder ``target/a/b`` for the copy of a source ``/a/b``.
 
-    Whatever else the folders above the source hold is there as links, so that relative paths lead where they should.
+    Other content of the folders above the source is linked, so that relative paths remain valid.
     """
     here = target
     for folder, name in zip(reversed(source.parents), source.parts[1:], strict=True):

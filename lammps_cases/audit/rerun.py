@@ -1,6 +1,6 @@
-"""What a deck's first sample ought to become: by runs of the reference, and by closed solutions.
+"""The right evolution of a deck's first sample: by runs of the reference, and by closed solutions.
 
-The reference runs as the deck has it, and with one thing changed at a time.
+The reference runs the deck's fluid unchanged, and with one change at a time.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from lammps_cases.records.case_parts import ClosedRecord, SeriesRecord
 from lammps_cases.verdict.runaway import RUNAWAY, fastest
 
 AS_IT_IS, HALF_STEP, FINER, SILENT = "as it is", "half the time step", "half the spacing", "no artificial viscosity"
-SLOW = 200_000  # steps times particles of a run with a finding, which no compiled code takes; above, it is shortened
-LARGE = 40_000_000  # steps times particles of any other
+SLOW = 200_000  # steps times particles of a run with a finding, which is not compiled; above, it is shortened
+LARGE = 40_000_000  # steps times particles of any other run
 POINTS = 2001  # across a channel, for the mean of the velocity
 # Part of the largest velocity by which vortices may differ: a product of sines, their arguments rounded.
 VORTICES = 64 * EPS
@@ -42,12 +42,12 @@ VORTICES = 64 * EPS
 
 @dataclass(frozen=True)
 class ChangedFluid:
-    """A fluid to be run: as the deck has it but for what ``name`` says."""
+    """A fluid to be run: the deck's, except for the change ``name``."""
 
     name: str
     model: Model
     state: State
-    finer: int = 1  # steps for one of the deck
+    finer: int = 1  # steps per step of the deck
     findings: tuple[Finding, ...] = ()
 
 
@@ -69,9 +69,9 @@ def reruns(good: TimedSample, steps: int, every: int, entries: Sequence[Finding]
     good : TimedSample
         The first sample of a run.
     steps, every : int
-        Steps to take, and between two looks.
+        Steps to take, and between two samples.
     entries : sequence of Finding
-        Each is put into the reference, alone.
+        Each is applied to the reference alone.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def _changes(model: Model, box: Box, state: State, entries: Sequence[Finding]) -
 
 
 def finer(model: Model, box: Box, state: State) -> ChangedFluid:
-    """Return a fluid with every particle in parts, two along each axis, and lengths of the method halved.
+    """Return a fluid with every particle split in two along each axis, and the lengths of the method halved.
 
     The parts lie around the particle, a quarter of its size away, and those of fluid have the velocities that its
     gradient gives there. Decks choose the coefficient of density diffusion by the cutoff: it is halved with that.
@@ -150,10 +150,10 @@ def _shared(force: Force, parts: int) -> Force:
 
 
 def _series(of: ChangedFluid, box: Box, good: TimedSample, steps: int, every: int) -> SeriesRecord:
-    """Run one fluid, with looks at the steps of the deck."""
+    """Run one fluid, sampled at the steps of the deck."""
     begin, dt = time.perf_counter(), good.timestep / of.finer
     count = affordable(len(of.state.x_nc), steps * of.finer, bool(of.findings)) // of.finer
-    count = steps if count == steps else count - count % every  # a look that the others have, too
+    count = steps if count == steps else count - count % every  # a sample that the other runs have, too
     record = SeriesRecord(name=of.name, findings=[e.id for e in of.findings], steps=[], kinetic=[], momentum=[])
     try:
         run = _simulation(of, box, dt, count * of.finer)
@@ -174,18 +174,18 @@ def _series(of: ChangedFluid, box: Box, good: TimedSample, steps: int, every: in
 
 
 def looks(steps: int, every: int) -> list[int]:
-    """Return the steps at which a run is looked at."""
+    """Return the steps at which a run is sampled."""
     return [*range(0, steps, every), steps]
 
 
 def shortened(particles: int, steps: int) -> str:
-    """Return which runs of the reference are shorter than the deck's, in words; nothing if none is."""
+    """Return which runs of the reference are shorter than the deck's, in words; empty if all have its length."""
     ends = {what: affordable(particles, steps, bool(slow)) for slow, what in enumerate(("as it is", "with a finding"))}
     return " and ".join(f"those {what} end after step {end}" for what, end in ends.items() if end < steps)
 
 
 def affordable(particles: int, steps: int, slow: bool) -> int:
-    """Return the steps, or fewer of a run that would take longer than a user waits."""
+    """Return the steps, or fewer if the run would take too long for a user."""
     return min(steps, (SLOW if slow else LARGE) // max(particles, 1))
 
 
@@ -207,7 +207,7 @@ def _look(record: SeriesRecord, run: Simulation, step: int) -> None:
 
 
 def closed(good: TimedSample, steps: Sequence[int]) -> ClosedRecord | None:
-    """Return a closed solution of the deck at some steps after the sample; None if there is none.
+    """Return a closed solution of the deck at some steps after the sample; None if it has no known one.
 
     Known are the vortices of Taylor and Green in a periodic square, and fluid at rest between two plates, along which
     a force sets in.
@@ -238,7 +238,7 @@ def _vortices(
     kinetic = 0.5 * float((good.sample.mass_n[:, None] * state.v_nc**2).sum())
     values = [kinetic * math.exp(-4 * nu * k**2 * t) for t in times]
     if any(not 0 < after < before for before, after in pairwise(values)):
-        return None  # too little viscosity or too much for a rate
+        return None  # too little or too much viscosity for a rate
     return ClosedRecord(
         flow="vortices of Taylor and Green", quantity="kinetic energy",
         about=f"decays at the rate 4 ν k², k = {k:.6g}",
@@ -247,7 +247,7 @@ def _vortices(
 
 
 def _are_vortices(v_nc: FloatArray, x_nc: FloatArray, k: float) -> bool:
-    """Return whether velocities are those of vortices, of either sense, wherever their centres lie along the axes."""
+    """Return whether velocities are those of vortices of either sense, for any centres along the axes."""
     for shift_c in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75)):
         at_nc = x_nc + 2 * math.pi / k * np.array(shift_c)
         u_n, w_n, _ = waves.taylor_green(at_nc[:, 0], at_nc[:, 1], 0.0, k, 1.0)
@@ -310,7 +310,7 @@ def _acts(force: Force, types: set[int]) -> bool:
 
 
 def deviation(of: ClosedRecord, series: SeriesRecord, at: int | None = None) -> float | None:
-    """Return how far a run is from the closed solution at a step, its last by default; None if it is not there.
+    """Return how far a run is from the closed solution at a step, its last by default; None if it lacks the step.
 
     Of a decay it is the relative difference of the mean rates up to there, else that of the values.
     """

@@ -1,4 +1,4 @@
-"""A deck written again in the unit of length in which m/rho0 is 1, which avoids a known bug in the forces of pairs.
+"""A deck rewritten in the unit of length in which m/rho0 is 1, which avoids a known bug in the forces of pairs.
 
 LAMMPS leaves the volume out of the forces of pairs, so that accelerations are rho/m times what they should be. In d
 dimensions a unit of length of (m/rho0)^(1/d) makes that rho/rho0; no physics depends on the unit.
@@ -38,24 +38,24 @@ from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.setup.twins import Scale
 
 SKINS = {"lj": "0.3", "si": "0.001", "cgs": "0.1"}  # of neighbour lists by default; no other system is rescaled
-SAME = 1e-12  # relative differences of m/rho0 between types that are rounding
+SAME = 1e-12  # relative differences of m/rho0 between types that count as rounding
 STIRRED = 0.1  # of the spacing, of the speed of sound, of energies
 AT_SURFACE = 1  # the class of surface particles that have a normal
-ROUNDINGS = 4  # of a number on its way into the other deck, at most
+ROUNDINGS = 4  # at most, of a number on its way into the new deck
 REPULSION = "in 2D the short-range repulsion by walls (interface/reconstruct, chi > 0.9) depends on the unit of length"
 COLUMNS = ("x", "v", "f", "rho", "drho", "pressure", "energy")
 
 
 @dataclass(frozen=True)
 class RescaledDeck:
-    """The lines of a rescaled deck and of its data file, and what the reference makes of it.
+    """The lines of a rescaled deck and of its data file, with the reference's comparison of both decks.
 
     Attributes
     ----------
-    volume : m/rho0 of the deck that it is made of
-    length : unit of length, in that of the deck
+    volume : m/rho0 of the original deck
+    length : new unit of length, in that of the original
     same : largest difference between the two decks' fields by the reference, over the bound, the particles stirred
-    notes : what is not the same in them
+    notes : what differs between them
     """
 
     commands: list[str]
@@ -141,7 +141,7 @@ def rescaled(setups: DeckSetups, name: str, target: str) -> RescaledDeck:
         raise InputError("deck", "must begin with finite positions and velocities to be rescaled", where=name)
     before = _sample(run, start)
     volume = _volume(before, name)
-    length = float(f"{volume ** (1 / run.dimension):.15g}")  # a number that can be read, where there is one
+    length = float(f"{volume ** (1 / run.dimension):.15g}")  # a readable number, if any
     scale = Scale(run.dimension, 1 / length)
     scaling = Scaling(scale, manual_of(run.version))
     commands = list(_commands(setups, start, scaling, target))  # which refuses what cannot be scaled, with its line
@@ -151,20 +151,20 @@ def rescaled(setups: DeckSetups, name: str, target: str) -> RescaledDeck:
     stirred = _stirred(start, length, max(law.cs for law in before.model.eos.laws))
     same = _same(_sample(run, stirred), _sample(replace(run, deck=other), _scaled_start(stirred, scale)), scale)
     flat = run.dimension == 2 and before.model.fix.interface_reconstruct
-    notes = [f"{REPULSION}: beside other forces it is {1 / length:.6g} times what it was"] if flat else []
+    notes = [f"{REPULSION}: relative to other forces it is {1 / length:.6g} times what it was"] if flat else []
     head = [f"# {line}" for line in (*_header(volume, length, scale, name), *notes)]
     return RescaledDeck([*head, *commands], _data(start_there, run), volume, length, same, notes)
 
 
 def _volume(sample: ParticleSample, name: str) -> float:
-    """Return m/rho0, which is the same for all types of which there are particles."""
+    """Return m/rho0, which is the same for all types that have particles."""
     model = sample.model
     types = sorted(set(sample.state.type_n.tolist()))
     volume_t = {t: model.mass_t[t - 1] / model.eos[t].rho0 for t in types}
     least, largest = min(volume_t.values()), max(volume_t.values())
     if largest - least > SAME * largest:
         found = ", ".join(f"{volume:.6g} of type {t}" for t, volume in volume_t.items())
-        raise InputError("m/rho0", "must be the same for all types: a unit of length changes all alike", found, name)
+        raise InputError("m/rho0", "must be the same for all types: a unit of length changes all equally", found, name)
     if abs(largest - 1) <= SAME:
         raise InputError("m/rho0", "is 1 already: no other unit of length is better", where=name)
     return float(largest)
@@ -185,7 +185,7 @@ def _sample(run: RunSetup, start: StartState) -> ParticleSample:
 
 
 class _Rounded(ParticleSample):
-    """A sample whose numbers, and those of its model, were rounded."""
+    """A sample with rounded numbers, as are those of its model."""
 
     def rounded(self) -> State:
         """Return the state with these errors; those of positions and velocities stand for the model's."""
@@ -200,7 +200,7 @@ class _Rounded(ParticleSample):
 
 
 def _stirred(start: StartState, spacing: float, cs: float) -> StartState:
-    """Return a start in motion: on a lattice at rest no force would show a number that is wrong."""
+    """Return a start in motion: on a lattice at rest no force would reveal a wrong number."""
     random = np.random.default_rng(0)
 
     def noise(like: Any) -> Any:
@@ -229,8 +229,8 @@ def _repelling(by: float) -> type[ArrayEvaluator]:
 def _same(before: ParticleSample, after: ParticleSample, scale: Scale) -> float:
     """Return the largest difference between the reference's fields of two set-ups, over the bound.
 
-    The repulsion by walls has the dimension of a force in 3D only (NUMERICS.md, section 5): it is compared as one. Left
-    out are shifts at surfaces, whose normals a constant softens that has no unit (section 4).
+    The repulsion by walls has the dimension of a force in 3D only (NUMERICS.md, section 5): it is compared as a force.
+    Shifts at surfaces, whose normals are softened by a constant without a unit (section 4), are left out.
 
     Raises
     ------
@@ -318,7 +318,7 @@ def _line(words: Sequence[str]) -> str:
 
 
 def _groups(start: StartState) -> Iterator[str]:
-    """Yield commands that define the groups: by types where they are such, by ids elsewhere."""
+    """Yield commands that define the groups: by types where possible, else by ids."""
     for name, in_n in start.members.items():
         if name == "all":
             continue

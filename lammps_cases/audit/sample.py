@@ -1,4 +1,4 @@
-"""Samples of the fields of the particle model: what LAMMPS shows, and what the reference makes of the same state.
+"""Samples of the fields of the particle model: LAMMPS' output, and the reference's evaluation of the same state.
 
 Most fields are arrays of atoms; the others are shown by a compute of the audit's own, evaluated at samples
 only. LAMMPS evaluates a compute again for every step and after every set-up, from what the forces have just used.
@@ -39,7 +39,7 @@ SOLID = 1
 
 @dataclass(frozen=True)
 class Printed:
-    """How a sample that was printed is evaluated, and by how much its fields may be off."""
+    """How a printed sample is evaluated, and by how much its fields may be off."""
 
     evaluation: type[SampleEvaluation]
     errors: Mapping[str, Array]
@@ -55,7 +55,7 @@ class JudgedSample:
     reference : the reference's evaluation
     alone : evaluations with a finding that is not fitted to the sample, by id
     explained : what explained fields of this sample and of earlier ones
-    unpredictable : by field, the findings that reach it and that cannot be evaluated in this sample
+    unpredictable : by field, the findings that affect it and that cannot be evaluated in this sample
     """
 
     comparisons: dict[str, Comparison]
@@ -108,13 +108,13 @@ class Sampler:
             if not FIELDS[field].array:
                 self.columns[field] = slice(end, end := end + model.dimension ** QUANTITIES[field].rank)
         if self.columns:
-            # One column more, as LAMMPS stores a single one as a vector; it must be the pressure: a compute that shows
+            # One more column, as LAMMPS stores a single one as a vector; it must be the pressure: a compute that shows
             # stress/t without it ends in a segmentation fault (LAMMPS 22Jul2025).
             names = ["pressure", *(FIELDS[field].words() for field in self.columns)]
             lmp.command(f"compute {COMPUTE} all rheo/property/atom {' '.join(names)}")
 
     def take(self, n: int, x_nc: Array, setup: bool) -> ParticleSample:
-        """Return the particles there are; ``setup`` on the set-up of a run."""
+        """Return the particles; ``setup``: whether this is the set-up of a run."""
         fix, self.evaluated = self.model.fix, {}
         self.last = taken(self.lmp, self.model, self.actions, self.mass_t, n, x_nc)
         summed = setup and fix.rho_sum and fix.interface_reconstruct
@@ -122,7 +122,7 @@ class Sampler:
         return self.last
 
     def compare(self, tag_n: Array, shown: Mapping[str, Array]) -> JudgedSample:
-        """Compare all fields of the sample taken last with those that LAMMPS shows."""
+        """Compare all fields of the latest sample with those that LAMMPS shows."""
         assert self.last is not None
         found = judged(self.last, self.fields, tag_n, shown, self.listed, self.explained, lists=self._lists)
         self.explained, self.evaluated = found.explained, {"": found.reference, **found.alone}
@@ -130,14 +130,14 @@ class Sampler:
         return found
 
     def explain_pressure(self, tag_n: Array, pressure_n: Array, record: FieldRecord) -> None:
-        """Explain pressures outside their bounds, with those of all types; others follow from these."""
+        """Explain pressures outside their bounds, those of all types together; other fields follow from them."""
         assert self.last is not None
         found = judged(self.last, ("pressure",), tag_n, {"pressure": pressure_n}, self.listed, {})
         if entries := found.explained.get("pressure"):
             record.verdict, record.explained_by = "explained", [entry.id for entry in entries]
 
     def _lists(self, tag_n: Array) -> tuple[NeighbourList, ...]:
-        """Return LAMMPS' neighbour list, whose particles are counted as in the sample; nothing on several ranks."""
+        """Return LAMMPS' neighbour list, particles numbered as in the sample; nothing on several ranks."""
         if arrays.rank_count(self.lmp) > 1 or self.lmp.find_pair_neighlist("rheo") < 0:
             return ()
         read, order_n = read_list(self.lmp), np.argsort(tag_n)
@@ -179,7 +179,7 @@ def judged(
     listed : findings of the engine
     earlier : what explained earlier samples
     lists : reads LAMMPS' neighbour list, given the ids; only where a field differs and a finding follows it
-    printed : of a sample of a dump, in which particles for which LAMMPS has no number are left out, too
+    printed : of a sample of a dump, where particles for which LAMMPS has no number are left out, too
     """
     evaluation = printed.evaluation if printed else SampleEvaluation
     errors = printed.errors if printed else {}
@@ -261,7 +261,7 @@ def taken(
 
 
 def drop(lmp: Any) -> None:
-    """Remove the compute; it holds on to the fixes that were there when the run began."""
+    """Remove the compute, which refers to the fixes that existed when the run began."""
     if lmp.has_id("compute", COMPUTE):
         lmp.command(f"uncompute {COMPUTE}")
 

@@ -1,7 +1,7 @@
 """Commands of a deck in another unit of length; the units of mass and time stay.
 
 A command is a form: the dimensions of its first words, and of the words behind each of its keywords. A command that has
-no form here, or a number that is no plain number, is refused: what is written must mean the same.
+no form here, or with a number that is not a plain number, is refused: the new deck must mean the same.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lammps_cases.setup.twins import Scale
 
 RULE = "cannot be rescaled with certainty"
 TYPES = "types"  # one word or more
-EACH = " of every type"  # behind a dimension: as many numbers as there are
+EACH = " of every type"  # after a dimension: all following numbers
 _TYPES = re.compile(r"\d*\*?\d*")
 Dims = tuple[str | None, ...]  # None for a word that stays
 
@@ -29,7 +29,7 @@ class WordForm:
 
     head: Dims = ()
     keywords: dict[str, Dims] | None = field(default_factory=dict)
-    by_type: bool = False  # whether types may stand in the place of a keyword
+    by_type: bool = False  # whether types may replace a keyword
 
 
 STAYS = WordForm((), None)
@@ -99,7 +99,7 @@ COMPUTES = (
     *("reduce", "com", "vcm", "count/type"),
 )
 
-# What has made the particles that the data file holds; of no use after the first run, where it would change them.
+# Commands that made the particles of the data file; refused after the first run, where they would change them.
 MAKERS = frozenset(
     {
         *("lattice", "region", "create_box", "create_atoms", "read_data", "read_dump", "molecule"),
@@ -107,7 +107,7 @@ MAKERS = frozenset(
         *("reset_atoms",),
     }
 )
-FLOW = frozenset({"label", "jump", "include", "next", "quit"})  # whose consequences the followed deck has
+FLOW = frozenset({"label", "jump", "include", "next", "quit"})  # whose effects the followed deck already has
 PRINTED = frozenset({"print", "echo", "info", "timer"})
 _NAMES = re.compile(r"v_(\w+)|\$\{(\w+)\}|\$(\w)")
 
@@ -147,7 +147,7 @@ class Scaling:
         Raises
         ------
         ValueError
-            What cannot be scaled; no text if the command as a whole cannot.
+            The word that cannot be scaled; without text if the whole command cannot.
         """
         match values:
             case ["fix", _, _, style, *_] if style in FIXES:
@@ -184,7 +184,7 @@ class Scaling:
         return made
 
     def _taken(self, waiting: list[str], dims: Dims) -> list[str]:
-        """Take the words of some dimensions from those that wait, scaled."""
+        """Take words from the waiting ones by their dimensions, and scale them."""
         made: list[str] = []
         for dimension in dims:
             if dimension == TYPES:
@@ -213,7 +213,7 @@ def kept_commands(script: Sequence[ScriptCommand]) -> Iterator[ScriptCommand]:
     Raises
     ------
     InputError
-        One after the first run that depends on what the run does, or that changes particles.
+        A command after the first run that depends on the run's result, or that changes particles.
     """
     for command in script:
         name = (command.values or command.written.split())[0]
@@ -229,7 +229,7 @@ def kept_commands(script: Sequence[ScriptCommand]) -> Iterator[ScriptCommand]:
 
 
 def needed_variables(kept: Sequence[ScriptCommand]) -> set[str]:
-    """Return the names of variables that commands refer to, or those variables."""
+    """Return the names of variables that commands, or these variables, refer to."""
     named = {command.values[1]: _names(command.values[2:]) for command in kept if command.values[0] == "variable"}
     needed: set[str] = set()
     waiting = [name for command in kept if command.values[0] != "variable" for name in _names(command.values)]

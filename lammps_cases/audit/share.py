@@ -1,6 +1,6 @@
-"""The share of pair_style rheo in forces to which others add: a second deck, of that style alone.
+"""The share of pair_style rheo in forces with other contributions: a second deck, with that style alone.
 
-A user's run is left as it is; another LAMMPS, in a process of its own, runs the particles of a sample.
+The user's run is not changed; another LAMMPS, in its own process, runs the particles of a sample.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SCRIPT, DATA = "in.share", "share.data"
 
 
 def can_be_had(deck: Deck) -> bool:
-    """Return whether a second deck can be given all that the forces of pair_style rheo depend on."""
+    """Return whether a second deck can have all that the forces of pair_style rheo depend on."""
     of_all = all(values[2] == "all" for values in deck.fixes.values() if values[3] in STYLES)
     return of_all and "rheo" in deck.pair and not (deck.bonded or deck.hides_pairs() or deck.changes_pairs())
 

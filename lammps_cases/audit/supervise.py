@@ -1,7 +1,7 @@
 """`audit_deck`: the copy, the process that runs the deck in it, and the record made of its messages.
 
-Those are `lammps_cases.audit.messages`, plain data. The deck may have taken the process over: a pickle could then name
-anything that is to be called here.
+The messages are `lammps_cases.audit.messages`, plain data. The deck may have taken over the process: a pickle could
+then call anything here.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ from lammps_cases.records.progress import SILENT
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.verdict.outcome import leave_unchecked
 
-LAUNCHER = 120.0  # seconds to find what starts several ranks
+LAUNCHER = 120.0  # seconds to find the launcher of several ranks
 PATIENCE = 0.5  # seconds between two checks of the time limit
-LAST = 65536  # bytes of what a process printed that are looked at when it has died
+LAST = 65536  # bytes of a dead process' output that are searched
 LARGEST_MESSAGE = 2**32  # bytes of a message: the arrays of 1e7 atoms
 _RECORDS = ("lammps_cases.records.case_parts", "lammps_cases.records.run_record")
-DATA_MODULES = ("lammps_cases.audit.deck", "lammps_cases.audit.messages", *_RECORDS)  # whose own classes are data
+DATA_MODULES = ("lammps_cases.audit.deck", "lammps_cases.audit.messages", *_RECORDS)  # whose classes are data
 _NUMPY = (("multiarray", "_reconstruct"), ("multiarray", "scalar"), ("numeric", "_frombuffer"))
 DATA_NAMES = {
     *{("eos_ref.errors", name) for name in ("InputError", "InputErrors")},
@@ -76,9 +76,9 @@ ENTRY: child.Entry = child.main
 
 
 def audit_deck(deck: Path, options: AuditOptions | None = None, place: DeckPlace | None = None) -> AuditResult:
-    """Run a deck, unchanged, in a copy of the folder where it runs, and check the requested fields at every atom.
+    """Run an unchanged deck in a copy of the folder where it runs, and check the requested fields at every atom.
 
-    Every so many steps (`AuditOptions`), and at the start of every run, it checks what a force evaluation has just
+    At an interval of steps (`AuditOptions`), and at the start of every run, it checks what a force evaluation has just
     used: the pressure, P = EOS(rho, e) with the laws that fix rheo and fix rheo/pressure hold at that moment, and
     whatever else follows from the state of that moment (`fields`).
 
@@ -94,7 +94,7 @@ def audit_deck(deck: Path, options: AuditOptions | None = None, place: DeckPlace
     -------
     AuditResult
         One case: its fields (the pressure per atom type), a check per sample, what was not checked, and warnings.
-        LAMMPS' own error makes it ``refused``; its death ``crashed`` or ``timeout``, with what had been checked before.
+        LAMMPS' own error makes it ``refused``; its death ``crashed`` or ``timeout``, with the checks up to then.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def audit_deck(deck: Path, options: AuditOptions | None = None, place: DeckPlace
 
 
 def _take_share(case: CaseRecord, pairs: PairShare, options: AuditOptions) -> None:
-    """Have a second LAMMPS evaluate pair_style rheo alone at the particles of a sample, and compare its forces."""
+    """Evaluate pair_style rheo alone in a second LAMMPS on the particles of a sample, and compare the forces."""
     where = f"of pair_style rheo alone, by a second LAMMPS at the particles of step {pairs.step}"
     own = AuditOptions(options.every, None, options.timeout, options.trust, options.engine, fields=("f",))
     try:
@@ -161,7 +161,7 @@ def case_name(file: Path) -> str:
 
 
 def described(deck: Path, options: AuditOptions) -> tuple[Findings, DeckSetups]:
-    """Return which LAMMPS it is, and the runs of a deck, none of which is carried out.
+    """Return the identity of LAMMPS, and the runs of a deck, set up but not carried out.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def _run(deck: Path, options: AuditOptions, place: DeckPlace, setups: bool = Fal
 
 
 def _brought(deck: Path, place: DeckPlace, folder: Path) -> str:
-    """Return the name of the deck in the copy, seen from where it runs; a deck from elsewhere is put there."""
+    """Return the name of the deck in the copy, relative to where it runs; a deck from elsewhere is copied there."""
     if deck.is_relative_to(place.root):
         return os.path.relpath(deck, place.working)
     shutil.copyfile(deck, folder / place.within / deck.name)
@@ -214,12 +214,12 @@ def _brought(deck: Path, place: DeckPlace, folder: Path) -> str:
 
 
 def _launcher(options: AuditOptions) -> list[str]:
-    """Return the words that start several ranks; none for one.
+    """Return the words of the launcher of several ranks; empty for one.
 
     Raises
     ------
     InputError
-        LAMMPS was built without MPI, or there is no launcher of its MPI.
+        LAMMPS was built without MPI, or its MPI has no launcher here.
     EngineMissing
     """
     if options.ranks == 1:
@@ -232,12 +232,12 @@ def _launcher(options: AuditOptions) -> list[str]:
 
 
 def confined(options: AuditOptions) -> containment.Means:
-    """Return what contains the process of a deck.
+    """Return the containment of a deck's process.
 
     Raises
     ------
     InputError
-        Nothing does on this machine, and the deck is not trusted.
+        This machine has no containment, and the deck is not trusted.
     """
     if options.trust:
         return "none"
@@ -310,7 +310,7 @@ def _listen(
 
 
 def steps_after(command: str, done: int) -> int | None:
-    """Return the steps that an audit has done when a run command ends; None where the command does not name them."""
+    """Return the steps that an audit has done when a run command ends; None where the command does not give them."""
     match command.split():
         case ["run", steps, *words] if steps.isdecimal() and "upto" not in words:
             return done + int(steps)
@@ -336,7 +336,7 @@ def _printed(output: Path) -> str:
 
 
 class Foreign(ValueError):
-    """No message of an audit."""
+    """Data that is not a message of an audit."""
 
 
 class _Reader(pickle.Unpickler):
@@ -363,7 +363,7 @@ def received(connection: Connection) -> object:
         message = _Reader(io.BytesIO(connection.recv_bytes(LARGEST_MESSAGE))).load()
     except (Foreign, EOFError):
         raise
-    except Exception as error:  # whatever damaged bytes make of it
+    except Exception as error:  # damaged bytes may raise anything
         raise Foreign(type(error).__name__) from None
     if isinstance(message, InputError | EngineMissing):
         return message

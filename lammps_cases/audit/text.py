@@ -1,6 +1,6 @@
 """Syntax of LAMMPS input scripts: logical lines, comments, words.
 
-As the manual's page on parsing rules says; what it leaves open was determined by experiment (LAMMPS 22Jul2025).
+By the manual's page on parsing rules; what it leaves open was determined by experiment (LAMMPS 22Jul2025).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from lammps_cases.records.files import MIB, read_bytes
 LARGEST_SCRIPT = 4 * MIB
 LONGEST_LINE = 2**15
 
-# Three quotes are never read as one quote and two more, hence the atomic group; nor is a quoted text taken up again.
+# Three quotes are never read as one quote and two more, hence the atomic group; nor is a quoted text re-scanned.
 _QUOTE = r"""(?>(?P<quote>\"{3}|\"|'))"""
 _BEFORE_COMMENT = re.compile(rf"""((?:[^#"']|{_QUOTE}.*?(?P=quote))*+)#""", re.DOTALL)
 _WORD = re.compile(rf"{_QUOTE}(?P<inner>.*?)(?:(?P=quote)|\Z)|\S+", re.DOTALL)
@@ -38,7 +38,7 @@ class Word(NamedTuple):
 def logical_lines(text: str) -> list[LogicalLine]:
     """Join lines that end with ``&`` and those inside triple quotes.
 
-    A comment ending with ``&`` goes on as well, and triple quotes count in comments too: LAMMPS joins before it looks
+    A comment ending with ``&`` continues as well, and triple quotes count in comments too: LAMMPS joins before it looks
     for comments.
     """
     lines: list[LogicalLine] = []
@@ -74,13 +74,13 @@ def read_lines(path: Path) -> list[LogicalLine]:
 
 
 def without_comment(text: str) -> str:
-    """Cut from the first ``#`` outside quotes; a text with an unmatched quote is left as it is."""
+    """Cut from the first ``#`` outside quotes; a text with an unmatched quote is not changed."""
     before = _BEFORE_COMMENT.match(text)
     return (before[1] if before else text).strip()
 
 
 def words(text: str) -> list[Word]:
-    """Split at blanks; a word that begins with a quote goes on to the next quote of its kind, or to the end."""
+    """Split at blanks; a word that begins with a quote extends to the next quote of its kind, or to the end."""
     return [Word(word[0], word["inner"] if word["quote"] else word[0]) for word in _WORD.finditer(text)]
 
 

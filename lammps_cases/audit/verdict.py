@@ -37,7 +37,7 @@ from lammps_cases.verdict.outcome import leave_unchecked
 
 @dataclass
 class Findings:
-    """The messages of the process that runs the deck, so far, taken together."""
+    """The messages received so far from the process that runs the deck, combined."""
 
     place: CommandPlace = field(default_factory=lambda: CommandPlace("", ""))
     who: dict[str, str] = field(default_factory=dict)
@@ -108,7 +108,7 @@ class Findings:
         )
 
     def reasons(self) -> dict[str, str]:
-        """Return by field why it was not checked, with the runs if others differ."""
+        """Return by field why it was not checked, with the runs if it was checked in others."""
         several = len({run for runs in self.unchecked.values() for run in runs} | {c.run for c in self.checks}) > 1
         compared = {name for name, _ in self.fields}
         missed = [name for name in offered() if name in self.chosen - compared and self.checks]
@@ -123,7 +123,7 @@ class Findings:
         return by_field([*of_runs, *open_, *((name, NEVER_COMPARABLE) for name in missed)])
 
     def case(self, name: str, failure: Failure | None = None) -> CaseRecord:
-        """Make the record; ``failure`` says how LAMMPS ended, if not well."""
+        """Make the record; ``failure``: how LAMMPS ended, if it failed."""
         ended = self.ended or DeckEnd(self.done, 0, Seconds(), [], [], {}, {})
         for t, record in ended.last.items():
             self.fields["pressure", t].digits_lost = record.digits_lost
@@ -184,7 +184,7 @@ class Findings:
         return case
 
     def _acting(self, ended: DeckEnd) -> list[ActingRecord]:
-        """Return the findings that act by the deck's definitions, with the fields that they leave open, and others."""
+        """Return the findings that act by the deck's definitions, with the fields they leave open, and other findings."""
         found = {of.finding: of for of in ended.acting}
         for field_, names in self.unpredictable:
             for name in names:
@@ -195,7 +195,7 @@ class Findings:
     def _until(self, record: FieldRecord, ended: bool) -> FieldRecord:
         """Return a record with the last step at which the field was judged, of all atoms, before the state broke.
 
-        Without a step if that is the last one, unless LAMMPS has ended the run.
+        Without a step if it is the last one, unless LAMMPS has ended the run.
         """
         looks = [c for c in self.checks if (c.field, c.type) == (record.field, record.atom_type or 0)]
         end = (self.broke.run, self.broke.step) if self.broke else self.sampled
@@ -204,7 +204,7 @@ class Findings:
         return record.model_copy(update={"until": last[1]}) if ended or last < self.sampled else record
 
     def _inside(self, of: EffectRecord) -> bool:
-        """Return whether the field of an effect was compared in that sample and is inside its bound: no effect."""
+        """Return whether the field was compared and within its bound, so that the effect is absent."""
         sample = of.run, of.step, of.field
         verdicts = [check.verdict for check in self.checks if (check.run, check.step, check.field) == sample]
         return bool(verdicts) and worst(verdicts) in wording.INSIDE
@@ -221,7 +221,7 @@ class Findings:
 
 
 NEVER_COMPARABLE = (
-    "no sample had an atom to compare: all lie beside reconstructed walls whose densities LAMMPS does not show "
+    "no sample had an atom to compare: all lie next to reconstructed walls whose densities LAMMPS does not show "
     "as it used them, at the cutoff of others, or off the plane of a 2D deck"
 )
 NOTHING = RunFacts(0, 0, "", [], [])

@@ -1,7 +1,7 @@
 """Questionable set-ups of a deck, by its commands and samples; one plain line with numbers for each.
 
-Judged by fluid particles only: the density of a solid is constructed (by reconstruction, or by a sum over half a
-neighbourhood) and may lie anywhere. Of all samples those are kept that are extreme in what lines are judged by.
+Only fluid particles are judged: the density of a solid is constructed (by reconstruction, or by a sum over half a
+neighbourhood) and may lie anywhere. Only samples that are extreme in some measure of the lines are kept.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from lammps_cases.audit.lints import Lint, Stillness, lints
 from lammps_cases.findings.outcomes import HYPHEN_RANGE_ACCEPTED
 from lammps_cases.studies.stability.advice import judge
 
-DEFAULT_RHO = 1.0  # LAMMPS 22Jul2025's density of an atom for which none is set
+DEFAULT_RHO = 1.0  # LAMMPS 22Jul2025's default density of an atom
 HYPHEN = HYPHEN_RANGE_ACCEPTED.id
 SOLID = 1  # bit of rheo_status
-OFFSET = 10  # a pressure is offset if its mean is this many times its range
+OFFSET = 10  # a pressure is offset if its mean exceeds its range by this factor
 _FROM_FILE = frozenset({"read_data", "read_restart", "read_dump"})
 
 
@@ -71,7 +71,7 @@ class _Worst(NamedTuple):
 
 
 def extremes(sample: ParticleSample) -> dict[str, float]:
-    """Return what the lines of a sample are judged by, as numbers of which the largest is the worst."""
+    """Return the measures of the lines of a sample; the largest is the worst."""
     model, state = sample.model, sample.state
     fluid_n = ~state.solid_n
     rho_n = state.rho_n[fluid_n] / model.rho0[state.type_n[fluid_n] - 1]
@@ -94,14 +94,14 @@ class Questions:
     _types: dict[tuple[int, EOS], _TypeHistory] = field(default_factory=dict)
     _lines: list[str] = field(default_factory=list)
     stillness: Stillness = field(default_factory=Stillness)
-    mistaken: bool = False  # whether LAMMPS takes commands of the deck for something else
+    mistaken: bool = False  # whether LAMMPS misreads commands of the deck
     tilted: int = 0  # atoms of a 2D deck with neighbours above or below
     _kept: dict[str, tuple[float, TimedSample]] = field(
         default_factory=dict
     )  # of one model and one time step, by measure
     _worst: dict[str, _Worst] = field(default_factory=dict)  # by subject
-    _margins: list[str] = field(default_factory=list)  # of systems before
-    _ran_away: int | None = None  # run in which they last did
+    _margins: list[str] = field(default_factory=list)  # of earlier systems
+    _ran_away: int | None = None  # last run in which they did
 
     def note(self, values: list[str]) -> None:
         """Take a command that LAMMPS has executed."""
@@ -121,7 +121,7 @@ class Questions:
             self._rho_set = True
 
     def misread(self, values: list[str], words: list[str]) -> None:
-        """Note a command of RHEO's with words that LAMMPS takes for something else."""
+        """Note a command of RHEO's with words that LAMMPS misreads."""
         self.mistaken = True
         self._lines += [
             f"fix {values[1]} ({values[3]}): '{word}' is not a valid type range: LAMMPS reads it as "
@@ -163,7 +163,7 @@ class Questions:
         history.p.add(p_n)
 
     def look(self, kept: TimedSample) -> None:
-        """Keep a sample if it is extreme in something, and the first and the last one."""
+        """Keep a sample if it is extreme in some measure, and the first and the last one."""
         last = self._kept.get("last")
         if last is not None and (last[1].sample.model, last[1].timestep) != (kept.sample.model, kept.timestep):
             self._judge()
@@ -173,14 +173,14 @@ class Questions:
         self._kept["last"] = 0.0, kept
 
     def _judge(self) -> None:
-        """Judge the samples that were kept, and let them go."""
+        """Judge the samples that were kept, and discard them."""
         by_step = sorted({(k.run, k.step): k for _, k in self._kept.values()}.items())
         self._kept.clear()
         for (run, step), kept in by_step:
             at = f"run {run}: " if run > 1 else ""
             sample = kept.sample
             for lint in lints(sample, kept.id_n):
-                if lint.subject == "weight" and not kept.first:  # of what rests, not of drops that fall
+                if lint.subject == "weight" and not kept.first:  # of fluid at rest, not of falling drops
                     continue
                 self._worse(lint, at, step, True)
             for advice in judge(sample.model, sample.box, sample.state, kept.timestep):
@@ -188,7 +188,7 @@ class Questions:
                 self._worse(Lint(subject, advice.text, advice.measure), at, step, advice.warns)
 
     def _worse(self, lint: Lint, run: str, step: int, warns: bool) -> None:
-        """Keep a line if none on its subject is worse."""
+        """Keep a line if it is the worst on its subject."""
         line = f"{run}{lint.line}" + (f" (step {step})" if step else "")
         worst = _Worst(warns, lint.measure, line, lint.brief)
         if lint.subject not in self._worst or worst[:2] > self._worst[lint.subject][:2]:
@@ -196,13 +196,13 @@ class Questions:
 
     @property
     def stability(self) -> list[str]:
-        """How far from failing, where that is no warning."""
+        """The margin to failure, where it is not a warning."""
         self._judge()
         return [*self._margins, *(worst.line for worst in self._worst.values() if not worst.warns)]
 
     @property
     def brief(self) -> str:
-        """What is most likely wrong with the set-up, in a few words; nothing if nothing is."""
+        """The likeliest fault of the set-up, in a few words; empty without one."""
         self._judge()
         order = ("place", "mass", "rho", "weight", "speed", "close")
         found = {subject.split()[0]: worst.brief for subject, worst in self._worst.items() if worst.brief}
@@ -242,7 +242,7 @@ def _unset(history: _TypeHistory) -> str:
 def _unreached(history: _TypeHistory) -> str:
     rho, rho0 = history.rho, history.law.rho0
     gap = max(rho.low - rho0, rho0 - rho.high)
-    if not gap > max(rho.width, 1e-6 * rho0):  # nearer than the density varies, a longer run may reach it
+    if not gap > max(rho.width, 1e-6 * rho0):  # margins below the variation of density may be used up in a longer run
         return ""
     return (
         f"rho0 = {rho0:g} was never reached: the density of the fluid stayed within {rho.low:.6g} to {rho.high:.6g} "
@@ -252,7 +252,7 @@ def _unreached(history: _TypeHistory) -> str:
 
 def _offset(history: _TypeHistory) -> str:
     p, background = history.p, history.law.background
-    natural = 1e-6 * history.law.rho0 * history.law.cs**2  # a smaller pressure is no offset but the start of a flow
+    natural = 1e-6 * history.law.rho0 * history.law.cs**2  # a smaller pressure is the start of a flow, not an offset
     if not abs(p.mean) > max(OFFSET * p.width, natural):
         return ""
     return (

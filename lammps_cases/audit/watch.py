@@ -1,7 +1,7 @@
 """The hook into LAMMPS' runs: samples of the state right after a force evaluation, with the laws of that moment.
 
-A ``fix external`` behind the deck's own fixes calls back after the forces: there, the state and all that was made of it
-belong to one and the same evaluation. At the end of a step they do not (density has moved on by half a step).
+A ``fix external`` behind the deck's own fixes calls back after the forces: there, the state and all that
+follows from it belong to the same evaluation. At the end of a step they do not (density has moved on by half a step).
 """
 
 from __future__ import annotations
@@ -53,15 +53,15 @@ class WatchedRun:
     Attributes
     ----------
     first : step at which it begins
-    stop : step at which the audit ends, if it is to end before the deck
+    stop : step at which the audit ends, if before the deck
     continued : whether it begins without a set-up
-    table : laws of its types; None: it evaluates no pressure
+    table : laws of its types; None: no pressure is evaluated
     mass_t : mass per type, from index 1; None where every particle has its own
     actions : fixes that change forces by plain numbers
     choice : what is checked
     sampler : of the fields other than the pressure, if any is checked
     deck : the commands at its beginning
-    shared : what adds to the forces of pair_style rheo, if a second deck can give these alone
+    shared : what adds to the forces of pair_style rheo, if a second deck can evaluate these alone
     steps : number that it takes
     """
 
@@ -102,7 +102,7 @@ class DeckWatch:
         self.lammps_seconds = self.sample_seconds = 0.0
         self._run: WatchedRun | None = None
         self._last: PressureSample | None = None  # the last sample
-        self._differing: PressureSample | None = None  # the first one in which a field differs
+        self._differing: PressureSample | None = None  # the first sample in which a field differs
         self._previous: int | None = None  # step of the last call
         self.kept: dict[int, dict[str, Array]] = {}  # by step, the first and the last sample of the first run
         self.thermo: list[dict[str, float]] = []
@@ -111,7 +111,7 @@ class DeckWatch:
         self._near: list[Candidates] = []  # pairs of all evaluations, as long as particles have hardly moved
 
     def check_upcoming(self, values: list[str]) -> None:
-        """Note what LAMMPS will not do as the next command has it."""
+        """Note what LAMMPS will not do as the next command requests."""
         if words := hyphens(values):
             self.questions.misread(values, words)
         if values[0] == "suffix":
@@ -130,7 +130,7 @@ class DeckWatch:
             each.note(values)
 
     def run(self, values: list[str], execute: Callable[..., None]) -> bool:
-        """Execute a run command with samples; return whether the audit has done all the steps it was to do."""
+        """Execute a run command with samples; return whether the audit has done all its steps."""
         self.runs += 1
         first = self._step()
         if self.lmp.extract_setting("box_exist"):
@@ -186,7 +186,7 @@ class DeckWatch:
             self._run = WatchedRun(first, stop, False, table, mass_t, actions, choice, sampler, deck, shared, count)
             if lmp.has_id("fix", FIX):
                 lmp.command(f"unfix {FIX}")
-            # Called on the steps to sample, on the first one, and on the last one that the audit is to do.
+            # Called on the steps to sample, on the first step, and on the last step of the audit.
             apart = math.gcd(self.options.every, first, stop or 0)
             lmp.command(f"fix {FIX} all external pf/callback {apart} {NEVER}")
             lmp.set_fix_external_callback(FIX, self._called, None)
@@ -210,7 +210,7 @@ class DeckWatch:
         return choice, sample.Sampler(self.lmp, choice.fields, model, actions, mass_t, self.engine, unlists)
 
     def _added(self, choice: fields.Choice) -> str:
-        """Return what adds to the forces, if that alone is why they are left out and the share of rheo can be had."""
+        """Return what adds to the forces, if they are left out for that alone and a share of rheo can be evaluated."""
         added = self.deck.adds_force() if choice.unchecked.get("f") == self.deck.adds_force() else ""
         own_masses = bool(self.lmp.extract_atom("rmass"))
         return added if share.can_be_had(self.deck) and not own_masses else ""
@@ -248,7 +248,7 @@ class DeckWatch:
 
     def _called(self, caller: object, step: int, n: int, tag_n: Array, x_nc: Array, force_nc: Array) -> None:
         begin = time.perf_counter()
-        force_nc.fill(-0.0)  # the one addend that changes no bit, not even of a force of -0.0
+        force_nc.fill(-0.0)  # the only addend that changes no bit, even of a force of -0.0
         run = self._run
         assert run is not None
         try:
@@ -258,7 +258,7 @@ class DeckWatch:
                 with sharing(self._near):
                     self._sample(run, run.table, int(step), id_n, arrays.atoms(self.lmp, "x", len(id_n)))
             self._previous = int(step)
-        except BaseException as error:  # ctypes would print and forget it
+        except BaseException as error:  # ctypes would print and discard it
             self._failure = error
         if self._failure is not None or step == run.stop:
             self.lmp.force_timeout()
@@ -306,7 +306,7 @@ class DeckWatch:
         return sample.taken(self.lmp, model, run.actions, run.mass_t, n, x_nc)
 
     def _look(self, run: WatchedRun, now: TimedSample) -> bool:
-        """Look at what is questionable in a sample; return whether its particles stay near their neighbours."""
+        """Judge a sample for questionable set-ups; return whether its particles stay near their neighbours."""
         model, state = now.sample.model, now.sample.state
         self.health.fluid(self.runs, now.step, now.id_n, model, state, bool(run.deck.adds_heat()), now.first)
         if now.first and fields.ALL in self.options.fields:
@@ -328,7 +328,7 @@ class DeckWatch:
         return found.comparisons, found.unpredictable
 
     def _usable(self, now: PressureSample, setup: bool) -> PressureSample:
-        """Return a sample without particles that have no pressure by their law, or other densities than it used."""
+        """Return a sample without particles whose law has no pressure, or whose densities are not those used."""
         rows_n = np.isfinite(now.arrays["rho"]) & np.isfinite(now.arrays.get("energy", 0.0))
         if setup and self.deck.sums_walls():  # LAMMPS then shows other densities of walls than it used (see the ledger)
             rows_n &= now.arrays["status"] & SOLID == 0
@@ -375,6 +375,6 @@ class DeckWatch:
 
 
 def _steps(values: list[str], first: int) -> int:
-    """Return how many steps a run command takes; 0 if that is not a number."""
+    """Return how many steps a run command takes; 0 if its argument is not a number."""
     count = int(float(values[1])) if len(values) > 1 and values[1].replace(".", "", 1).isdigit() else 0
     return max(count - first, 0) if "upto" in values else count

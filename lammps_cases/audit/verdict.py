@@ -184,7 +184,7 @@ class Findings:
         return case
 
     def _acting(self, ended: DeckEnd) -> list[ActingRecord]:
-        """Return the findings that act by the deck's definitions, with the fields they leave open, and other findings."""
+        """Return the findings that act by the deck's definitions, with the fields they leave open, and all others."""
         found = {of.finding: of for of in ended.acting}
         for field_, names in self.unpredictable:
             for name in names:

@@ -19,7 +19,7 @@ from lammps_cases.records.levels import Severity
 Verdict = Literal["exact", "pass", "explained", "differs", "refused", "crashed", "timeout", "error", "skipped"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 # How LAMMPS ended a case: with numbers to compare; with an answer where a refusal was due; without an answer; with
-# other atoms or steps than asked for.
+# atoms or steps other than those requested.
 Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
 Failed = Literal["refused", "crashed", "timeout", "error", "skipped"]  # a verdict and an end in one: without an answer
 # From best to worst. A refusal that the scene expects counts as good as a pass; see `CaseRecord.as_expected`.
@@ -86,7 +86,7 @@ class LawRecord(Record):
 
 
 class CheckRecord(Record):
-    """One look of an audit: a field of one type, or of all, at one step."""
+    """One check of an audit: a field of one type, or of all, at one step."""
 
     step: int
     run: int = Field(description="number of the run command, from 1")
@@ -138,7 +138,7 @@ class Blame(Record):
 
 
 class Beyond(Record):
-    """What leaves the bound first beside the findings without any of which something would leave it earlier."""
+    """What leaves the bound first with a minimal set of findings, without any of which something leaves it earlier."""
 
     findings: list[str]
     blame: Blame
@@ -146,7 +146,7 @@ class Beyond(Record):
 
 
 class LostAtoms(Record):
-    """LAMMPS returned other atoms than it was given."""
+    """LAMMPS returned atoms other than those it was given."""
 
     returned: int
     given: int
@@ -154,7 +154,7 @@ class LostAtoms(Record):
 
 
 class OtherSteps(Record):
-    """LAMMPS counted other steps than it was asked for."""
+    """LAMMPS counted steps other than those requested."""
 
     counted: list[int]
     asked: list[int]
@@ -200,12 +200,12 @@ class ActingRecord(Record):
     finding: str
     does: str = Field(description="what it does there")
     own: bool = Field(False, description="whether these words are of this deck, and not those of the finding")
-    severity: Severity = Field("high", description="of the finding; on a deck where nobody knows by how much it acts")
+    severity: Severity = Field("high", description="of the finding; on a deck where the size of its effect is unknown")
     fields: list[str] = Field([], description="those that it changes and that cannot be predicted here")
 
 
 class BreakRecord(Record):
-    """The first sample in which the state of an audited deck is none of a fluid, whichever code evaluates it."""
+    """The first sample in which the state of an audited deck is not that of a fluid, whichever code evaluates it."""
 
     kind: Literal["not a number", "runaway"]
     run: int
@@ -220,7 +220,7 @@ class BreakRecord(Record):
 
 
 class LostRecord(Record):
-    """Particles that an audited run has lost, with LAMMPS' error or without one (thermo_modify lost ignore)."""
+    """Particles that an audited run lost, with LAMMPS' error or without one (thermo_modify lost ignore)."""
 
     lost: int
     of: int
@@ -230,7 +230,7 @@ class LostRecord(Record):
 
 
 class OutlookRecord(Record):
-    """Why an audited run broke off: what the reference does from its last good sample on."""
+    """Why an audited run broke off: how the reference continues from its last good sample."""
 
     cause: Literal["findings", "time step", "set-up", "not understood"]
     because: str = Field("", description="what is wrong with the set-up, in a few words: mass is 4e4 times rho0 V")
@@ -266,7 +266,7 @@ class BudgetRecord(Record):
     kinetic: float = Field(description="kinetic energy")
     size: float = Field(description="sum of the absolute components of the forces of pairs")
     residual: dict[str, float] = Field(description="sums that are 0 where the formulas conserve a quantity, by name")
-    bound: dict[str, float] = Field(description="what rounding makes of them at most")
+    bound: dict[str, float] = Field(description="their largest values by rounding alone")
     parts: list[BudgetPart]
     pairs: BudgetPart = Field(description="all that pairs do")
     press: float | None = Field(None, description="pressure of the system, at the set-up of a run")
@@ -275,11 +275,11 @@ class BudgetRecord(Record):
 
 
 class SeriesRecord(Record):
-    """A run of the reference from the first sample of an audited deck's last run, with one thing changed."""
+    """A run of the reference from the first sample of an audited deck's last run, with one change."""
 
     name: str
     findings: list[str] = Field([])
-    steps: list[int] = Field(description="of the deck, at which the others are taken")
+    steps: list[int] = Field(description="of the deck, at which the other numbers are taken")
     kinetic: list[float]
     momentum: list[list[float]]
     seconds: float = 0.0
@@ -303,7 +303,7 @@ def as_expected(verdict: Verdict, expects: str) -> bool:
 
 
 def worst(verdicts: list[Verdict]) -> Verdict:
-    """Return the worst of some verdicts; `skipped` if there is none."""
+    """Return the worst of some verdicts; `skipped` without any."""
     return max(verdicts, key=BY_SEVERITY.index, default="skipped")
 
 

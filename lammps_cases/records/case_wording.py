@@ -12,9 +12,9 @@ from lammps_cases.records.wording import INSIDE, counted, listed, one_line
 
 
 def message(case: CaseRecord, findings: bool = True) -> str:
-    """Say what happened in a case: the blame, and how LAMMPS ended it if not with numbers.
+    """Describe what happened in a case: the blame, and how LAMMPS ended it if not with numbers.
 
-    Without ``findings`` those that explain its numbers are left out, where they are listed next to it. A record that
+    Without ``findings`` those that explain its numbers, listed elsewhere, are left out. A record that
     holds no facts keeps the message it has.
     """
     if case.verdict in INSIDE:
@@ -25,7 +25,7 @@ def message(case: CaseRecord, findings: bool = True) -> str:
 
 
 def outlook(case: CaseRecord) -> str:
-    """Say why LAMMPS stopped an audited run, and in which particles that was looked for; empty if it did not."""
+    """Describe why LAMMPS stopped an audited run, and the particles searched for the cause; empty if it did not."""
     of = case.outlook
     if of is None:
         return ""
@@ -51,7 +51,7 @@ def outlook(case: CaseRecord) -> str:
 
 
 def unpredictable(case: CaseRecord) -> str:
-    """Say which fields of a case could not be compared, and why; of an audit other lines do."""
+    """Describe which fields of a case could not be compared, and why; empty for an audit, which has other lines."""
     fields: dict[str, list[str]] = {}
     for name, why in case.unchecked.items() if "audit" not in case.tags else ():
         fields.setdefault(why, []).append(name)
@@ -59,21 +59,21 @@ def unpredictable(case: CaseRecord) -> str:
 
 
 def unexercised(case: CaseRecord) -> str:
-    """Say which changes named in `exercises` a case does not see; empty if it sees all."""
+    """Name the changes in `exercises` that a case does not detect; empty if it detects all."""
     if not case.unexercised:
         return ""
     return f"no field that the case compares shows {', '.join(case.unexercised)}, which it names in exercises"
 
 
 def blame(case: CaseRecord, findings: bool = True) -> str:
-    """Say which numbers leave the bound first; empty where none do."""
+    """Describe which numbers leave the bound first; empty if none does."""
     first = case.headline
     if first is None:
         return ""
     if first.run is not None:
         return _blame_of_audit(first)
     text = blame_of(first, case.twin)
-    beside = f", beside {listed(case.beyond.findings)}" if case.beyond and case.beyond.findings else ""
+    beside = f", in addition to {listed(case.beyond.findings)}" if case.beyond and case.beyond.findings else ""
     if case.twin:
         text = f"LAMMPS against itself (twin: {case.twin}): {text}"
         text += f"; of one run {blame_of(case.beyond.blame, '')}" if case.beyond else ""
@@ -87,7 +87,7 @@ def blame(case: CaseRecord, findings: bool = True) -> str:
 
 
 def blame_of(first: Blame, twin: str = "") -> str:
-    """Say where numbers leave their bound first, and with what values."""
+    """Describe where numbers leave their bound first, and with what values."""
     step = "" if first.step is None else f" at step {first.step}"
     state = "" if first.rho is None else f" (type {first.type}, rho {first.rho!r})"
     one, other = ("as given", f"as its {twin} twin") if twin else ("LAMMPS", "reference")
@@ -110,7 +110,7 @@ def _blame_of_audit(first: Blame) -> str:
 
 
 def end(case: CaseRecord) -> str:
-    """Say how LAMMPS ended a case, if not with numbers to compare, and which finding predicts that."""
+    """Describe how LAMMPS ended a case, if not with numbers to compare, and which finding predicts that."""
     text = _own_end(case)
     if text and _predicted(case):
         text = f"{_foreseen(case)}, as ledger entry {listed(case.explained_by)} predicts: {text}"
@@ -118,14 +118,14 @@ def end(case: CaseRecord) -> str:
 
 
 def own_words(case: CaseRecord) -> str:
-    """Say how LAMMPS ended a case in LAMMPS' own words, in brief and without the findings."""
+    """Return LAMMPS' own words on how it ended a case, in brief and without the findings."""
     brief_case = case.model_copy(update={"engine_error": error_text(case.engine_error)})
     text = _own_end(brief_case) or case.message
     return f"{_foreseen(case)}: {text}" if _predicted(case) else text
 
 
 def error_text(error: str) -> str:
-    """Shorten an error of LAMMPS: without the place in its source, and the command."""
+    """Shorten an error of LAMMPS by the place in its source and the command."""
     return one_line(re.sub(r"\(src/[^)]*\)", "", error.partition("Last input line")[0]))
 
 
@@ -153,7 +153,7 @@ def _own_end(case: CaseRecord) -> str:
         more = f", and {wrong}" if wrong else ""
         return f"LAMMPS accepts what the manual refuses{more}; expected an error with {case.expects!r}"
     if case.ended == "refused" and case.expects and case.verdict != "refused":
-        return f"expected an error with {case.expects!r}, LAMMPS said: {case.engine_error}"
+        return f"expected an error with {case.expects!r}, LAMMPS printed: {case.engine_error}"
     return case.engine_error or wrong
 
 
@@ -163,7 +163,7 @@ def _unusable(answer: LostAtoms | OtherSteps) -> str:
             f"id (stage input): LAMMPS returned {answer.returned} of {answer.given} atoms; "
             f"first missing, foreign or doubled id: {answer.first_id}"
         )
-    return f"LAMMPS counted steps {tuple(answer.counted)} where it was asked for {tuple(answer.asked)}"
+    return f"LAMMPS counted steps {tuple(answer.counted)} instead of the requested {tuple(answer.asked)}"
 
 
 def _mismatch(wrong: Mismatch) -> str:
@@ -186,6 +186,6 @@ def _mismatch(wrong: Mismatch) -> str:
 
 
 def not_predictable(steps: Sequence[int], findings: Iterable[str]) -> str:
-    """Say in which steps findings leave nothing of a field to compare."""
+    """Describe in which steps findings leave nothing of a field to compare."""
     some_steps = f"step {steps[0]}" if len(steps) == 1 else f"steps {steps[0]} to {steps[-1]}"
     return f"not predictable in {some_steps}, because of the known bug {listed(findings)}"

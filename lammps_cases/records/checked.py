@@ -1,4 +1,4 @@
-"""Functions that a user calls: wrong arguments and places that cannot be written are one line, as bad input is."""
+"""Functions that a user calls: turn argument and file-system errors into one-line messages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ R = TypeVar("R")
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """Return a function that raises `eos_ref.InputError` for arguments that its annotations do not admit.
 
-    Also for files that cannot be used.
+    It also does for files that cannot be used.
     """
     valid: Callable[P, R] = validate_call(config=ConfigDict(arbitrary_types_allowed=True))(function)
     place, names = f"{function.__name__}()", list(inspect.signature(function).parameters)

@@ -1,4 +1,4 @@
-"""Sentences about an audited deck: effects of findings, how its state broke, why it failed, what was not checked."""
+"""Sentences on an audited deck: effects of findings, how its state broke, why it failed, what was not checked."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def percent(part: float) -> str:
 
 
 def effects(case: CaseRecord) -> dict[str, str]:
-    """Say, by finding, what known findings do to an audited deck."""
+    """Describe, by finding, the effects of known findings on an audited deck."""
     lines: dict[str, list[str]] = {of.finding: [of.does] for of in case.acting}
     for of in case.effects:
         lines.setdefault(of.finding, []).append(effect(of))
@@ -51,7 +51,7 @@ def effects(case: CaseRecord) -> dict[str, str]:
 
 
 def effect(of: EffectRecord) -> str:
-    """Say what a finding does to a field of an audited deck."""
+    """Describe the effect of a finding on a field of an audited deck."""
     where = f"{of.particles} of {counted(of.of, 'particle')}, step {of.step}"
     if of.factor is not None and number(of.factor) != "1":
         how = f"1/{times(1 / of.factor)} of" if 0 < of.factor <= 1 / wording.FACTOR else f"{times(of.factor)} times"
@@ -64,7 +64,7 @@ def effect(of: EffectRecord) -> str:
 
 
 def in_brief(of: EffectRecord) -> str:
-    """Say the same in a few words: forces are 100 times too large."""
+    """Describe the same in a few words: forces are 100 times too large."""
     if of.factor is not None and of.factor >= 2:
         how = f"{times(of.factor)} times too large"
     elif of.factor is not None and 0 < of.factor <= 0.5:
@@ -93,14 +93,14 @@ def severity(case: CaseRecord, finding: str) -> Severity:
 
 
 def rejected(case: CaseRecord, fail_on: Level) -> list[str]:
-    """Return the findings of a deck that a level does not let pass; an unknown effect is above any."""
+    """Return the findings of a deck that a level rejects; an unknown effect is above every level."""
     if fail_on in FAIL_ON:
         return [finding for finding in case.findings if fails(severity(case, finding), fail_on)]
     return [finding for finding in case.findings if change(case, finding) > allowed(fail_on)]
 
 
 def what(case: CaseRecord, finding: str) -> str:
-    """Say in a few words, with its name, what a finding does to a deck."""
+    """Describe the effect of a finding on a deck in a few words, with its name."""
     records = [of for of in case.effects if of.finding == finding]
     acts = [of.does for of in case.acting if of.finding == finding]
     own = [of.does for of in case.acting if of.finding == finding and of.own]
@@ -115,7 +115,7 @@ def what(case: CaseRecord, finding: str) -> str:
 
 
 def bugs(case: CaseRecord) -> list[str]:
-    """Return the findings that a deck is under, the most severe first, of these those with the largest effect."""
+    """Return the findings that act on a deck, the most severe first, then by effect."""
 
     def rank(finding: str) -> tuple[int, float]:
         return SEVERITIES.index(severity(case, finding)), -change(case, finding)
@@ -127,14 +127,14 @@ def bugs(case: CaseRecord) -> list[str]:
 
 
 def broke(of: BreakRecord) -> str:
-    """Say where the state of a deck stops being one of a fluid."""
+    """Describe where the state of a deck stops being that of a fluid."""
     if of.kind == "runaway":
         return f"{plural(of.column)} run away from {_step(of)} on"
     return f"{of.column} of atom {of.atom} is {of.value} at {_step(of)}"
 
 
 def broke_at_length(of: BreakRecord) -> str:
-    """Say the same with the numbers, and whether both codes have it."""
+    """Describe the same with the numbers, and whether both codes agree."""
     where = f"{of.particles} of {counted(of.of, 'particle')}, first atom {of.atom}: {number(of.value)}"
     if of.given:
         return f"{broke(of)} ({where}), with which run {of.run} begins: a command before it has set it"
@@ -148,12 +148,12 @@ def _step(of: BreakRecord | LostRecord) -> str:
 
 
 def lost(of: LostRecord) -> str:
-    """Say how many particles a deck has lost without an error."""
+    """Describe how many particles a deck lost without an error."""
     return f"{of.lost} of {counted(of.of, 'atom')} lost by {_step(of)}, after which LAMMPS goes on (thermo_modify lost)"
 
 
 def event(case: CaseRecord) -> str:
-    """Say how a deck failed; empty if it did not."""
+    """Describe how a deck failed; empty if it did not."""
     if case.broke and case.broke.kind == "not a number":
         return broke(case.broke)
     if case.lost and not case.lost.ignored and not case.as_expected:
@@ -167,7 +167,7 @@ def event(case: CaseRecord) -> str:
 
 
 def failure(case: CaseRecord) -> str:
-    """Say why an audit of a deck fails, with its cause and what is new; empty if it does not."""
+    """Describe why the audit of a deck fails, with its cause and what is new; empty if it does not."""
     why = [_with_cause(event(case), case), _new(case)]
     return "; ".join(filter(None, why)) or ("" if case.as_expected else case.verdict)
 
@@ -197,18 +197,18 @@ def _new(case: CaseRecord) -> str:
     return f"{first.field} differs at {first.outside} of {counted(first.of, 'atom')} from {step} on ({limit}){more}"
 
 
-# --- what else there is
+# --- other remarks
 
 
 def nothing(case: CaseRecord) -> str:
-    """Say that nothing was compared, and why if it is known."""
+    """State that nothing was compared, and why if known."""
     return "nothing was compared" + (f": {case.message}" if case.message else "")
 
 
 def unchecked(case: CaseRecord, never: Mapping[str, str] | None = None) -> list[str]:
-    """Say which fields an audit could not check, those with one reason in one line.
+    """Describe which fields an audit could not check, those with one reason in one line.
 
-    Fields that ``never`` are, with the reason of each, stand in one line without it.
+    Fields that are ``never`` checked, given with their reasons, are listed in one line without them.
     """
     reasons: dict[str, list[str]] = {}
     for name, reason in case.unchecked.items():
@@ -218,7 +218,7 @@ def unchecked(case: CaseRecord, never: Mapping[str, str] | None = None) -> list[
 
 
 def remarks(case: CaseRecord) -> list[str]:
-    """Say in a few words each what a reader of a headline must know besides the state: gaps, losses, warnings."""
+    """Describe in a few words each what a headline must add to the state: gaps, losses, warnings."""
     missed = {name: reason for name, reason in case.unchecked.items() if name not in case.out_of_scope}
     names, reasons, said = list(missed), set(missed.values()), []
     if missed:
@@ -239,6 +239,6 @@ def _all(names: Sequence[str]) -> str:
 
 
 def verdict(field: FieldRecord) -> str:
-    """Return the verdict on a field with what qualifies it: how long it was judged, and equal rounding."""
+    """Return the verdict on a field with its qualifications: how long it was judged, and equal rounding."""
     until = "" if field.until is None else f" to step {field.until}"
     return f"{field.verdict}{until}" + (" (same rounding)" if field.verdict == "exact" and field.max_abs else "")

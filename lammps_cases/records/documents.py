@@ -50,31 +50,31 @@ _VERSIONS: Mapping[Kind, int] = {
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
 
 LARGEST = 512 * MIB  # of a run of 1e5 cases
-INFINITE = ConfigDict(ser_json_inf_nan="strings")  # of what holds infinities or NaN, for which JSON has no numbers
+INFINITE = ConfigDict(ser_json_inf_nan="strings")  # of documents with infinities or NaN, for which JSON has no numbers
 
 T = TypeVar("T")
 
 
 class _Header(BaseModel):
-    """What every document begins with."""
+    """The first key of every document."""
 
     schema_: str | None = Field(None, alias="schema")
 
 
 class Record(BaseModel):
-    """A part of a document, without keys that the model does not know."""
+    """A part of a document; keys that the model lacks are dropped."""
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True, **INFINITE)
 
 
 @dataclass(frozen=True)
 class Study:
-    """What the document of a study begins with; it is the single source of page and tables.
+    """The header of a study's document, which is the single source of page and tables.
 
     Attributes
     ----------
     engine : LAMMPS' own account of itself
-    seconds : wall time of all of it
+    seconds : wall time of the whole study
     """
 
     __pydantic_config__ = INFINITE
@@ -87,12 +87,12 @@ class Study:
 
     @property
     def label(self) -> str:
-        """The LAMMPS that was measured, in a word."""
+        """The name of the LAMMPS that was measured."""
         return self.engine.get("distribution") or self.engine.get("version_string", "")
 
     @property
     def facts(self) -> list[tuple[str, str]]:
-        """What a page says at its top: LAMMPS, processor, time."""
+        """The facts at the top of a page: LAMMPS, processor, time."""
         processor = f"{self.machine['processor']}, {self.machine['cores']} cores"
         took = f"{self.seconds:.0f} s" + (" (quick)" if self.quick else "")
         return [("LAMMPS", self.label), ("processor", processor), ("took", took)]

@@ -1,4 +1,4 @@
-"""Faults of the harness after cases are judged: each costs a part of the report, which says in a line what it lacks."""
+"""Faults of the harness after cases are judged: each costs a part of the report, which reports the loss in a line."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 
 
 class MissingPart(Record):
-    """A part that a report lacks, and why."""
+    """A part that is missing in a report, and why."""
 
     part: str
     cases: list[str] = Field([], description="whose part it is; empty: of the run")
@@ -30,7 +30,7 @@ class MissingPart(Record):
 def part(name: str, faults: list[MissingPart], make: Callable[[], T], otherwise: U, cases: Sequence[str] = ()) -> T | U:
     """Return what ``make`` returns; if it fails, note that as the fault of this part and return ``otherwise``.
 
-    The fault of an earlier attempt at the part, which is made in one place alone, is forgotten.
+    The fault of an earlier attempt at the part, which is made in one place only, is dropped.
     """
     faults[:] = [fault for fault in faults if (fault.part, fault.cases) != (name, [*cases])]
     try:

@@ -1,4 +1,4 @@
-"""Files: written so that a reader, or a kill at any moment, sees all of them or nothing; read up to a size."""
+"""Files: written atomically, read up to a size."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from eos_ref.errors import InputError
 DATA = Path(__file__).parents[1] / "data"  # what is shipped: cases, claims, probes, templates, measured curves
 MIB = 2**20
 LARGEST = 4096 * MIB  # of a file of arrays, unpacked
-# What a damaged archive makes of zipfile and of numpy's reader of headers.
+# Errors of zipfile and of numpy's reader of headers for a damaged archive.
 DAMAGED: tuple[type[Exception], ...] = (
     *(ValueError, EOFError, OSError, KeyError, IndexError, TypeError, NotImplementedError, RuntimeError, SyntaxError),
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
@@ -33,7 +33,7 @@ _PREFIX = 10  # bytes before the header of an .npy file of version 1: magic, ver
 
 
 def write_atomically(path: Path, content: bytes | str) -> None:
-    """Write a file so that a reader, or a kill at any moment, sees the old content or the new one, never a part."""
+    """Write a file so that a reader, or a kill at any moment, finds the old content or the new one, never a part."""
     path.parent.mkdir(parents=True, exist_ok=True)
     replace_file(path, content)
 
@@ -49,7 +49,7 @@ def replace_file(path: Path, content: bytes | str) -> None:
     except BaseException as error:
         Path(name).unlink(missing_ok=True)
         if isinstance(error, OSError) and error.filename is None:
-            error.filename = str(path)  # of a full disk the system does not say which
+            error.filename = str(path)  # the system does not name the disk that is full
         raise
 
 
@@ -66,7 +66,7 @@ def read_bytes(path: Path, what: str, most: int) -> bytes:
     Raises
     ------
     InputError
-        It cannot be read, is no regular file, or is larger.
+        It cannot be read, is not a regular file, or is larger.
     """
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)  # of a fifo, without waiting for a writer
@@ -108,7 +108,7 @@ def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False
 
 
 def _npy(array: NDArray[Any]) -> bytes:
-    """Return an array as numpy writes it, which makes the same few headers again for every array of a run."""
+    """Return an array as numpy writes it; the few headers of a run are made once."""
     if array.dtype.hasobject:
         raise ValueError("Python objects are no numbers")
     of: Any = np.lib.format.header_data_from_array_1_0(array)
@@ -138,7 +138,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     try:
         with zipfile.ZipFile(io.BytesIO(read_bytes(path, "per-atom arrays", LARGEST))) as archive:
             unpacked = sum(member.file_size for member in archive.infolist())
-            if unpacked > LARGEST:  # a member never unpacks to more than it says
+            if unpacked > LARGEST:  # a member never unpacks to more than its stated size
                 most = LARGEST / MIB
                 raise ValueError(f"unpacked they have {unpacked / MIB:.0f} MiB, more than {most:g}")
             for name in archive.namelist():

@@ -1,4 +1,4 @@
-"""Folders that are replaced as a whole, by one program at a time, and the reports kept in them.
+"""Folders that one program at a time replaces as a whole, and the reports kept in them.
 
 A folder is made next to the one that it replaces, as ``.NAME.partial``; then the old one is moved aside, to
 ``.NAME.old``, the new one into its place, and the old one removed. A kill at any moment leaves the old folder or the
@@ -6,7 +6,7 @@ new one: after a kill between the two renames the old one lies aside, where `pre
 
 A folder in the making that holds a `JOURNAL` can be resumed: if the program ends it becomes ``NAME.interrupted``.
 
-Reports are kept by date and engine, in folders ``DATE_ENGINE`` of a `Shelf`: whole ones and, apart from them, parts.
+Reports are kept by date and engine, in folders ``DATE_ENGINE`` of a `Shelf`: complete runs and, separately, parts.
 Everything follows from a listing when a report is complete: the link points to the newest, the newest `KEPT` of each
 engine stay, and one that was interrupted can be resumed if it has a journal. A kill at any moment leaves the link on a
 whole report, and a folder that the next report removes.
@@ -31,10 +31,10 @@ from eos_ref.errors import InputError
 JOURNAL = "journal"  # in a folder in the making: what is done
 INTERRUPTED = ".interrupted"  # the end of the name of a folder that was being made when its program ended
 
-LONGEST_NAME = 255 - len(INTERRUPTED)  # bytes: the longest name made from it has to be one of a file system
+LONGEST_NAME = 255 - len(INTERRUPTED)  # bytes: file systems must accept the longest name made from it
 KEPT = 3  # reports of an engine on a shelf: a whole run takes some 100 MB
 _DATE = "%Y-%m-%d_%H.%M.%S"
-_NAME = re.compile(  # of a report, or of what lies next to one while it is made
+_NAME = re.compile(  # of a report, or of the files next to one while it is made
     r"\.?(?P<entry>(?P<date>\d{4}-\d\d-\d\d_\d\d\.\d\d\.\d\d)(?:-(?P<of_second>\d+))?_(?P<engine>[\w.+-]+?))"
     r"(?:\.(?:lock|partial|old|making\.lock|interrupted))?"
 )
@@ -49,8 +49,8 @@ def exclusive(target: Path, what: str, busy: str = "") -> Iterator[None]:
     target : Path
         The folder; it need not exist.
     what, busy : str
-        What a complaint calls the folder, and what it says if another program holds the lock; without the latter
-        the lock is waited for.
+        The name of the folder in a complaint, and the complaint if another program holds the lock; without the latter
+        it waits for the lock.
 
     Raises
     ------
@@ -66,14 +66,14 @@ def exclusive(target: Path, what: str, busy: str = "") -> Iterator[None]:
         if target.exists() and not os.access(target, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         lock.acquire(timeout=0 if busy else -1)
-    except Timeout:  # also where no file can be made, as in /proc
+    except Timeout:  # also where files cannot be created, as in /proc
         raise InputError(what, busy if path.exists() else "cannot be written", str(target)) from None
     except OSError as error:
         raise InputError(what, f"cannot be written: {error.strerror}", str(target)) from None
     try:
         yield
     finally:
-        path.unlink(missing_ok=True)  # while it is held: a program that locks a deleted file tries again
+        path.unlink(missing_ok=True)  # while locked: a program that locks a deleted file tries again
         lock.release()
 
 
@@ -84,8 +84,8 @@ def replacement(target: Path, resume: bool | None = None) -> Iterator[Path]:
     Parameters
     ----------
     resume : bool, optional
-        Whether to resume a folder that was being made when its program ended, if there is one, instead of an
-        empty one. Unless given, nothing is left of the folder, however the block ends.
+        Whether to resume a folder, if any, that was being made when its program ended, instead of an
+        empty one. By default the folder is removed, however the block ends.
     """
     partial = making(target)
     left = resumable(target) if resume else None
@@ -120,7 +120,7 @@ def target(folder: Path) -> Path:
 
 
 def resumable(target: Path) -> Path | None:
-    """Return the folder in the making that can be resumed; after a kill it lies where it was made."""
+    """Return the unfinished folder that can be resumed; after a kill it lies where it was made."""
     left = max((making(target), interrupted(target)), key=_done)
     return left if _done(left) else None
 
@@ -142,7 +142,7 @@ def swap(partial: Path, target: Path) -> None:
 
 
 def present(target: Path) -> Path:
-    """Return where a folder lies: aside, if a program was killed while it replaced it."""
+    """Return where a folder lies: aside, if a program was killed while replacing it."""
     return _aside(target) if _aside(target).exists() and not target.exists() else target
 
 
@@ -152,7 +152,7 @@ def _done(partial: Path) -> int:
 
 
 def _set_aside(partial: Path, place: Path) -> None:
-    """Keep a folder in the making, unless one of which more is done, or something else, has its place."""
+    """Keep an unfinished folder, unless its place is taken by a more complete one or by something else."""
     if not _done(partial) or _done(partial) < _done(place):
         return
     if _done(place):
@@ -185,14 +185,13 @@ class Shelf:
     Attributes
     ----------
     link : points to the newest
-    mark : the file that is written last: a folder without it is no report
-    alike : whether all are of the same cases, so that a newer one replaces one that was interrupted
+    mark : the file that is written last: a folder without it is not a report
     """
 
     folder: Path
     link: Path
     mark: str
-    alike: bool = True
+    alike: bool = True  # all are of the same cases, so that a newer one replaces an interrupted one
 
     @contextmanager
     def place(self, *engines: str, resume: bool = False) -> Iterator[Path]:

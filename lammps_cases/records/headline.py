@@ -1,8 +1,9 @@
-"""The headline over everything that is judged: the one place that decides its state and makes its words.
+"""The headline over everything that is judged: the only place that decides its state and its words.
 
 `PASS` (green): no difference at all. `KNOWN BUGS` (amber): every difference is a known finding. `FAIL` (red):
-something is new, unexplained, missing or broken, or a known finding is one that ``--fail-on`` rejects. What compared
-nothing is `EMPTY`.
+something is new, unexplained, missing or broken, or a known finding is one that ``--fail-on`` rejects. A run
+that
+compared nothing is `EMPTY`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ HERE = "seen in this LAMMPS"
 
 @dataclass(frozen=True)
 class Look:
-    """How a state looks: class of a page's header, colour of a terminal, mark in Markdown, annotation of GitHub."""
+    """The look of a state: class of a page's header, colour of a terminal, mark in Markdown, annotation of GitHub."""
 
     css: Literal["good", "known", "bad", "empty"]
     terminal: str
@@ -43,14 +44,14 @@ LOOKS: Mapping[State, Look] = {
 
 @dataclass(frozen=True)
 class Headline:
-    """A state, and why it is that, in one sentence."""
+    """A state, and the reason in one sentence."""
 
     state: State
     sentence: str
 
     @property
     def look(self) -> Look:
-        """How the state looks."""
+        """The look of the state."""
         return LOOKS[self.state]
 
     @property
@@ -82,15 +83,15 @@ def headline(
     new : sequence of str
         What is new, unexplained, missing or broken, in words.
     differences : str
-        What differs and is known, in words, if there is more to say than how many findings were seen.
+        What differs and is known, in words, if more than the number of findings is to be reported.
     same : str
-        What to say where nothing differs.
+        The words if nothing differs.
     fail_on : {"high", "medium", "low", "new"}
         The least severe of the findings that fail.
     compared : bool
         Whether anything was compared at all.
     whose : str
-        Where the bugs were seen.
+        The LAMMPS in which the bugs were seen, in words.
     allowed : collection of str
         Findings that do not fail.
     """
@@ -121,9 +122,9 @@ def of_decks(
     cases : sequence of CaseRecord
         Audits, at least one.
     new : sequence of str
-        What is new or missing besides them, in words.
+        What else is new or missing, in words.
     fail_on : {"high", "medium", "low", "new"} or an effect
-        What of a known finding fails.
+        The effect from which a known finding fails.
     exempt : collection of str
         Findings that do not fail.
     """
@@ -148,7 +149,7 @@ def of_decks(
 
 
 def _failure(case: CaseRecord, fail_on: Level, exempt: Collection[str]) -> str:
-    """Say why a deck fails: how it ended, or the known findings that do too much to it; empty if it does not."""
+    """Describe why a deck fails: how it ended, or the known findings with too large effects; empty if it passes."""
     if why := deck.failure(case):
         caused = case.outlook.findings if case.outlook else []
         others = _known(case, [name for name in case.findings if name not in caused], "other " if caused else "")
@@ -158,7 +159,7 @@ def _failure(case: CaseRecord, fail_on: Level, exempt: Collection[str]) -> str:
 
 
 def _known(case: CaseRecord, names: Sequence[str], other: str = "") -> str:
-    """Name findings with what they do to a deck: 1 known bug: forces are 100 times too large."""
+    """Name findings with their effects on a deck: 1 known bug: forces are 100 times too large."""
     said = [deck.what(case, name) for name in deck.bugs(case) if name in names]
     return f"{counted(len(said), f'{other}known bug')}: {_first(said)}" if said else ""
 

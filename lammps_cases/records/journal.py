@@ -1,4 +1,4 @@
-"""A journal: a file that grows by a line of JSON at a time, so that a kill costs the entry being written at most."""
+"""A journal: a file to which lines of JSON are appended, so that a kill costs at most the entry being written."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Journal(Generic[T]):
-    """Entries of one class in the order in which they came."""
+    """Entries of one class, in the order of arrival."""
 
     file: Path
     model: type[T]
@@ -28,7 +28,7 @@ class Journal(Generic[T]):
         return TypeAdapter(self.model)
 
     def append(self, entry: T) -> None:
-        """Add an entry, in one piece: programs that write at the same time do not mix their lines."""
+        """Append an entry in one write, so that concurrent programs do not mix their lines."""
         self.file.parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(self.file, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
         try:
@@ -53,13 +53,13 @@ class Journal(Generic[T]):
                 yield None
 
     def entries(self) -> list[T]:
-        """Return the entries, without lines that a kill cut short; none where there is no file."""
+        """Return the entries, without lines that a kill cut short; none without a file."""
         return [entry for entry in self.lines() if entry is not None] if self.file.exists() else []
 
 
 @dataclass(frozen=True)
 class DonePart(Generic[T]):
-    """A part of a study that is done: the key of all it depends on, the result, the seconds since the part before."""
+    """A finished part of a study: the key of all it depends on, the result, the seconds since the part before."""
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
 
@@ -85,10 +85,10 @@ class Parts(Generic[T]):
 
     @cached_property
     def _done(self) -> dict[str, DonePart[T]]:
-        return {part.key: part for part in self.journal.entries()}  # of those of one key the last counts
+        return {part.key: part for part in self.journal.entries()}  # of several with one key the last counts
 
     def get(self, key: str) -> T | None:
-        """Return the result of a part that is done, None if it is not."""
+        """Return the result of a finished part, None for others."""
         part = self._done.get(key)
         if part is None:
             return None
@@ -96,7 +96,7 @@ class Parts(Generic[T]):
         return part.result
 
     def add(self, key: str, result: T) -> T:
-        """Keep the result of a part that was done now, and return it."""
+        """Keep the result of a part that has just been finished, and return it."""
         now = time.perf_counter()
         part = self._done[key] = DonePart(key, result, now - self._last)
         self._taken[key], self._last = 0.0, now
@@ -105,12 +105,12 @@ class Parts(Generic[T]):
 
     @property
     def earlier(self) -> float:
-        """Seconds that earlier calls of the command spent on the parts that were not done again."""
+        """Seconds that earlier calls of the command spent on the parts that were reused."""
         return sum(self._taken.values())
 
     @contextmanager
     def resumed(self, resume: bool) -> Iterator[None]:
-        """Forget the parts unless the study is resumed; if the block is interrupted, say that they are kept."""
+        """Discard the parts unless the study is resumed; if the block is interrupted, report that they are kept."""
         if not resume:
             self.file.unlink(missing_ok=True)
         try:

@@ -1,6 +1,6 @@
-"""Severities of findings and the levels of ``--fail-on``: plain words, for which nothing else is loaded.
+"""Severities of findings and the levels of ``--fail-on``: plain words, which need no other module.
 
-On a deck the severity of a finding is what it changes there: ``high`` above 10 % of the largest right value of some
+On a deck the severity of a finding follows from its effect: ``high`` above 10 % of the largest right value of some
 field, or where the effect is unknown, ``medium`` above 1 %, else ``low``.
 """
 
@@ -24,10 +24,10 @@ def fails(severity: Severity, fail_on: str) -> bool:
 
 
 def allowed(fail_on: str) -> float:
-    """Return the largest effect on a deck, over the largest right value of a field, that a level lets pass."""
+    """Return the largest effect on a deck, over the largest right value of a field, that a level accepts."""
     return LARGEST[fail_on] if fail_on in LARGEST else float(fail_on.rstrip("%")) / 100
 
 
 def severity_of(effect: float) -> Severity:
-    """Return the severity on a deck of a finding with some effect there; infinite: unknown."""
+    """Return the severity of a finding with some effect on a deck; infinite: unknown."""
     return next((severity for severity in SEVERITIES if effect > LARGEST[severity]), "low")

@@ -1,7 +1,7 @@
-"""Wall times that can be compared: alternatives called in turns, in calibrated loops, medians with intervals.
+"""Comparable wall times: alternatives called in turns, in calibrated loops, medians with intervals.
 
-A machine drifts (clock, other work), and whatever is measured later meets another machine. Alternatives are therefore
-called in rounds, each once per round and in an order that turns from round to round, and compared round by round: the
+A machine drifts (clock, other work), so that later measurements differ. Alternatives are therefore
+called in rounds, each once per round and in an order that rotates from round to round, and compared round by round: the
 ratio of two times of one round is free of the drift.
 """
 
@@ -57,7 +57,7 @@ class Timing:
         return interval(self.seconds_r)
 
     def scaled(self, factor: float) -> Timing:
-        """Return the wall times of a factor as much work; the first call stays as it was."""
+        """Return the wall times of more work by a factor; the first call is not changed."""
         return Timing(tuple(factor * seconds for seconds in self.seconds_r), self.calls, self.first)
 
     def against(self, other: Timing) -> ConfidenceInterval:
@@ -69,8 +69,8 @@ def interval(values: tuple[float, ...]) -> ConfidenceInterval:
     r"""Return the median and its distribution-free confidence interval.
 
     The k-th smallest and k-th largest of n independent values enclose the median with probability
-    :math:`1 - 2^{1-n}\sum_{i<k}\binom ni`; the largest k that still gives 95 % is taken. Fewer than six values cannot
-    reach it: the interval is then their range.
+    :math:`1 - 2^{1-n}\sum_{i<k}\binom ni`; the largest k that still gives 95 % is taken. Fewer than six values do not
+    reach 95 %: the interval is then their range.
     """
     from scipy.stats import binom  # heavy, and every run imports this module
 
@@ -91,7 +91,7 @@ def in_turns(calls: Mapping[str, Call], rounds: int = ROUNDS, at_least: float = 
     Parameters
     ----------
     calls : mapping
-        What is timed, by name.
+        The alternatives, by name.
     rounds : int
         How often each is measured.
     at_least : float
@@ -120,12 +120,12 @@ def _calibrated(call: Call, at_least: float) -> int:
 
 
 def verdict(ratio: ConfidenceInterval) -> Answer:
-    """Compare two times by their ratio: an interval that holds 1 decides nothing."""
+    """Compare two times by their ratio: an interval that holds 1 is inconclusive."""
     return "faster" if ratio.high < 1 else "slower" if ratio.low > 1 else "cannot tell"
 
 
 def cpuinfo() -> dict[str, str]:
-    """Return what Linux says of the first processor, by key; nothing on other systems."""
+    """Return Linux' description of the first processor, by key; empty on other systems."""
     facts: dict[str, str] = {}
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():

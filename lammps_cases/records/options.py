@@ -1,4 +1,4 @@
-"""What a user may give, declared once: in the signature of a function, or in dataclasses that its signature names.
+"""The options of a user, declared once: in the signature of a function, or in dataclasses that its signature names.
 
 The command line (`lammps_cases.cli.commands`) and the Python functions (`flat`) are both made from these declarations.
 `CallableModule`: ``lammps_cases.run`` is both the package of the main job and the function that does it.
@@ -22,9 +22,9 @@ class Option:
 
     Parameters
     ----------
-    text : what it is for
+    text : its purpose
     flags : its spellings; by default --NAME
-    settings : of ``click.Option``, where type and default do not say it; ``complete`` names what the shell completes
+    settings : of ``click.Option``, beyond type and default; ``complete`` names what the shell completes
     """
 
     def __init__(self, text: str = "", *flags: str, **settings: Any) -> None:
@@ -47,7 +47,7 @@ def option_of(annotation: Any) -> Option | None:
 def parameters(function: Callable[..., Any]) -> list[inspect.Parameter]:
     """List the parameters of a function, a dataclass of options replaced by its options.
 
-    One whose default is made when it is needed has the default None.
+    A parameter whose default is made when needed has the default None.
     """
     found = list[inspect.Parameter]()
     hints = get_type_hints(function, include_extras=True)
@@ -80,7 +80,7 @@ def _options(hint: Any) -> dict[str, tuple[Field[Any], Any]]:
 
 
 def flat(function: Callable[..., R]) -> Callable[..., R]:
-    """Return a function that takes the options of dataclasses as arguments of its own, and documents them."""
+    """Return a function that takes the options of dataclasses as its own arguments, and documents them."""
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> R:

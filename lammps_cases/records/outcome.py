@@ -1,4 +1,4 @@
-"""The outcome of a run: of every case and field its verdict, the findings that explain it, the digest of its numbers.
+"""The outcome of a run: for every case and field the verdict, the findings that explain it, the digest of its numbers.
 
 Histories store outcomes, accepted baselines consist of them, and comparisons classify what differs between two of them.
 """
@@ -19,7 +19,7 @@ CRASHES: tuple[Ended, ...] = ("crashed", "timeout", "error")
 
 @dataclass(frozen=True)
 class StepOutcome:
-    """A field at one step (None: the only one of a case without steps)."""
+    """A field at one step (None: the only evaluation of a case without steps)."""
 
     step: int | None
     verdict: Verdict
@@ -29,7 +29,7 @@ class StepOutcome:
 
 @dataclass(frozen=True)
 class FieldOutcome:
-    """Outcome of a field; ``digest`` is empty in runs that were made before there were digests."""
+    """Outcome of a field; ``digest`` is empty in runs older than digests."""
 
     field: str
     verdict: Verdict
@@ -43,7 +43,7 @@ class FieldOutcome:
 
     @classmethod
     def of(cls, record: FieldRecord, looks: Sequence[CheckRecord] = ()) -> FieldOutcome:
-        """Return the outcome that a record of a field holds; of an audit the steps are those of its looks."""
+        """Return the outcome that a record of a field holds; the steps of an audit are those of its checks."""
         by_step = tuple(StepOutcome(s.step, s.verdict, s.digest, s.max_abs) for s in record.steps) or _steps(looks)
         bits = [at.digest for at in by_step]
         return cls(
@@ -65,17 +65,17 @@ class FieldOutcome:
 
     @property
     def steps(self) -> tuple[StepOutcome, ...]:
-        """Every step; the field as a whole where there is but one evaluation."""
+        """Every step; the field as a whole if there is only one evaluation."""
         return self.by_step or (StepOutcome(None, self.verdict, self.digest),)
 
     @property
     def parts(self) -> dict[Part, str]:
-        """The parts of the outcome as text; empty where nothing is recorded."""
+        """The parts of the outcome as text; empty if not recorded."""
         return {"verdict": self.verdict, "bits": self.digest, "finding": listed(self.explained_by)}
 
 
 def _steps(looks: Sequence[CheckRecord]) -> tuple[StepOutcome, ...]:
-    """Return the steps of a field of an audit; runs that look at one and the same step are taken together."""
+    """Return the steps of a field of an audit; runs that check the same step are combined."""
     by_step: dict[int, list[CheckRecord]] = {}
     for look in looks:
         by_step.setdefault(look.step, []).append(look)
@@ -151,7 +151,7 @@ class CaseOutcome:
 
     @property
     def agrees(self) -> bool:
-        """Whether it ended as the manual says."""
+        """Whether it ended as the manual states."""
         return self.verdict in INSIDE or (self.verdict == "refused" and self.expected)
 
     @property
@@ -166,7 +166,7 @@ class CaseOutcome:
         return replace(self, worst=ratio, worst_field=worst.field if worst and ratio else "")
 
     def restricted(self, pattern: str) -> CaseOutcome:
-        """Return the outcome as the fields of a pattern alone decide it."""
+        """Return the outcome decided by the fields of a pattern alone."""
         fields = {name: each for name, each in self.fields.items() if fnmatchcase(each.field, pattern)}
         worst = max(fields.values(), key=lambda each: size(each.max_over_bound), default=None)
         return replace(self, fields=fields, verdict=worst.verdict if worst else self.verdict).with_worst()
@@ -174,10 +174,10 @@ class CaseOutcome:
 
 # --- the taxonomy of changes
 
-# The parts of an outcome, of which each may differ from one run to another. A history counts the cases of each.
+# The parts of an outcome, each of which may differ between runs. A history counts the cases of each.
 Part = Literal["verdict", "bits", "finding"]
 PARTS: tuple[Part, ...] = get_args(Part)
-# What such differences amount to, if side A is taken as the standard for side B.
+# Kinds of such differences, with side A as the standard for side B.
 ChangeKind = Literal[
     "same bits",
     "same outcome",
@@ -216,7 +216,7 @@ NEW: tuple[ChangeKind, ...] = ("new field", "new case")
 
 
 def differences(was: CaseOutcome, now: CaseOutcome) -> Iterator[tuple[str, Part, str, str]]:
-    """Yield what differs: field (empty: the case as a whole), part, before, after; of fields, those that both have.
+    """Yield what differs: field (empty: the case as a whole), part, before, after; only fields that both have.
 
     Bits differ only where both digests are recorded.
     """

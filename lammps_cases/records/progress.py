@@ -1,4 +1,4 @@
-"""Progress of a long task, as a command shows it, and where the processor time of a process goes, by stage."""
+"""Progress of a long task, as a command shows it, and the processor time of a process by stage."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ if TYPE_CHECKING:  # imported where a terminal shows a bar
     from rich.progress import TaskID
 
 PLAIN_EVERY = 5.0  # seconds between two plain lines
-WHOLE = ("variants",)  # stages: whatever is done within them counts as theirs
+WHOLE = ("variants",)  # stages: all that is done within them counts for them
 REST = "rest"
 
 
 class Progress:
-    """What a long task reports to; this one shows nothing."""
+    """Receiver of the reports of a long task; this one shows nothing."""
 
     def advance(self, done: int, total: int | None, label: str, complaint: str = "") -> None:
-        """Report how far a task is.
+        """Report the progress of a task.
 
         Parameters
         ----------
         done, total : int
-            Parts done, and of how many (None: unknown).
+            Parts done, and their total number (None: unknown).
         label : str
-            The part that is done, or that comes next.
+            The part that is finished, or that comes next.
         complaint : str, optional
             What went wrong in this part.
         """
@@ -44,14 +44,14 @@ def duration(seconds: float) -> str:
 
 
 class Bar(Progress):
-    """Progress on standard error: a bar on a terminal, now and then a plain line elsewhere; a context manager.
+    """Progress on standard error: a bar on a terminal, occasional plain lines elsewhere; a context manager.
 
     Parameters
     ----------
     quiet : bool
         Show nothing.
     prefix : str
-        Stands before every label.
+        Precedes every label.
     complaints : bool
         Show complaints too; they stay on a terminal, above the bar.
     """
@@ -84,7 +84,7 @@ class Bar(Progress):
             print(complaint or f"{done}/{total or '?'} {label}", file=sys.stderr, flush=True)
 
     def _left(self, done: int, total: int | None) -> str:
-        """Estimate the time left from the parts done since the first report; those that a folder had cost none."""
+        """Estimate the time left from the parts done since the first report; parts found in a folder cost none."""
         now, (first, begin) = time.monotonic(), self._first
         if total != self._total or done < first:
             self._first, self._total = (done, now), total
@@ -121,7 +121,7 @@ class Stages:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Count the time of a block as that of a stage; a stage within it takes its time from it."""
+        """Count the time of a block for a stage; a nested stage's time is subtracted."""
         self._charge()
         self._open.append(self._open[-1] if self._open and self._open[-1] in WHOLE else name)
         try:

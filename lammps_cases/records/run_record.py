@@ -1,6 +1,6 @@
-"""Record of a run and of its cases: the models of ``run.json``.
+"""Schema of run.json: the record of a run and of its cases.
 
-``run.json`` is the single source of every report; its JSON schema is published in the same room.
+``run.json`` is the single source of every report; its JSON schema is published in the same package.
 """
 
 from __future__ import annotations
@@ -123,25 +123,25 @@ class CaseRecord(Record):
         return list(dict.fromkeys(entry for entries in named for entry in entries))
 
     def accepted(self, rejected: Collection[str] = ()) -> bool:
-        """Return whether this case leaves a run green that rejects some findings."""
+        """Return whether this case leaves a run that rejects some findings green."""
         return self.as_expected and not set(self.findings) & set(rejected)
 
     @property
     def headline(self) -> Blame | None:
-        """Return what leaves its bound first and is new: beyond the findings that the case shows, if there are any.
+        """Return what leaves its bound first and is new: beyond the findings that the case shows, if any.
 
-        Of a case with a twin: where the two runs differ. What is beyond findings is of one of them.
+        For a case with a twin: where the two runs differ. What is beyond findings belongs to one of them.
         """
         return self.beyond.blame if self.beyond and not self.twin else self.blame
 
     @property
     def unexercised(self) -> list[str]:
-        """The changes that the case has to see, and that move nothing it compares out of a bound."""
+        """The changes that the case has to detect but that move nothing it compares out of a bound."""
         return [change for change, count in self.exercises.items() if not count]
 
 
 class EngineRecord(Record):
-    """Which LAMMPS answered."""
+    """The LAMMPS that answered."""
 
     name: str = "env"
     version_string: str = ""
@@ -154,22 +154,22 @@ class EngineRecord(Record):
 
     @property
     def manual(self) -> Manual:
-        """Return the version of the manual that describes this LAMMPS, whatever its distribution is called."""
+        """Return the version of the manual that describes this LAMMPS, whatever the name of its distribution."""
         return manual_of(self.version_string)
 
     @property
     def key(self) -> str:
-        """Identity of the engine: the same for the same library, whatever name was given to it."""
+        """Identity of the engine: the same for the same library, whatever its name."""
         return self.library_sha256 or " ".join((self.name, self.distribution, self.version_string, self.git))
 
     @property
     def release(self) -> str:
-        """The version of a distribution; empty for a build of one's own."""
+        """The version of a distribution; empty for a local build."""
         return "" if self.name.startswith("path:") else self.distribution
 
     @property
     def label(self) -> str:
-        """What tables call it: a release; a build by its folder and the hash of its library; else name and version."""
+        """The name in tables: a release; a build by its folder and the hash of its library; else name and version."""
         if self.name.startswith("path:"):
             folder = Path(self.name.removeprefix("path:")).name or self.name
             return f"{folder} {self.library_sha256[:HASH]}".rstrip()
@@ -178,14 +178,14 @@ class EngineRecord(Record):
     @property
     def version(self) -> tuple[str, str]:
         """The best identification: ``lammps`` (a release), ``git`` or ``library``, and its text; empty without any."""
-        # A build of a release has no revision; one of a repository differs from others of its date in that alone.
+        # A build of a release has no revision; builds of a repository from one date differ only in the revision.
         dated = self.release or ("" if self.git else self.distribution)
         labels = {"lammps": dated, "git": self.git, "library": self.library_sha256[:16]}
         return next(((kind, label) for kind, label in labels.items() if label), ("", ""))
 
 
 class CarriedOver(Record):
-    """What a run says of the ledger, if its LAMMPS is not one that was taken in, or not as it was then."""
+    """Changes against the ledger in a run whose LAMMPS has not been adopted, or has changed since."""
 
     version: str = Field(description="of the LAMMPS that ran")
     nearest: str = Field(description="known version whose findings were expected")
@@ -198,7 +198,7 @@ class CarriedOver(Record):
 
 
 class Hypothesis(Record):
-    """A change of the reference's formulas with which it has LAMMPS' numbers in every case of a group.
+    """A change of the reference's formulas that reproduces LAMMPS' numbers in every case of a group.
 
     On every atom, in all fields compared up to the end of the first red step.
     """
@@ -212,7 +212,9 @@ class TriageGroup(Record):
     cases: list[str]
     verdict: Verdict
     twin: str = ""
-    stage: str = Field("", description="of the first field outside its bound, beside the findings that a case shows")
+    stage: str = Field(
+        "", description="of the first field outside its bound, beyond the findings that a case shows"
+    )
     field: str = ""
     step: int | None = Field(None, description="the first at which a case of the group is red")
     text: str = Field("", description="how the cases ended, where they have no numbers")
@@ -226,13 +228,13 @@ class TriageGroup(Record):
 
 
 class Triage(Record):
-    """What a red run ends with; hypotheses explain nothing, and change no verdict."""
+    """The end of a red run; hypotheses explain nothing, and change no verdict."""
 
     groups: list[TriageGroup] = Field([])
 
 
 class HeadlineRecord(Record):
-    """What a run came to when its record was written."""
+    """The result of a run when its record was written."""
 
     state: State
     sentence: str
@@ -275,7 +277,7 @@ class RunRecord(Record):
     @model_validator(mode="before")
     @classmethod
     def _once_strict(cls, document: Any) -> Any:
-        """Read a document in which a run was strict or not, and what ``--json`` prints."""
+        """Read older documents, in which a run was strict or not, and the output of ``--json``."""
         if not isinstance(document, dict):
             return document
         once = {"fail_on": "low" if document["strict"] else "new"} if "strict" in document else {}
@@ -292,14 +294,14 @@ class RunRecord(Record):
 
     @property
     def failed(self) -> bool:
-        """Whether a case ended without an answer that could be compared."""
+        """Whether any case ended without an answer that could be compared."""
         failures = ("refused", "crashed", "timeout", "error")
         return any(case.verdict in failures and not case.as_expected for case in self.cases)
 
     def exit_code(self, rejected: Collection[str] = ()) -> int:
         """Exit code: 0 all as expected, 1 something differs or is rejected, 2 a bad case, 3 a failure.
 
-        A part that the report lacks is a failure if nothing else is wrong.
+        A missing part of the report is a failure if nothing else is wrong.
         """
         if any(case.unexercised and case.verdict == "error" for case in self.cases):
             return 2
@@ -311,7 +313,7 @@ class RunRecord(Record):
         return 3 if self.faults else 0
 
     def check_whole(self, folder: Path) -> None:
-        """Refuse a run that was interrupted.
+        """Raise for an interrupted run.
 
         Raises
         ------
@@ -334,7 +336,7 @@ def read_run(directory: Path) -> RunRecord:
     Raises
     ------
     InputError
-        No run.json there, one of another schema, or a case whose name is not one of a file.
+        No run.json there, one of another schema, or a case whose name is not a file name.
     """
     if directory.is_file():
         rule = "must be the folder of a report, not a file in it"

@@ -1,4 +1,4 @@
-"""What every command, page and document says in the same way: verdicts, findings, numbers, names, sentences."""
+"""The common wording of commands, pages and documents: verdicts, findings, numbers, names, sentences."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lammps_cases.records.case_parts import BY_SEVERITY, FieldRecord, Prediction
 from lammps_cases.records.faults import MissingPart
 from lammps_cases.records.run_record import HASH, CarriedOver, CaseRecord, EngineRecord, RunRecord, TriageGroup
 
-# What a verdict means; docs/verdicts.md says the same.
+# The meaning of each verdict, as in docs/verdicts.md.
 MEANINGS: dict[Verdict, str] = {
     "exact": "the numbers are those of the reference, evaluated in LAMMPS' order of operations, bit for bit",
     "pass": "every atom is within the bound",
@@ -25,9 +25,9 @@ MEANINGS: dict[Verdict, str] = {
     "skipped": "this LAMMPS was built without what the case needs, or does not have a style or keyword of it (exit "
     "code 1); the reason is given",
 }
-INSIDE = ("exact", "pass")  # the verdicts of what lies within its bound
+INSIDE = ("exact", "pass")  # the verdicts of numbers within their bounds
 EXPECTED_REFUSAL = "refused as expected"
-GIVEN = "given"  # in brackets after a quantity: the input of a scene
+GIVEN = "given"  # in brackets after a quantity: input of a scene
 FACTOR = 10  # a difference of this many times a value, or more, is written as a factor
 MOST_NAMES = 8  # of cases, beyond which they are counted
 
@@ -38,7 +38,7 @@ def verdict_kind(verdict: str, expected: bool) -> str:
 
 
 def one_line(text: str) -> str:
-    """Close up the white space of a text."""
+    """Join a text into one line with single spaces."""
     return " ".join(text.split())
 
 
@@ -48,12 +48,12 @@ def listed(findings: Iterable[str]) -> str:
 
 
 def finding_ids(line: str | None) -> list[str]:
-    """Return the findings of such a line, as baselines and histories keep them."""
+    """Return the findings listed in a line, as baselines and histories keep them."""
     return line.split(", ") if line else []
 
 
 def field_name(field: str, atom_type: int | None) -> str:
-    """Return what a field is called; an audit has one per type of atoms."""
+    """Return the name of a field; an audit has one per type of atoms."""
     return field if atom_type is None else f"{field} (type {atom_type})"
 
 
@@ -63,12 +63,12 @@ def given(quantity: str) -> str:
 
 
 def after_stop(quantity: str, by: str, step: int) -> str:
-    """Name the state after a stop, which a route has carried on: ``rho (restart at 2)``."""
+    """Name the state after a stop, continued by a route: ``rho (restart at 2)``."""
     return f"{quantity} ({by} at {step})"
 
 
 def parted(name: str) -> tuple[str, str]:
-    """Return the quantity, and which input it is: `GIVEN`, the route and step of a stop; empty of other fields."""
+    """Return the quantity, and which input it is: `GIVEN`, the route and step of a stop; empty for other fields."""
     quantity, _, which = name.partition(" (")
     return quantity, which.removesuffix(")")
 
@@ -105,7 +105,7 @@ def times(value: float) -> str:
 
 
 def carried(of: CarriedOver) -> str:
-    """Say what a run on an engine that is new, or not as it was, says of the ledger."""
+    """Describe the findings confirmed, gone or unknown on a new or changed engine."""
     kinds = (
         (len(of.first_seen), "new"),
         (len(of.partly), "gone in some cases"),
@@ -118,7 +118,7 @@ def carried(of: CarriedOver) -> str:
 
 
 def carried_rows(of: CarriedOver) -> list[tuple[str, str, int]]:
-    """Return finding, status, and number of cases."""
+    """Return rows of finding, status and number of cases."""
     kinds = ((f"new, not in {of.nearest}", of.first_seen), ("gone in some cases", of.partly), ("gone", of.gone))
     return [(name, how, count) for how, findings in kinds for name, count in findings.items()]
 
@@ -138,7 +138,7 @@ def by_file(cases: Sequence[str]) -> str:
 
 
 def predictions(of: Predictions) -> str:
-    """Say how many predictions and judgements a run has taken from the store."""
+    """Describe how many predictions and judgements a run has taken from the store."""
     judgements = f"{counted(of.judgements, 'judgement')} and " if of.judgements else ""
     total = counted(of.stored + of.computed, "reference prediction")
     return f"{judgements}{of.stored} of {total} taken from the cache"
@@ -156,7 +156,7 @@ def plain(item: Any) -> Any:
 
 
 def lacks(faults: Iterable[MissingPart], how: str = "not in this report") -> list[str]:
-    """Say which parts a report lacks, and why: a line for each cause."""
+    """Describe which parts of a report are missing, and why: a line for each cause."""
     parts: dict[str, list[str]] = {}
     for fault in faults:
         place = f" ({fault.trace[-1]})" if fault.trace else ""
@@ -166,7 +166,7 @@ def lacks(faults: Iterable[MissingPart], how: str = "not in this report") -> lis
 
 
 def notes(run: RunRecord) -> list[str]:
-    """Say what concerns a run as a whole, such as which of its judgements are not by its own code."""
+    """Describe what concerns a run as a whole, such as judgements made by other code."""
     if not run.older:
         return run.notes
     changed = sorted(case for case, what in run.older.items() if what == "reference")
@@ -187,7 +187,7 @@ HYPOTHESES = (
 
 
 def cause(group: TriageGroup) -> str:
-    """Say what the cases of a group have as their first cause."""
+    """Describe the first cause of the cases of a group."""
     if not group.field:
         return f"{group.verdict}: {one_line(group.text)}"
     step = "" if group.step is None else f" at step {group.step}"
@@ -195,7 +195,7 @@ def cause(group: TriageGroup) -> str:
 
 
 def in_common(group: TriageGroup) -> str:
-    """Say what the scenes of a group have that no green one has, or few."""
+    """Describe the features common to the failing group and rare among passing scenes."""
     all_of = "the only scene" if len(group.cases) == 1 else f"all {len(group.cases)} scenes"
     if not group.green:
         return f"{all_of}; no green one to compare with"
@@ -206,7 +206,7 @@ def in_common(group: TriageGroup) -> str:
 
 
 def hypotheses(group: TriageGroup) -> list[str]:
-    """Say what reproduces LAMMPS in a group, one hypothesis a line; or that nothing tried does."""
+    """Describe what reproduces LAMMPS in a group, one hypothesis a line; or that nothing tried does."""
     lines = [f"as if {each.sentence}" for each in group.hypotheses]
     if group.more:
         lines.append(f"and {group.more} more that say the same in these scenes")
@@ -217,7 +217,7 @@ def hypotheses(group: TriageGroup) -> list[str]:
 
 
 def triage_lines(run: RunRecord) -> Iterator[str]:
-    """Yield the triage of a run as lines of text; hypotheses are no more than that."""
+    """Yield the triage of a run as lines of text, hypotheses marked as such."""
     for at, group in enumerate(run.triage.groups if run.triage else (), 1):
         yield f"triage {at} of {len(run.triage.groups)}: {counted(len(group.cases), 'case')}, {cause(group)}"  # type: ignore[union-attr]
         yield f"  scenes: {in_common(group)}"
@@ -227,7 +227,7 @@ def triage_lines(run: RunRecord) -> Iterator[str]:
 
 
 def some(names: Sequence[str], listed: int = 6, of: str = "") -> str:
-    """Name the first of some things, and how many more there are, ``of`` what if that is not plain."""
+    """Name the first of some things and the number of the others, ``of`` what if that is not plain."""
     rest = len(names) - listed
     more = counted(rest, f"more {of}") if of else f"{rest} more"
     return ", ".join(names[:listed]) + (f", {more}" if rest > 0 else "")
@@ -246,19 +246,19 @@ def kind(case: CaseRecord) -> str:
 
 
 def rank(case: CaseRecord, accepted: bool) -> int:
-    """Return the place of a case in a list by severity; all that is not accepted comes after all that is."""
+    """Return the rank of a case by severity; all cases that are not accepted come after those that are."""
     if kind(case) == EXPECTED_REFUSAL:
         return SEVERITY["pass"]
     return SEVERITY[case.verdict] + (0 if accepted else len(BY_SEVERITY))
 
 
 def counts(run: RunRecord) -> dict[str, int]:
-    """Count the cases of each kind, in the order of severity; what was skipped comes last."""
+    """Count the cases of each kind in the order of severity, skipped ones last."""
     return by_severity(Counter(kind(case) for case in run.cases))
 
 
 def by_severity(counts_of_kinds: Mapping[str, int]) -> dict[str, int]:
-    """Sort the counts of kinds of verdicts; those of no case are left out."""
+    """Sort the counts of kinds of verdicts by severity, without zeros."""
     return {name: counts_of_kinds[name] for name in KINDS if counts_of_kinds.get(name)}
 
 
@@ -275,7 +275,7 @@ def worst_field(case: CaseRecord) -> FieldRecord | None:
 
 
 def how_bad(field: FieldRecord) -> tuple[int, float]:
-    """Return what fields are compared by: their verdicts, then their largest differences in units of the bound."""
+    """Return the sort key of fields: the verdict, then the largest difference in units of the bound."""
     return SEVERITY[field.verdict], size(field.max_over_bound)
 
 
@@ -298,7 +298,7 @@ def styles(case: CaseRecord) -> str:
 
 
 def engine(who: EngineRecord) -> str:
-    """Say which LAMMPS answered, in one sentence: version, library, compiler and MPI, as far as they are known."""
+    """Describe the LAMMPS that answered in one sentence: version, library, compiler and MPI, as far as known."""
     dated = f" ({who.version_string})" if who.version_string else ""
     named = "" if who.name == "env" else f", {who.name}"
     compiler = f"compiled by {who.compiler}" if who.compiler else ""

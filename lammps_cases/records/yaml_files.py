@@ -1,6 +1,6 @@
-"""YAML files: safe types only, numbers as YAML 1.2 has them, no repeated key; the base of statements of the manual.
+"""YAML files: safe types only, numbers of YAML 1.2, no repeated key; the base of statements of the manual.
 
-PyYAML's parser in C reads all shipped case files in a fourteenth of the time that ruamel.yaml's takes, which does all
+PyYAML's parser in C reads all shipped case files in a fourteenth of the time of ruamel.yaml, which does all
 of this by itself but in Python: 0.07 s against 1.0 s, with 1.5 s for the whole of ``eos-ref list``.
 """
 
@@ -22,13 +22,13 @@ DECK = re.compile(r"^\s*(units|atom_style|pair_style|fix|run)[ \t]+\w", re.MULTI
 MOST_SHOWN = 80  # characters of a value in a complaint
 LARGEST = 32 * MIB
 DEEPEST = 40  # levels of a document
-MOST_ALIASED = 100_000  # parts that aliases stand for, each counted whenever it is named
+MOST_ALIASED = 100_000  # parts that aliases stand for, counted at every reference
 LONGEST_NUMBER = 400  # characters
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _UniqueKeys(_Loader):  # type: ignore[misc]
-    """YAML's safe loader, which a repeated key does not pass unnoticed."""
+    """YAML's safe loader, which rejects a repeated key."""
 
 
 def _mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
@@ -47,20 +47,20 @@ def _mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
     return mapping
 
 
-# YAML 1.2 numbers: PyYAML takes 1e-12 for text, as it has neither a point nor a signed exponent.
+# YAML 1.2 numbers: PyYAML reads 1e-12 as text, as it has neither a point nor a signed exponent.
 _FLOAT = ("tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+"), list("-+.0123456789"))
 _UniqueKeys.add_implicit_resolver(*_FLOAT)
 _UniqueKeys.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
 
 
 class FlowText(str):
-    """A value as a file holds it, for complaints, which show it without quotes."""
+    """A value as in its file, which complaints show without quotes."""
 
     __repr__ = str.__str__
 
 
 def flow(value: Any) -> Any:
-    """Return a value as complaints show it: words of YAML (null, true, {a: 1}); text and numbers are as they were."""
+    """Return a value as complaints show it: words of YAML (null, true, {a: 1}); text and numbers are not changed."""
     if isinstance(value, str | int | float) and not isinstance(value, bool):
         return value
     text = yaml.dump(value, Dumper=_Writer, sort_keys=False, default_flow_style=True, width=math.inf)
@@ -69,20 +69,20 @@ def flow(value: Any) -> Any:
 
 
 class _Writer(yaml.SafeDumper):
-    """YAML's safe writer, which quotes a text that `read_yaml` would take for a number."""
+    """YAML's safe writer, which quotes a text that `read_yaml` would read as a number."""
 
 
 _Writer.add_implicit_resolver(*_FLOAT)
 
 
 def yaml_text(data: Any) -> str:
-    """Return data as YAML that `read_yaml` reads as the same: keys in order, small parts in one line."""
+    """Return data as YAML that `read_yaml` reads back unchanged: keys in order, small parts in one line."""
     text: str = yaml.dump(data, Dumper=_Writer, sort_keys=False, default_flow_style=None, width=110)
     return text
 
 
 def position(line: int, column: int) -> str:
-    """Say where in a file a mark is, which counts from 0."""
+    """Return the position of a mark, which counts from 0, in words."""
     return f"line {line + 1}, column {column + 1}"
 
 
@@ -91,7 +91,7 @@ def _refused(rule: str, event: Any) -> yaml.MarkedYAMLError:
 
 
 def _check_size(text: str) -> None:
-    """Check that a document is no deeper and, with its aliases written out, no larger than one that a person writes.
+    """Check that a document is no deeper and, with its aliases written out, no larger than a hand-written one.
 
     Raises
     ------
@@ -124,14 +124,14 @@ def _check_size(text: str) -> None:
 
 
 def compose(path: Path) -> yaml.Node:
-    """Return a file that `read_yaml` takes, and that is not empty, as nodes, each with line and column."""
+    """Return a non-empty file that `read_yaml` accepts as nodes, each with line and column."""
     node = yaml.compose(read_text(path, "case file", LARGEST), _Loader)
     assert node is not None
     return node
 
 
 def if_deck(path: Path, text: str) -> str:
-    """Return a hint where a file is plainly an input of LAMMPS and not YAML."""
+    """Return a hint if a file is plainly an input of LAMMPS and not YAML."""
     return (
         f" (a LAMMPS input? eos-ref audit {path.name})"
         if path.suffix not in (".yaml", ".yml") and DECK.search(text)
@@ -161,16 +161,16 @@ def parse_yaml(text: str, path: Path, what: str) -> Any:
         tab = mark and "".join(text.split("\n")[mark.line : mark.line + 1])[mark.column : mark.column + 1] == "\t"
         problem = "tabs do not indent, spaces do" if tab else error.problem
         raise InputError(what, f"is not valid YAML: {problem}{if_deck(path, text)}", where=line) from None
-    except (yaml.YAMLError, ValueError, AttributeError, RecursionError) as error:  # a tag that its text does not fit
+    except (yaml.YAMLError, ValueError, AttributeError, RecursionError) as error:  # a tag that does not fit its text
         raise InputError(what, f"is not valid YAML: {error}", where=str(path)) from None
 
 
 class OfManual(BaseModel):
-    """A statement of the manual, which some versions of it make and others do not.
+    """A statement of the manual that may be limited to some versions.
 
     Attributes
     ----------
-    since, until : the first and the last version of the manual that makes it; by default the first and the newest
+    since, until : the first and the last version of the manual with it; by default the oldest and the newest
     """
 
     since: Manual = FIRST
@@ -183,5 +183,5 @@ class OfManual(BaseModel):
         return self
 
     def made_in(self, manual: Manual) -> bool:
-        """Return whether a version of the manual makes it."""
+        """Return whether a version of the manual contains it."""
         return MANUALS.index(self.since) <= MANUALS.index(manual) <= MANUALS.index(self.until)

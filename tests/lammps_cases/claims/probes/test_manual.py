@@ -278,7 +278,7 @@ def test_refusal_must_be_the_one_promised() -> None:
     refused = ManualProbe(id="x", about="X.", refused="out of bounds")
     right = judge(refused, [error("ERROR: Numeric index 3 is out of bounds")])
     assert (right.verdict, right.ended) == ("pass", "refused")
-    assert said(refused, error("ERROR: Illegal fix command")).endswith("LAMMPS said: ERROR: Illegal fix command")
+    assert said(refused, error("ERROR: Illegal fix command")).endswith("LAMMPS printed: ERROR: Illegal fix command")
     assert said(refused, ran(p=[np.nan])).startswith("LAMMPS accepts what the manual refuses, and p")
 
 

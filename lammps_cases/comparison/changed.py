@@ -20,7 +20,7 @@ from lammps_cases.scene.changes import Change
 
 @contextmanager
 def plain_arrays() -> Iterator[None]:
-    """Have arrays do without their compiled loops, of which an edit changes nothing."""
+    """Evaluate arrays without their compiled loops, which an edit does not change."""
     loops, ArrayEvaluator.loops = ArrayEvaluator.loops, None
     try:
         yield
@@ -30,7 +30,7 @@ def plain_arrays() -> Iterator[None]:
 
 @contextmanager
 def installed(codes: Mapping[FunctionType, CodeType]) -> Iterator[None]:
-    """Have functions run other code, without compiled loops; the compiled evaluator is not changed."""
+    """Run functions with other code, without compiled loops; the compiled evaluator is not changed."""
     right = {function: function.__code__ for function in codes}
     try:
         for function, code in codes.items():
@@ -44,12 +44,12 @@ def installed(codes: Mapping[FunctionType, CodeType]) -> Iterator[None]:
 
 @contextmanager
 def made(change: Change) -> Iterator[None]:
-    """Have the reference of this process run the edit of its source that a change is.
+    """Apply a change, which is an edit of the reference's source, to the reference of this process.
 
     Raises
     ------
     InputError
-        What is changed is not there, or is no function.
+        The target does not exist, or is not a function.
     """
     function, code = _edited_function(change)
     with installed({function: code}):
@@ -86,13 +86,13 @@ def _code(of: CodeType, name: str) -> CodeType | None:
 def edited(text: str, change: Change) -> str:
     """Return a module's source with one expression, or one run of statements, replaced in one definition.
 
-    ``replace`` and ``by`` are Python expressions, or statements, of which ``by`` may have none; ``at`` says which match
-    is replaced, from 1 on; without it there must be exactly one.
+    ``replace`` and ``by`` are Python expressions, or statements, where ``by`` may be empty; ``at`` selects the match
+    that is replaced, from 1 on; without it there must be exactly one.
 
     Raises
     ------
     InputError
-        Text that is not Python, a name that the module does not define, no match, or several without ``at``.
+        The text is not Python, the module does not define the name, no match, or several without ``at``.
     """
     name, at, where = change.function.partition(":")[2], change.at, change.id
     old, new = _parsed(change.replace, where), _parsed(change.by, where)
@@ -127,7 +127,7 @@ def _parsed(text: str, where: str) -> list[ast.stmt]:
 
 
 def _expressions(inside: ast.AST, old: ast.expr, new: ast.expr) -> list[Callable[[], None]]:
-    """Return the replacements of an expression, one for each place that has it."""
+    """Return the replacements of an expression, one for each occurrence."""
     changes: list[Callable[[], None]] = []
     for node in ast.walk(inside):
         for name, child in ast.iter_fields(node):
@@ -139,7 +139,7 @@ def _expressions(inside: ast.AST, old: ast.expr, new: ast.expr) -> list[Callable
 
 
 def _statements(inside: ast.AST, old: list[ast.stmt], new: list[ast.stmt]) -> list[Callable[[], None]]:
-    """Return the replacements of a run of statements, one for each place that has it."""
+    """Return the replacements of a run of statements, one for each occurrence."""
     bodies = (getattr(node, name, None) for node in ast.walk(inside) for name in ("body", "orelse", "finalbody"))
     return [
         partial(body.__setitem__, slice(k, k + len(old)), new or [ast.Pass()] * (len(body) == len(old)))

@@ -106,10 +106,10 @@ def compare_field(
     Parameters
     ----------
     lammps_n, reference_n, bound_n : (n, ...) arrays sorted by id
-        The two sides and the largest difference that rounding can make; of vectors and tensors the component that
-        comes closest to its bound stands for the particle.
+        The two sides and the largest difference that rounding can make; of vectors and tensors the component
+        closest to its bound represents the particle.
     same_order_n : (n,) array, optional
-        The reference in LAMMPS' order of operations; the same bits as either make the field `exact`.
+        The reference in LAMMPS' order of operations; equal bits to either one make the field `exact`.
     """
     lammps_n, reference_n = np.asarray(lammps_n, float), np.asarray(reference_n, float)
     difference, ratio = excess(lammps_n, reference_n, bound_n)
@@ -117,7 +117,7 @@ def compare_field(
     difference, ratio = (components(side).max(axis=1) for side in (difference, ratio))
     outside = ~(ratio <= 1)
     verdict: Verdict = "pass"
-    if outside.any() or not ratio.size:  # LAMMPS' order of operations explains no more than the bound allows
+    if outside.any() or not ratio.size:  # LAMMPS' order of operations explains only what the bound allows
         verdict = "differs"
     elif same_bits(lammps_n, reference_n) or (same_order_n is not None and same_bits(lammps_n, same_order_n)):
         verdict = "exact"
@@ -139,7 +139,7 @@ def compare_field(
 
 
 def _by_id(id_n: IntArray, values_n: FloatArray) -> FloatArray:
-    """Return values in the order of the ids: that of a running LAMMPS depends on its version and on sorting."""
+    """Return values in the order of the ids: the order in LAMMPS depends on its version and on sorting."""
     return values_n if np.all(id_n[1:] > id_n[:-1]) else values_n[np.argsort(id_n)]
 
 
@@ -178,7 +178,7 @@ def digits_lost(
     with np.errstate(all="ignore"):
         for side in (lammps_n, reference_n):
             relative = np.abs((side - screened) / screened)
-            relative[~np.isfinite(relative)] = 0.0  # no law, or no number: neither is worse than another
+            relative[~np.isfinite(relative)] = 0.0  # no law, or no number: none is worse than another
             picks.append(np.argsort(relative)[-(certified // 4) :])
     lost = {"lammps": 0.0, "reference": 0.0}
     e_n = state.e_n

@@ -1,4 +1,4 @@
-"""What the pairs of a particle add: its neighbours after a step by the reference, and the terms of its sums."""
+"""Per-pair contributions to the sums of one particle, with its neighbours after a step of the reference."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from eos_ref.model.state import PairTerms
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import halted
 
-MOST_PAIRS = 12  # that are printed; the nearest ones
+MOST_PAIRS = 12  # printed, the nearest ones
 ARE = {"rhoeq": "rho", "cs": "cs", "kappa": "conductivity", "cv": "cv", "E": "energy"}  # quantities with units
 LARGEST = 20_000  # particles of a scene whose pairs are listed with its verdict
 
 
 @dataclass(frozen=True)
 class ParticleValues:
-    """A particle as the reference has it at the step of the number, in LAMMPS' units.
+    """A particle of the reference at the step of the number, in LAMMPS' units.
 
     ``volume`` is mass over density, in the cube of the unit of length. ``constants`` are those of its type (rhoeq, cs,
-    and of one that carries energy kappa and cv) and its energy E.
+    and, if it carries energy, kappa and cv) and its energy E.
     """
 
     id: int
@@ -46,7 +46,7 @@ class ParticleValues:
 class PairContribution:
     """A pair: the other particle, the distance vector to it, the kernel and its gradient.
 
-    With what the pair adds to the particle's force (``pressure_force``: by pressure and artificial viscosity), rate of
+    Also its contributions to the particle's force (``pressure_force``: by pressure and artificial viscosity), rate of
     density and heat flow, as far as the model has them and they are wanted.
     """
 
@@ -63,9 +63,9 @@ class PairContribution:
 
 @dataclass(frozen=True)
 class Sum:
-    """The particle of a number, its nearest pairs, and how many there are.
+    """The particle of a number, its nearest pairs, and the number of all pairs.
 
-    ``force_with_fixes`` is the force after fixes that add to it or set it, of models that have them.
+    ``force_with_fixes`` is the force after fixes that add to it or set it, if the model has any.
     """
 
     particle: ParticleValues
@@ -75,16 +75,16 @@ class Sum:
 
 
 class _PairByPair(ArrayEvaluator):
-    """Stages whose sums over pairs are left as their terms."""
+    """Stages whose sums over pairs are left as terms."""
 
     def total(self, term_p: Any) -> Any:
         return term_p
 
 
 def added(last: Simulation) -> PairTerms | None:
-    """Return what every pair adds to the particle it is listed for, (p, ...), in an evaluation of plain arrays.
+    """Return every pair's contribution to the particle it is listed for, (p, ...), in an evaluation of plain arrays.
 
-    None if it is without forces. At the end of a step velocities and densities are further on than they were then.
+    None without forces. At the end of a step velocities and densities have moved on since then.
     """
     if last.pressure_force_nc is None:
         return None
@@ -101,12 +101,12 @@ def added(last: Simulation) -> PairTerms | None:
 
 
 def terms(problem: Problem, step: int, atom: int, most: int = MOST_PAIRS, forces: bool = False) -> Sum:
-    """Return pairs of a particle after a step, nearest first; with ``forces`` what each of them adds."""
+    """Return pairs of a particle after a step, nearest first; with ``forces`` also their contributions."""
     return sums(halted(problem, (step,))[step], (atom - 1,), most, forces)[0]
 
 
 def sums(sim: Simulation, rows: Sequence[int], most: int = MOST_PAIRS, forces: bool = False) -> list[Sum]:
-    """Return the same of some particles of a simulation that has halted."""
+    """Return the same for some particles of a simulation that has halted."""
     state, evaluator = sim.state, _evaluator(sim)
     evaluator.move(state.x_nc)
     evaluator.correct(state.rho_n)
@@ -117,7 +117,7 @@ def sums(sim: Simulation, rows: Sequence[int], most: int = MOST_PAIRS, forces: b
     unit = sim.units.of
 
     @cache
-    def particle(n: int) -> ParticleValues:  # most are neighbours of several
+    def particle(n: int) -> ParticleValues:  # most of these are neighbours of several particles
         return ParticleValues(
             n + 1,
             int(state.type_n[n]),
@@ -147,7 +147,7 @@ def sums(sim: Simulation, rows: Sequence[int], most: int = MOST_PAIRS, forces: b
 
 
 def added_up(pairs: Sequence[PairContribution]) -> dict[str, Any]:
-    """Return the sums over pairs, of what these add."""
+    """Return the sums of contributions over pairs."""
     sums: dict[str, Any] = {}
     for name in ("force", "pressure_force"):
         vectors = [getattr(pair, name) for pair in pairs if getattr(pair, name)]
@@ -161,9 +161,9 @@ def added_up(pairs: Sequence[PairContribution]) -> dict[str, Any]:
 
 
 def columns(looks: Sequence[tuple[int, Sum]]) -> dict[str, npt.NDArray[Any]]:
-    """Return looks at particles, each with its step, as arrays: one row a look, or one a pair, look by look.
+    """Return particles, each at a step, as arrays: one row per particle, or one per pair, particle by particle.
 
-    ``pair``, ``sum``: vectors over the columns that ``names`` are of, such as ``force x``.
+    ``pair``, ``sum``: vectors over the columns in ``names``, such as ``force x``.
     """
     pairs = [pair for _, each in looks for pair in each.pairs]
     names = _names(pairs)
@@ -181,7 +181,7 @@ def columns(looks: Sequence[tuple[int, Sum]]) -> dict[str, npt.NDArray[Any]]:
 
 
 def _names(pairs: Sequence[PairContribution]) -> dict[str, tuple[str, int | None]]:
-    """Return what pairs add, component by component, with where `PairContribution` has it."""
+    """Return the names of contributions, component by component, with their places in `PairContribution`."""
     if not pairs:
         return {}
     names: dict[str, tuple[str, int | None]] = {}
@@ -197,7 +197,7 @@ def _part(of: Mapping[str, Any], name: str, axis: int | None) -> float:
 
 
 def _evaluator(sim: Simulation) -> ArrayEvaluator:
-    """Return an evaluator that is ready for the state of a simulation."""
+    """Return an evaluator set to the state of a simulation."""
     state = sim.state
     evaluator = ArrayEvaluator(sim.model, sim.box, state.type_n, state.solid_n)
     if state.mass_n is not None:
@@ -206,7 +206,7 @@ def _evaluator(sim: Simulation) -> ArrayEvaluator:
 
 
 def _added(adds: PairTerms | None, p: int) -> tuple[Any, ...]:
-    """Return what a pair adds, as the last fields of `PairContribution`."""
+    """Return the contributions of a pair, as the last fields of `PairContribution`."""
     if adds is None:
         return ()
     vectors = [tuple(map(float, of[p])) for of in (adds.force_nc, adds.pressure_force_nc)]

@@ -1,4 +1,4 @@
-"""Perturbations: random signs by which runs are moved, and input moved by as much as a change of its units rounds it.
+"""Perturbations: random signs that move runs, and input moved by the rounding of a change of units.
 
 The factor of a quantity is a product of powers of three base units and the ratio of two units of its own. Its roundings
 are at most 2 in each of 3 powers, 1 in each of up to 5 factors of these, 2 products, 2 in the ratio, and 1 each in the
@@ -18,19 +18,19 @@ from eos_ref.syntax.fixes import Shift
 from lammps_cases.comparison.problem import Problem
 
 ROUNDING = 17 * 2.0**-53
-# The cutoff stands twice in a model, and must be one number; positions move against it. The others are pure numbers, of
-# which some are compared with counts.
+# The cutoff occurs twice in a model, and must be one number; positions move against it. The others are pure numbers,
+# some of which are compared with counts.
 EXACT = ("cut", "surface_detection", "dimension", "zmin")
-DRAWN = 1024  # signs at a time: a draw takes as long as several hundred
+DRAWN = 1024  # signs at a time: the overhead of a draw equals several hundred signs
 _SIGNS = np.array((-1.0, 1.0))
 
 
 class Signs:
-    """Random signs: those of ``random.choice((-1.0, 1.0), shape)``, of which many are drawn at a time.
+    """Random signs, equal to those of ``random.choice((-1.0, 1.0), shape)``, many drawn at a time.
 
     Parameters
     ----------
-    kept : whether those of one name and shape stay the same, whenever they are drawn
+    kept : whether the signs of one name and shape are the same at every draw
     """
 
     def __init__(self, random: np.random.Generator, kept: bool = False) -> None:
@@ -38,7 +38,7 @@ class Signs:
         self._kept: dict[tuple[str, tuple[int, ...]], FloatArray] | None = {} if kept else None
 
     def __call__(self, name: str, shape: tuple[int, ...]) -> FloatArray:
-        """Return those by which a quantity is moved next."""
+        """Return the signs for the next move of a quantity."""
         if self._kept is None:
             return self._next(shape)
         if (name, shape) not in self._kept:
@@ -55,7 +55,7 @@ class Signs:
 
 
 def moved_input(problem: Problem, random: np.random.Generator) -> Problem:
-    """Return a problem of which every number of the model and the state is moved by `ROUNDING`, up or down."""
+    """Return a problem with every number of the model and the state moved by `ROUNDING`, up or down."""
 
     def sign(shape: tuple[int, ...] = ()) -> Any:
         return 1 + ROUNDING * random.choice((-1.0, 1.0), shape)

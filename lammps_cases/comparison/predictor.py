@@ -1,7 +1,7 @@
-"""What the reference predicts for a scene, computed once: within a case, and from run to run.
+"""Predictions of the reference for a scene, computed once: within a case, and from run to run.
 
 A prediction follows from the problem (model, box, particles, time step, fields, steps), the variant, the seed of the
-moved runs, and what `lammps_cases.comparison.store` adds to that: nothing else decides whether one is found
+moved runs, and what `lammps_cases.comparison.store` adds to that: only these decide whether one is found
 again.
 """
 
@@ -43,7 +43,7 @@ ALL = sys.maxsize
 
 @dataclass
 class Predictor:
-    """Gives what the reference predicts: from memory, from a store, or computed.
+    """Provides predictions of the reference: from memory, from a store, or computed.
 
     Attributes
     ----------
@@ -61,10 +61,10 @@ class Predictor:
     _found: list[Candidates] = field(default_factory=list, repr=False)
 
     def problem(self, of: tuple[object, ...], steps: tuple[int, ...], make: Callable[[], Problem]) -> Problem:
-        """Return the problem that is made of some objects at some steps; of the same objects it is made once."""
+        """Return the problem for some objects and steps, made once for the same objects."""
         key = (*map(id, of), steps)
         if key not in self._problems:
-            self._problems[key] = of, make()  # kept with its objects: no others have their ids meanwhile
+            self._problems[key] = of, make()  # kept with its objects, so that their ids are not reused
         return self._problems[key][1]
 
     def predict(self, problem: Problem, made: Made | None = None, seed: int = 0) -> Prediction:
@@ -77,9 +77,9 @@ class Predictor:
         return self._prediction("prediction", problem, made, seed, compute)
 
     def widening(self, problem: Problem, made: Made, seed: int) -> Iterator[Prediction]:
-        """Yield what a variant predicts with the bounds of one moved run, then with those of all.
+        """Yield the prediction of a variant with the bounds of one moved run, then with those of all.
 
-        The first are no wider: where LAMMPS is inside, the others, which take half of the time, are not needed.
+        The first bounds are no wider: where LAMMPS is inside, the other runs, half of the time, are not needed.
         """
         runs = widening(problem, *made, seed)
         if problem.goes_on:
@@ -108,7 +108,7 @@ class Predictor:
         return _columns("value", problem, self._recall(("values", self._name(problem), made), compute))
 
     def input_spread(self, problem: Problem, prediction: Prediction, seed: int) -> list[Fields]:
-        """Return how far the reference's fields lie from those of input that is moved, per step."""
+        """Return the distance of the reference's fields from those of moved input, per step."""
 
         def compute() -> Arrays:
             return _rows("spread", input_spread(problem, ArrayEvaluator, Simulation, prediction.fields, seed))
@@ -138,7 +138,7 @@ class Predictor:
         return self._recall(("pair sums", self._name(problem), tuple(looks)), compute)
 
     def names(self, what: str, problem: Problem, compute: Callable[[], list[str]], seed: int) -> list[str]:
-        """Return names that follow from a scene and a seed, such as those of formulas it cannot tell apart."""
+        """Return names that follow from a scene and a seed, such as those of formulas it cannot distinguish."""
 
         def made() -> Arrays:
             return {"names": np.array(compute(), dtype=str)}
@@ -157,17 +157,17 @@ class Predictor:
         return dict(zip(arrays["names"].tolist(), arrays["counts"].tolist(), strict=True))
 
     def halts(self, problem: Problem) -> dict[int, Halt] | None:
-        """Return the reference as it was at the steps of a scene, if it has run; None: too large to be kept."""
+        """Return the reference at the steps of a scene, if it has run; None: too large to be kept."""
         large = len(problem.state.x_nc) > pair_sums.LARGEST
         return None if large else self._halts.setdefault(self._name(problem), {})
 
     def _name(self, problem: Problem) -> str:
-        """Return the fingerprint of a scene; of its parts, which problems of a case share, each is taken once."""
+        """Return the fingerprint of a scene; each part, which problems of a case share, is hashed once."""
         return fingerprint(*(self._name_of(getattr(problem, part.name)) for part in fields(problem)))
 
     def _name_of(self, part: object) -> str:
         if id(part) not in self._named:
-            self._named[id(part)] = part, fingerprint(part)  # kept with its name: no other has its id meanwhile
+            self._named[id(part)] = part, fingerprint(part)  # kept with its name, so that its id is not reused
         return self._named[id(part)][1]
 
     def _recall(self, what: tuple[object, ...], compute: Callable[[], Arrays]) -> Arrays:
@@ -180,7 +180,7 @@ class Predictor:
             return self._known[key]
         arrays = self.store.read(key) if self.store else None
         if arrays is None:
-            with sharing(self._found):  # the runs of a case begin in one place
+            with sharing(self._found):  # the runs of a case start from the same state
                 arrays = compute()
             self.computed += 1
             if self.store:

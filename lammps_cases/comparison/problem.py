@@ -1,4 +1,4 @@
-"""A scene as the reference takes it: what there is, when a run ends and another begins, which fields are compared."""
+"""A scene for the reference: its content, where a run ends and another begins, which fields are compared."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class ProblemStop:
 
     Attributes
     ----------
-    timestep : from here on; None: as before
+    timestep : from here on; None: unchanged
     by_nc : displacement of every particle, (n, d); None: none
     read_back : whether the state is read from a file
     digits : significant digits that the state goes through a text file with; None: all
-    new_n : particles that LAMMPS' fixes have nothing kept of, (n,): all if the fixes are defined again
-    box : the box from here on, with which the positions change; None: as before
+    new_n : particles of which LAMMPS' fixes keep nothing, (n,): all if the fixes are defined again
+    box : the box from here on, with which the positions change; None: unchanged
     minimized : whether a minimisation moves nothing, but evaluates forces
     continued : whether the next run continues without a set-up
     """
@@ -45,7 +45,7 @@ class ProblemStop:
 
 @dataclass(frozen=True)
 class Problem:
-    """A scene as the reference takes it: what it is, the fields compared and the steps at which they are."""
+    """A scene for the reference, with the fields compared and the steps of comparison."""
 
     model: Model
     box: Box
@@ -54,28 +54,28 @@ class Problem:
     fields: tuple[str, ...]
     steps: tuple[int, ...]
     stops: tuple[ProblemStop, ...] = ()
-    ranks: int = 1  # that LAMMPS has: of no use to the reference
+    ranks: int = 1  # of LAMMPS; unused by the reference
     newton: tuple[bool, bool] = (True, True)  # LAMMPS' flags of pairs and of bonds: likewise
     unlists_bonded: bool = False  # whether LAMMPS may leave pairs of bonded particles out of its neighbour lists
 
     @property
     def has_images(self) -> bool:
-        """Return whether particles may meet periodic images, or what a process has of the particles of another one."""
+        """Return whether particles may meet periodic images, or ghosts of another process' particles."""
         return any(self.box.periodic) or self.ranks > 1
 
     @property
     def leans(self) -> bool:
-        """Return whether edges of the box lean, or come to: to LAMMPS it is triclinic from the beginning."""
+        """Return whether the box leans, or does later: LAMMPS then treats it as triclinic from the beginning."""
         return self.box.tilted or (self.model.deform is not None and any(self.model.deform.shear))
 
     @property
     def goes_on(self) -> bool:
-        """Return whether anything comes after the first evaluation: a step, or a run that begins again."""
+        """Return whether the first evaluation is followed by a step, or by a run that begins again."""
         return bool(self.steps[-1] or self.stops)
 
     @property
     def wanted(self) -> tuple[str, ...]:
-        """The fields compared, and what steps need if there are any: a run that ends leaves forces to the next."""
+        """The fields compared, and those that steps need, if any: a run leaves its forces to the next one."""
         return tuple(dict.fromkeys((*self.fields, *(needed_to_step(self.model) if self.goes_on else ()))))
 
     def simulation(self, stages: MakeEvaluator = ArrayEvaluator, stepping: type[S] = Simulation) -> S:  # type: ignore[assignment]
@@ -86,7 +86,7 @@ class Problem:
         return stepping(self.model, self.box, self.state, self.wanted, stages, check=False)
 
     def step_changed(self, step: int) -> bool:
-        """Return whether a step before was taken with another length than the first."""
+        """Return whether an earlier step had another length than the first."""
         return any(stop.step < step and stop.timestep not in (None, self.timestep) for stop in self.stops)
 
     def box_at(self, step: int) -> Box:
@@ -103,15 +103,15 @@ class Problem:
         return replace(self, stops=tuple(stop for stop in self.stops if stop.step < step)).box_at(step)
 
     def box_of_images(self, step: int) -> Box:
-        """Return the box that tells where the images of the positions at a step are.
+        """Return the box that defines the images of the positions at a step.
 
-        That of the last forces where images move as particles do (fix deform, remap v), not the one that follows.
+        It is that of the last forces, not the next one, where images move as particles do (fix deform, remap v).
         """
         moving = self.model.deform is not None and self.model.deform.remap == "v"
         return self.box_at(max(step - 1, 0) if moving else step)
 
     def image_velocity(self, step: int) -> FloatArray | None:
-        """Return how fast images move at a step that are one edge away, (d, d), by rows; None: not at all."""
+        """Return the velocities at a step of images one edge away, (d, d), by rows; None: at rest."""
         begun = max((stop.step for stop in self.stops if stop.step <= step), default=0)
         return self.model.deform.image_velocity(self.box_at(begun)) if self.model.deform else None
 

@@ -1,11 +1,11 @@
-"""The store: what the reference predicted and what was judged, between one run and the next.
+"""The store: predictions of the reference and judgements, kept between runs.
 
-An entry is found again by its key, the hash of everything that it follows from, to the last bit, and by the context of
+An entry is found by its key, the hash of all its input to the last bit, and by the context of
 its store: the sources, and the machine and libraries that round. `current` decides whether a process may use a store.
 
 An entry is one file: its SHA-256, a header in JSON with name, type and shape of every array, the bytes of the arrays.
-Files are written whole or not at all, so that any number of processes may share the folder; what is damaged counts as
-absent. When the folder grows too large the entries that were not used for longest go first.
+Files are written atomically, so that any number of processes may share the folder; damaged files count as
+absent. When the folder grows too large, the least recently used entries are removed first.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from lammps_cases.records.measure import cpuinfo
 
 VARIABLE = "EOS_REF_PREDICTIONS"  # environment variable that names another folder
 LIMIT = 2_000_000_000  # bytes
-LARGEST = LIMIT // 20  # of an entry: one that is larger would cost many others their place, and memory to be packed
+LARGEST = LIMIT // 20  # of an entry: a larger one would displace many others, and need memory to be packed
 ROOT = Path(__file__).parents[2]
-# The rooms of this package that predictions go through; with them all of eos_ref. A test follows the imports.
+# The packages here that predictions depend on, in addition to all of eos_ref. A test follows the imports.
 ROOMS = ("records", "comparison", "findings", "verdict")
-CASES = ROOT / "lammps_cases" / "data" / "cases"  # not part of the code: an entry follows from its case alone
+CASES = ROOT / "lammps_cases" / "data" / "cases"  # not part of the code: an entry depends on its case alone
 LIBRARIES = ("llvmlite", "numba", "numpy", "python-flint", "scipy")
-INSTRUCTIONS = ("avx", "avx2", "fma", "avx512f", "asimd", "sve")  # those for which libraries have code of its own
+INSTRUCTIONS = ("avx", "avx2", "fma", "avx512f", "asimd", "sve")  # those for which libraries have special code
 SWITCHES = ("GLIBC_TUNABLES", "NPY_", "NUMBA_", "OPENBLAS_")  # environment variables that may change how code rounds
 _HASH = hashlib.sha256().digest_size
 _ALIGNED = 16
@@ -49,7 +49,7 @@ Arrays = Mapping[str, npt.NDArray[Any]]
 
 
 class Unnamed(TypeError):
-    """Something that a key cannot name: its source is not part of the context."""
+    """A value that a key cannot name: its source is not part of the context."""
 
 
 def fingerprint(*parts: object) -> str:
@@ -64,14 +64,14 @@ def fingerprint(*parts: object) -> str:
 
 
 def _text(part: object) -> str:
-    """Return everything that a key depends on as text, in which an array is its hash."""
+    """Return all that a key depends on as text, arrays as their hashes."""
     words: list[str] = []
     _spell(part, words)
     return "".join(words)
 
 
 def _spell(part: Any, words: list[str]) -> None:
-    # By what there is most of: a problem has a hundred values, and a case some ten keys.
+    # By frequency: a problem has a hundred values, and a case some ten keys.
     kind = part.__class__
     if kind in _PLAIN:
         words.append(f"{kind.__name__} {part!r};")
@@ -111,7 +111,7 @@ def _of_dataclass(kind: Any) -> tuple[str, tuple[str, ...]]:
 
 
 def _named(cls: type) -> tuple[object, ...]:
-    """Return the module, name and settings of a class whose source the context holds; of no other."""
+    """Return the module, name and settings of a class whose source the context holds; raise for any other."""
     package, _, module = cls.__module__.partition(".")
     if (
         package != "eos_ref" and (package != "lammps_cases" or module.partition(".")[0] not in ROOMS)
@@ -122,7 +122,7 @@ def _named(cls: type) -> tuple[object, ...]:
 
 
 def hashed(root: Path) -> list[Path]:
-    """Return all files whose bytes decide what is predicted."""
+    """Return all files whose bytes determine predictions."""
     folders = [root / "eos_ref", *(root / "lammps_cases" / room for room in ROOMS)]
     return [path for folder in folders for path in sorted(folder.rglob("*.py"))]
 
@@ -162,7 +162,7 @@ def _version(library: str) -> str:
 
 
 def processor() -> str:
-    """Return the processor as far as it decides which instructions are used, and the C library with its functions."""
+    """Return the processor as far as it determines the instructions used, and the C library with its functions."""
     facts = cpuinfo()
     flags = set(facts.get("flags", facts.get("Features", "")).split())
     try:
@@ -186,8 +186,8 @@ class Store:
     Attributes
     ----------
     folder : where the entries lie
-    context : part of every key: what all entries depend on, besides their own keys
-    fresh : find nothing, so that everything is made and written again
+    context : part of every key: what all entries depend on, in addition to their own keys
+    fresh : find nothing, so that all entries are made and written again
     """
 
     folder: Path
@@ -195,7 +195,7 @@ class Store:
     fresh: bool = False
 
     def read(self, key: str) -> dict[str, npt.NDArray[Any]] | None:
-        """Return the arrays of a key, read-only; None if there are none, or if they are damaged."""
+        """Return the arrays of a key, read-only; None if absent or damaged."""
         if self.fresh:
             return None
         path = self._path(key)
@@ -206,11 +206,11 @@ class Store:
         arrays = unpacked(path.name, content)
         if arrays is not None:
             with contextlib.suppress(OSError):
-                os.utime(path)  # in use: others go first
+                os.utime(path)  # in use: others are removed first
         return arrays
 
     def write(self, key: str, arrays: Arrays) -> None:
-        """Keep the arrays of a key, unless they are very large; what is not written costs time later, nothing else."""
+        """Keep the arrays of a key, unless they are very large; missing entries only cost time later."""
         if sum(array.nbytes for array in arrays.values()) > LARGEST:
             return
         path = self._path(key)
@@ -226,7 +226,7 @@ class Store:
         return len(files), sum(size for _, size, _ in files)
 
     def trim(self, limit: int = LIMIT) -> None:
-        """Remove the entries that were not used for longest, until the rest is within the limit."""
+        """Remove the least recently used entries until the rest is within the limit."""
         files = _files(self.folder)
         excess = sum(size for _, size, _ in files) - limit
         for _, size, path in sorted(files):
@@ -238,15 +238,15 @@ class Store:
 
 
 def open_store(fresh: bool = False) -> Store:
-    """Return the user's store, for the reference as it is."""
+    """Return the user's store for the current reference."""
     return Store(store_folder(), context(), fresh)
 
 
 @functools.cache
 def current(store: Store) -> bool:
-    """Return whether a store is of the code of this process: nothing is looked up or kept in another one.
+    """Return whether a store belongs to the code of this process: no other store is read or written.
 
-    A worker that starts after an edit is not of the code that its run began with; one that started before may import
+    A worker that starts after an edit does not have the code of its run; one that started before may import
     the rest of it later.
     """
     now = context()
@@ -254,7 +254,7 @@ def current(store: Store) -> bool:
 
 
 def _files(folder: Path) -> list[tuple[int, int, str]]:
-    """Return the time of last use, size and path of every file, those half-written included."""
+    """Return the time of last use, size and path of every file, including partly written ones."""
     files = []
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
@@ -265,7 +265,7 @@ def _files(folder: Path) -> list[tuple[int, int, str]]:
 
 
 def packed(name: str, arrays: Arrays) -> bytes:
-    """Return the bytes of an entry of some name."""
+    """Return the bytes of an entry with a name."""
     described, parts = [], []
     for key, array in arrays.items():
         contiguous = np.ascontiguousarray(array)
@@ -279,7 +279,7 @@ def packed(name: str, arrays: Arrays) -> bytes:
 
 
 def unpacked(name: str, content: bytes) -> dict[str, npt.NDArray[Any]] | None:
-    """Return the arrays of an entry, or None: it is damaged, or the entry of another name."""
+    """Return the arrays of an entry; None if it is damaged or has another name."""
     body = memoryview(content)[_HASH:]
     digest = hashlib.sha256(name.encode())
     digest.update(body)

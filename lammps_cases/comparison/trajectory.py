@@ -1,10 +1,10 @@
-"""What the reference predicts for a scene of the particle model: fields at some steps, each with its bound.
+"""Predictions of the reference for a scene of the particle model: fields at some steps, each with its bound.
 
-The bound of a single evaluation follows from its own formulas (`eos_ref.numbers.rounded`). Over steps rounding grows:
+The bound of a single evaluation follows from its formulas (`eos_ref.numbers.rounded`). Over steps rounding grows:
 the bound is the spread of reference runs in which every evaluation is moved by its own bound and every update of the
-state by one unit of the last place, with random signs, in one run of three the same at every step: what hardly changes
-rounds the same way. What the updates sum up to where all of them round one way is added. Where units round the input
-itself, runs from input moved so add their spread (`lammps_cases.comparison.perturbation`).
+state by one unit of the last place, with random signs, in one run of three the same at every step: numbers that hardly
+change round the same way. The sum of updates that all round one way is added. Where units round the input itself,
+runs from moved input add their spread (`lammps_cases.comparison.perturbation`).
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from lammps_cases.records.progress import stage
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3
-MOVED_PARTICLES = 48  # in all runs: random signs move half of all pairs the same way, and nothing between them
-UPDATES = 3  # of a value in a step, at most: two halves, and the shift
-# Loading the compiled loops takes 0.456 s; from then on they save 7.92 us at every evaluation of a particle. Both are
-# rounded measurements of one machine, fixed here so that the size of a scene alone decides which bits it gets.
+MOVED_PARTICLES = 48  # in all runs: random signs move half of all pairs as a whole, without effect between the two
+UPDATES = 3  # updates of a value in a step, at most: two halves, and the shift
+# Loading the compiled loops takes 0.456 s; they then save 7.92 us per evaluation of a particle. Both are
+# rounded measurements of one machine, fixed here so that the size of a scene alone determines its bits.
 COMPILED_ABOVE = int(0.456 / 7.92e-6)
 
 
@@ -51,7 +51,7 @@ class Prediction:
 
 
 def visit(sim: Simulation, steps: Sequence[int], dt: float, stops: Sequence[ProblemStop] = ()) -> Iterator[int]:
-    """Run a simulation, halting at each of the steps (0: the first evaluation), at a stop after it has begun again."""
+    """Run a simulation, halting at each of the steps (0: the first evaluation), at a stop after the restart."""
     sim.setup()
     done, stop_at = 0, {stop.step: stop for stop in stops if stop.step <= steps[-1]}
     for step in sorted({*steps, *stop_at}):
@@ -88,9 +88,9 @@ def predict(
         The stages, and the order in which a step takes them; a variant's, for a finding. By default the reference's
         own stages, compiled if the scene is large enough to be worth loading them.
     seed : int
-        Of the random signs of the moved runs.
+        For the random signs of the moved runs.
     halts : dict
-        The simulation as it is at every step; an empty one takes them.
+        The simulation at every step; an empty dict receives them.
     """
     *_, prediction = widening(problem, evaluator, stepping, seed, halts)
     return prediction
@@ -105,7 +105,7 @@ def widening(
 ) -> Iterator[Prediction]:
     """Yield the fields at some steps with bounds that grow by one moved run after another; see `predict`.
 
-    The first are those of the evaluations alone, the last those of all runs: who finds LAMMPS inside needs no more.
+    The first are those of the evaluations alone, the last those of all runs: once LAMMPS is inside, no more are needed.
     """
     fields, steps = problem.fields, problem.steps
     count = _in_blocks(problem)
@@ -116,12 +116,14 @@ def widening(
         with stage("bounds"):
             count_rounded(len(problem.state.x_nc))
             errors = halt.sim.rounded(bounding)
-            sizes.add(errors)  # of step 0 in any case: later all may have frozen, and feel no force to err in
+            sizes.add(
+                errors
+            )  # of step 0 in any case: later all particles may be frozen, without forces and their errors
             if step in steps:
                 values.append(halt.fields)
                 own.append({field: _output_error(errors, field, halt.fields[field], step) for field in fields})
             consistent = halt.sim.units.consistent
-            del errors, halt  # a large scene's arrays, before those of the next step come
+            del errors, halt  # a large scene's arrays, before those of the next step are made
     spreads: list[Fields] = [dict.fromkeys(fields, 0.0) for _ in steps]
 
     def so_far() -> Prediction:
@@ -142,22 +144,22 @@ def widening(
 
 @dataclass(frozen=True, eq=False)
 class Halt:
-    """A simulation that stays where it was at a step, without the pairs, which take most memory; and its fields."""
+    """A simulation halted at a step, without the pairs, which take most memory; and its fields."""
 
     sim: Simulation
     fields: Fields
 
     @classmethod
     def of(cls, sim: Simulation, fields: Sequence[str] = ()) -> Self:
-        """Return a simulation as it is."""
+        """Return the snapshot of a simulation."""
         halt = copy.copy(sim)
-        halt.state = replace(sim.state)  # steps make new arrays of all they change
+        halt.state = replace(sim.state)  # steps make new arrays for all that they change
         del halt.evaluator
         return cls(halt, {field: sim.output(field).copy() for field in fields})
 
 
 def reached(problem: Problem, sim: Simulation, halts: dict[int, Halt] | None = None) -> Iterator[tuple[int, Halt]]:
-    """Run a scene; yield it as it is at step 0 and at every step, and put all of these into ``halts`` at the end."""
+    """Run a scene; yield its state at step 0 and at every step, and add all of these to ``halts`` at the end."""
     found = {}
     for step in visit(sim, (0, *problem.steps), problem.timestep, problem.stops):
         halt = Halt.of(sim, problem.fields)
@@ -169,24 +171,24 @@ def reached(problem: Problem, sim: Simulation, halts: dict[int, Halt] | None = N
 
 
 def halted(problem: Problem, steps: Sequence[int]) -> dict[int, Simulation]:
-    """Run a scene; return it as it is at some steps."""
+    """Run a scene; return its states at some steps."""
     sim: Simulation = problem.simulation()
     return {step: Halt.of(sim).sim for step in visit(sim, steps, problem.timestep, problem.stops)}
 
 
 def evaluations(problem: Problem) -> int:
-    """Return how often a particle is evaluated in all runs that predict a scene."""
+    """Return the number of evaluations of particles in all runs that predict a scene."""
     runs = 1 + moved_runs(problem) * bool(problem.steps[-1])
     return len(problem.state.x_nc) * (1 + problem.steps[-1]) * runs
 
 
 def moved_runs(problem: Problem) -> int:
-    """Return how many runs are moved: more for few particles, so that as many signs are drawn."""
+    """Return the number of moved runs: more for few particles, so that enough signs are drawn."""
     return max(MOVED_RUNS, math.ceil(MOVED_PARTICLES / max(len(problem.state.x_nc), 1)))
 
 
 def _in_blocks(problem: Problem) -> int:
-    """Return how many particles may be evaluated in blocks: none if they follow a box that grows."""
+    """Return the number of particles that may be evaluated in blocks: 0 if they follow a growing box."""
     return 0 if problem.model.deform else len(problem.state.x_nc)
 
 
@@ -194,7 +196,7 @@ def own_stages(problem: Problem) -> type[Evaluator]:
     """Return the reference's own evaluator: compiled from `COMPILED_ABOVE` evaluations on, in an upright, fixed box."""
     if problem.box.tilted or problem.model.deform or evaluations(problem) <= COMPILED_ABOVE:
         return in_blocks(ArrayEvaluator, _in_blocks(problem))
-    from eos_ref.compiled.evaluator import CompiledEvaluator  # heavy, and of use to large problems alone
+    from eos_ref.compiled.evaluator import CompiledEvaluator  # heavy, and useful only for large problems
 
     return CompiledEvaluator
 
@@ -203,16 +205,16 @@ def own_stages(problem: Problem) -> type[Evaluator]:
 
 
 def _output_error(twin: Simulation, field: str, values: FloatArray, step: int) -> Any:
-    if QUANTITIES[field].integrated and step > 0:  # what forces and rates err by is in the spread
+    if QUANTITIES[field].integrated and step > 0:  # the errors of forces and rates are in the spread
         return np.zeros(np.shape(values)) if QUANTITIES[field].discrete else _summed_up(values, step)
     return error(twin.output(field))
 
 
 def _summed_up(values: FloatArray, steps: int) -> FloatArray:
-    """Return how far sums of as many increments as steps take may lie apart in two codes.
+    """Return how far the sums of the increments of some steps may differ between two codes.
 
     Each rounds its sums by one unit roundoff, up to `UPDATES` times a step, and always the same way where increments
-    are alike: random signs, as of the moved runs, grow with the root of their number alone.
+    are equal: sums of random signs, as in the moved runs, grow only with the root of their number.
     """
     return 2 * UPDATES * steps * EPS * np.abs(values)
 
@@ -221,7 +223,7 @@ class Sizes(dict[str, FloatArray]):
     """Largest rounding error of every quantity, over the evaluations added."""
 
     def add(self, twin: Simulation) -> None:
-        """Take in one evaluation."""
+        """Add one evaluation."""
         quantities = twin.fields | {"pressure force": twin.pressure_force_nc, "rho": twin.state.rho_n}
         quantities["virial"] = twin.virial_ncc
         for name, quantity in quantities.items():
@@ -273,7 +275,7 @@ def precise_setup(problem: Problem) -> Fields:
 
 
 class Shaken(Simulation):
-    """Steps in which the state moves by one unit of the last place whenever it was updated; `shaken` makes one.
+    """Stepping that moves the state by one unit of the last place after every update; made by `shaken`.
 
     A step updates it twice: before its evaluation, and after it.
     """
@@ -281,7 +283,7 @@ class Shaken(Simulation):
     signs: Signs
 
     def evaluate(self) -> Fields:
-        """Evaluate a state that moves once more, unless it is the one given."""
+        """Evaluate a state after one more move, unless it is the initial one."""
         if not self.fresh:
             self.shake()
         return super().evaluate()
@@ -292,14 +294,14 @@ class Shaken(Simulation):
         self.shake()
 
     def remap(self, box: Box) -> None:
-        """Change box and positions, and move these by all roundings on the way to fractions and back, 6 on a side."""
+        """Change box and positions; move these by all roundings on the way to fractions and back, 6 on either side."""
         super().remap(box)
         reach_c = np.abs(box.low_c) + np.array(box.edge_c)
         size_c = 6 * EPS * reach_c + box.rounding(self.model.cut)
         self.state.x_nc = self.state.x_nc + self.signs("x", self.state.x_nc.shape) * size_c
 
     def grown(self, by: Deform, time: float) -> Box:
-        """Return the box with its corners moved by all roundings on the way to them, 6 on a side."""
+        """Return the box with its corners moved by all roundings in their calculation, 6 on either side."""
         box = super().grown(by, time)
         moved = 6 * EPS * np.maximum(np.abs(box.low_c), np.abs(box.high_c))
         low_c, high_c = (
@@ -313,11 +315,11 @@ class Shaken(Simulation):
     def shake(self, relative: float = 0.0) -> None:
         """Move the state by one unit of the last place and by a fraction of every value, with random signs."""
         s = self.state
-        reach_c = np.maximum(np.abs(self.box.low_c), np.abs(self.box.high_c))  # a coordinate that wraps rounds so
+        reach_c = np.maximum(np.abs(self.box.low_c), np.abs(self.box.high_c))  # a wrapped coordinate rounds so
         size_nc = EPS * reach_c + self.box.rounding(self.model.cut) + relative * np.abs(s.x_nc)
         s.x_nc = s.x_nc + self.signs("x", s.x_nc.shape) * size_nc
         s.v_nc = s.v_nc * (1 + (EPS + relative) * self.signs("v", s.v_nc.shape))
-        if (moving_cc := self.evaluator.image_velocity_cc) is not None:  # what a particle takes on at the boundary
+        if (moving_cc := self.evaluator.image_velocity_cc) is not None:  # changes of a particle at the boundary
             size_cc = 2 * EPS * np.abs(moving_cc) + self.evaluator.image_rounding_cc
             s.v_nc = s.v_nc + self.signs("v", s.v_nc.shape) * size_cc.sum(axis=0)
         s.rho_n = s.rho_n * (1 + (EPS + relative) * self.signs("rho", s.rho_n.shape))
@@ -343,7 +345,7 @@ def _moved_runs(
 def input_spread(
     problem: Problem, stages: type[Evaluator], stepping: type[Simulation], values: Sequence[Fields], seed: int
 ) -> list[Fields]:
-    """Return the largest distance from a run's fields of runs whose input is moved, per field and step."""
+    """Return the largest distance between a run's fields and those of runs with moved input, per field and step."""
     largest: list[Fields] = [dict.fromkeys(problem.fields, 0.0) for _ in problem.steps]
     for k in range(moved_runs(problem)):
         other = moved_input(problem, np.random.default_rng((seed, k, 1)))
@@ -355,7 +357,7 @@ def input_spread(
 def _follow(
     run: Simulation, problem: Problem, dt: float, values: Sequence[Fields], largest: list[Fields], first: bool = True
 ) -> None:
-    """Widen a spread by a run, at step 0 if ``first``; one that cannot go on bounds nothing from there on."""
+    """Widen a spread by a run, at step 0 if ``first``; from where a run fails, nothing is bounded."""
     at = -1
     try:
         for at, step in enumerate(visit(run, problem.steps, dt, problem.stops)):
@@ -367,10 +369,10 @@ def _follow(
 
 
 def _widen(largest: Fields, run: Simulation, values: Fields) -> None:
-    """Widen a spread, per field, to where a run has come."""
+    """Widen a spread, per field, to include a run."""
     for field in largest:
         distance = np.abs(run.output(field) - values[field])
-        distance = np.where(np.isfinite(distance), distance, np.inf)  # a run that is lost bounds nothing
+        distance = np.where(np.isfinite(distance), distance, np.inf)  # a failed run bounds nothing
         # Counts and classes change by whole numbers, and only where rounding decides: particle by particle.
         far = distance if QUANTITIES[field].discrete else distance.max(initial=0.0)
         largest[field] = np.maximum(largest[field], far)

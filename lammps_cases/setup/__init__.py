@@ -1,1 +1,1 @@
-"""What either side of a case is given: the plan, LAMMPS commands, the reference side, twins."""
+"""Input of both sides of a case: the plan, LAMMPS commands, the reference side, twins."""

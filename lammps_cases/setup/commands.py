@@ -1,4 +1,4 @@
-"""Scene to LAMMPS: the commands and arrays of a job, and nothing that the plan does not name.
+"""Scene to LAMMPS: the commands and arrays of a job, only those that the plan names.
 
 Numbers are written as the shortest text that reads back as the same double (`repr`).
 """
@@ -23,7 +23,7 @@ from lammps_cases.setup.plan import Plan
 from lammps_cases.setup.stops import Lines, interlude
 
 ALWAYS_READ = ("type", "x", "v", "rho", "pressure")  # arrays of atoms
-ARRAYS_OF = {"atomic": (), "rheo": ("rho",), "rheo/thermal": ("rho", "esph")}  # that are given, by atom style
+ARRAYS_OF = {"atomic": (), "rheo": ("rho",), "rheo/thermal": ("rho", "esph")}  # given ones, by atom style
 
 
 def _numbers(values: Iterable[float]) -> str:
@@ -31,7 +31,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists: bool = False) -> Job:
-    """Return the job of a scene: all commands and arrays that LAMMPS is given.
+    """Return the job of a scene: all commands and arrays for LAMMPS.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists:
 
 
 def _columns(scene: Scene) -> list[Field]:
-    """Return the fields compared that the compute has."""
+    """Return the compared fields that the compute has."""
     return [FIELDS[name] for name in scene.compare if FIELDS[name].column]
 
 
@@ -75,7 +75,7 @@ def _more_arrays(scene: Scene) -> Iterable[str]:
 
 
 def _computed(scene: Scene) -> list[Field]:
-    """Return the fields compared that have computes of their own."""
+    """Return the compared fields with separate computes."""
     return [FIELDS[name] for name in scene.compare if FIELDS[name].compute]
 
 
@@ -92,20 +92,20 @@ def _runs(scene: Scene, every_step: bool, between: Callable[[Stop], Interlude]) 
     stops = {stop.at: stop for stop in (evolve.stops if every else evolve.beginnings)} if evolve else {}
     done, read = None, range(scene.snapshots[-1] + 1) if every_step else scene.snapshots
     for step in sorted({*read, *stops}):
-        # Without pre no a run begins with an evaluation of its own, which a continued run does not have.
+        # Without pre no a run begins with an extra evaluation, which a continued run does not have.
         again = "" if done is None or every else "pre no "
         ends = _ends(evolve, done)
         yield RunCommand(f"run {step - (done or 0)} {again}post no{ends}{every}", step in read and step not in stops)
         if step in stops:
             yield between(stops[step])
-            if not every or step == scene.snapshots[-1]:  # else the next run's own set-up is the only one
+            if not every or step == scene.snapshots[-1]:  # else only the next run has a set-up
                 again = "pre no " * (stops[step].by == "continued")
                 yield RunCommand(f"run 0 {again}post no{_ends(evolve, step)}", step in read)
         done = step
 
 
 def _ends(evolve: Evolve | None, step: int | None) -> str:
-    """Return the words by which the pieces of a run know its beginning and end: fix deform goes from one to the other.
+    """Return the words that give the pieces of a run its beginning and end, between which fix deform interpolates.
 
     Of the run that has, or begins with, a step, None: of the first, before a stop at step 0 sets LAMMPS' count; a run
     that has no step moves nothing.
@@ -142,7 +142,7 @@ def _tiles(scene: Scene) -> Iterable[str]:
 
 
 def _leans(scene: Scene, atoms: Atoms) -> bool:
-    """Return whether the edges of the box lean, or come to."""
+    """Return whether the edges of the box lean, at first or later."""
     deform = scene.evolve and scene.evolve.deform
     return any(atoms.tilt) or bool(deform and any(deform.shears))
 
@@ -173,7 +173,7 @@ def _neighbours(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
         ghosts = scene.engine.ghosts
         yield "comm_modify vel yes" + (f" cutoff {ghosts * atoms.spacing!r}" if ghosts else "")
     # The default skin suits neither every unit system nor every spacing; without a pair style LAMMPS has no cutoff
-    # to size its bins by and stops at a box of some 100 spacings, unless it is given the size.
+    # for the size of its bins and stops at a box of some 100 spacings, unless the size is given.
     yield f"neighbor {scene.engine.skin * atoms.spacing!r} {scene.engine.search}"
     if (scene.engine.every, scene.engine.delay, scene.engine.check) != (1, 0, True):
         check = "yes" if scene.engine.check else "no"
@@ -214,7 +214,7 @@ def _balance(scene: Scene) -> Iterable[str]:
 
 
 def _virials(fields: Sequence[Field]) -> Iterable[str]:
-    """Yield the computes of virials, and a thermo output of them: LAMMPS sums virials only in steps that have one."""
+    """Yield the computes of virials, and a thermo output of them: LAMMPS sums virials only in steps with one."""
     words = []
     for field in fields:
         yield f"compute {field.compute_id} all {field.compute}"
@@ -277,7 +277,7 @@ def _pressure(scene: Scene) -> str:
 
 
 def _per_type(values: Sequence[str | None]) -> list[tuple[str, str]]:
-    """Return types and their value; types next to each other that share one are a range, and None is left out."""
+    """Return types and their value; adjacent types with the same value form a range, and None is left out."""
     entries, n, first = [], len(values), 1
     for value, group in itertools.groupby(values):
         last = first + len(list(group)) - 1

@@ -1,7 +1,7 @@
-"""Plan of a scene: the quantities, lists and fixes that either side needs for the fields compared, and why.
+"""Plan of a scene: the quantities, lists and fixes that each side needs for the compared fields, and why.
 
-`lammps_cases.setup.commands` gives LAMMPS only what the plan needs. On the side of the reference the plan is for the
-reader: what is evaluated follows from the same table, `eos_ref.model.quantities`.
+`lammps_cases.setup.commands` gives LAMMPS only what the plan needs. For the reference the plan only informs the
+reader: the evaluation follows from the same table, `eos_ref.model.quantities`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Plan:
         return any(item.needed for item in (*self.reference, *self.lammps) if item.name == name)
 
 
-# What LAMMPS names otherwise, or not at all.
+# Names that LAMMPS lacks or that differ there.
 _WORDS = {
     "pairs": "neighbour list",
     "kernel": "kernel values",

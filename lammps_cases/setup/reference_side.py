@@ -1,7 +1,7 @@
-"""A scene as the reference takes it: model, box and state. Knows nothing of LAMMPS' commands.
+"""A scene for the reference: model, box and state, independent of LAMMPS' commands.
 
 The positions, velocities, densities and energies are the doubles that LAMMPS is given. Gravity is exact too:
-`lammps_cases.setup.commands` gives every axis a fix of its own, of which LAMMPS does not round the direction, so that
+`lammps_cases.setup.commands` gives every axis a separate fix, whose direction LAMMPS does not round, so that
 the acceleration is the scene's vector to the last bit, and the force on a particle one product with its mass.
 """
 
@@ -110,7 +110,7 @@ def _thermal(atom_type: AtomType) -> Thermal:
 
 
 def box(scene: Scene, atoms: Atoms) -> Box:
-    """Return the box of a scene, with as many axes as dimensions; one that comes to lean has edges that lean by 0."""
+    """Return the box of a scene, with as many axes as dimensions; one that leans later has edges that lean by 0."""
     around, deform = atoms.box(scene.dimension), _deform(scene)
     return replace(around, tilt=around.tilt or (0.0,) * len(deform.shear)) if deform else around
 
@@ -126,7 +126,7 @@ def state(scene: Scene, atoms: Atoms, where: str = "") -> State:
     """
     if "press" in scene.compare and len(atoms) == 1:
         raise InputError(
-            "compare", "press needs two particles or more: of one LAMMPS knows no temperature", "press", where
+            "compare", "press needs two particles or more: LAMMPS has no temperature for one", "press", where
         )
     given = unchecked_state(scene, atoms, where)
     check_state(model(scene, atoms, where), box(scene, atoms), given, where)
@@ -178,9 +178,9 @@ def simulation(
     Parameters
     ----------
     fields : iterable of str
-        What is wanted of an evaluation, by LAMMPS' names; none: what time steps need.
+        The fields of an evaluation, by LAMMPS' names; empty: those that time steps need.
     evaluator : class, optional
-        The compiled one by default, but in a box that is tilted or grows.
+        By default the compiled one, except in a box that is tilted or grows.
     stepping : class
         `Simulation`, or one that adds to it.
 

@@ -1,4 +1,4 @@
-"""What LAMMPS is given between two runs: the commands of every route that `lammps_cases.scene.runs` names."""
+"""Input of LAMMPS between two runs: the commands of every route that `lammps_cases.scene.runs` names."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.runs import Displacement, Stop, upper_corners
 
 # Another scene: another dimension, atom style, number of types and cutoff, with all keywords of fix rheo. Its kernel is
-# the quintic one: at walls, reproducing kernels with few neighbours give what the memory of the process decides.
+# the quintic one: at walls, reproducing kernels with few neighbours depend on uninitialised memory.
 OTHER_SCENE = """
 units lj
 dimension 3
@@ -50,7 +50,7 @@ REFUSED = (
 
 @dataclass(frozen=True)
 class Lines:
-    """The commands of a scene by what they are for.
+    """The commands of a scene by purpose.
 
     Attributes
     ----------
@@ -65,17 +65,17 @@ class Lines:
 
 
 def interlude(stop: Stop, scene: Scene, lines: Lines, atoms: Atoms) -> Interlude:
-    """Return what LAMMPS is given at a stop before the next run."""
+    """Return the input of LAMMPS at a stop before the next run."""
     actions = [*_route(stop, scene, lines, atoms), *_settings(stop, scene, atoms)]
     moves = stop.displace is not None or stop.stretch is not None
     return Interlude(tuple(actions), moves, sets_up=stop.by != "continued")
 
 
 def _settings(stop: Stop, scene: Scene, atoms: Atoms) -> Iterable[InterludeAction]:
-    """Yield what a stop changes in addition to its route."""
+    """Yield the changes of a stop in addition to its route."""
     assert scene.evolve is not None
     timesteps = [one.timestep for one in scene.evolve.stops if one.at <= stop.at and one.timestep is not None]
-    if timesteps and stop.by != "dt/reset":  # that of an earlier stop, too: a route may have given the model's
+    if timesteps and stop.by != "dt/reset":  # also that of an earlier stop: a route may have set the model's
         yield InterludeAction(f"timestep {timesteps[-1]!r}")
     if stop.count is not None:
         yield InterludeAction(f"reset_timestep {stop.count}")
@@ -98,7 +98,7 @@ def _displaced(stop: Stop, move: Displacement, scene: Scene) -> Iterable[Interlu
     if move.types is None:
         yield InterludeAction(f"displace_atoms all move {vector} units box")
         return
-    group = f"displaced_{stop.at}"  # its own: group adds to one that there is
+    group = f"displaced_{stop.at}"  # separate: group adds to an existing group
     yield InterludeAction(f"group {group} type {' '.join(map(str, type_range(move.types, len(scene.types))))}")
     yield InterludeAction(f"displace_atoms {group} move {vector} units box")
 
@@ -114,7 +114,7 @@ def _route(stop: Stop, scene: Scene, lines: Lines, atoms: Atoms) -> list[Interlu
         case "run" | "continued":
             return []
         case "dt/reset":
-            # A step in which anything moves farther than 1e-30 is too long: LAMMPS takes the least there may be.
+            # A step in which anything moves farther than 1e-30 is too long: LAMMPS takes its shortest step.
             assert stop.timestep is not None
             least, most = stop.timestep, math.nextafter(stop.timestep, math.inf)
             return _given([f"fix reset all dt/reset 1 {least!r} {most!r} 1e-30 units box"])
@@ -158,12 +158,12 @@ def _route(stop: Stop, scene: Scene, lines: Lines, atoms: Atoms) -> list[Interlu
         case "set":
             return [InterludeAction(_set(scene), "for each atom", len(atoms))]
         case "recreated":
-            groups = [line for line in lines.model if line.startswith("group ")]  # new atoms are in none of them
+            groups = [line for line in lines.model if line.startswith("group ")]  # new atoms belong to no group
             return [*_recreated(scene, len(atoms), stop.count_recreated_atoms(len(atoms))), *_given(groups)]
 
 
 def _by_hand(file: str, scene: Scene, atoms: Atoms) -> Iterable[InterludeAction]:
-    """Yield what writes a data file line by line: box, masses, and all values of each atom, with all digits."""
+    """Yield commands that write a data file line by line: box, masses, and all values of each atom, with all digits."""
     edges = zip("xyz", atoms.low_c.tolist(), atoms.high_c.tolist(), strict=True)
     head = ["by hand", "", f"{len(atoms)} atoms", f"{len(scene.types)} atom types", ""]
     head += [f"{low!r} {high!r} {axis}lo {axis}hi" for axis, low, high in edges]
@@ -190,7 +190,7 @@ def _of_others(rheo: str, types: int) -> str:
 
 
 def _undefined(model: Iterable[str]) -> Iterable[InterludeAction]:
-    """Yield what takes away the compute and the fixes, last defined first."""
+    """Yield commands that remove the compute and the fixes, last defined first."""
     for words in reversed([line.split() for line in model]):
         if words[0] in ("fix", "compute"):
             yield InterludeAction(f"un{words[0]} {words[1]}")
@@ -206,6 +206,6 @@ def _set(scene: Scene) -> str:
 def _recreated(scene: Scene, natoms: int, last: int) -> Iterable[InterludeAction]:
     yield InterludeAction(f"group recreated id > {natoms - last}")
     yield InterludeAction("delete_atoms group recreated compress no")
-    z = "{z}" if scene.dimension == 3 else "0.0"  # a box that is stretched rounds what must be 0
+    z = "{z}" if scene.dimension == 3 else "0.0"  # a stretched box rounds coordinates that must be 0
     yield InterludeAction(f"create_atoms {{type}} single {{x}} {{y}} {z} units box", "for each atom", last)
     yield InterludeAction(_set(scene), "for each atom", last)

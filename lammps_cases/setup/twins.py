@@ -1,6 +1,6 @@
-r"""Twins: a second run of LAMMPS that must give what the first gives, whatever the right numbers are.
+r"""Twins: a second run of LAMMPS that must give the same as the first, whatever the right numbers are.
 
-`make` turns a scene and its particles into those of the twin, and says how the twin's fields look in the frame of the
+`make` turns a scene and its particles into those of the twin, and maps the twin's fields to the frame of the
 original. Nothing here evaluates physics. Positions, velocities and displacements are first rounded to a common grid,
 and a scale is a power of two, so that the twin poses the same problem to the last bit: what differs in the answers is
 rounding, for which there are bounds, or a fault. Only other units round the input as well; see `Twin.rounds_input`.
@@ -36,7 +36,7 @@ from lammps_cases.scene.settings import DeformSettings, Evolve
 
 Fields = dict[str, Any]
 UNIT = 2.0**-53  # largest relative error of one rounding
-GRID_BITS = 44  # of the grid, below the largest number: sums and differences have bits to spare
+GRID_BITS = 44  # of the grid, below the largest number: sums and differences have spare bits
 
 WHY = {
     "translate": "no term depends on where the particles lie, nor on which of them the box cuts apart",
@@ -45,7 +45,7 @@ WHY = {
     "rescale": "every quantity has a dimension: a scene of another size with the same densities and velocities behaves "
     "the same",
     "units": "according to the manual every simulation can be duplicated in every system of units",
-    "newton": "which process computes a pair, and which is told, is bookkeeping",
+    "newton": "which process computes a pair, and which receives it, is bookkeeping",
     "skin": "how far neighbour lists reach beyond the cutoff is bookkeeping",
     "rebuild": "when neighbour lists are rebuilt is bookkeeping, as long as no neighbour is missed",
     "split": "a run continued with pre no is the same run",
@@ -83,12 +83,12 @@ class Scale:
 
     @classmethod
     def of_size(cls, factor: float, d: int) -> Scale:
-        """Return that of another size with the same densities and velocities."""
+        """Return the scale of another size with the same densities and velocities."""
         return cls(d, factor, factor**d, factor)
 
     @classmethod
     def of_units(cls, one: Units, other: Units, d: int) -> Scale:
-        """Return that of another system of units."""
+        """Return the scale of another system of units."""
         return cls(d, one.length / other.length, one.mass / other.mass, one.time / other.time, one, other)
 
     def of(self, quantity: str) -> float:
@@ -100,11 +100,11 @@ class Scale:
 
 @dataclass(frozen=True)
 class Twin:
-    """Two scenes with their particles that pose one problem, and the way back from the second to the first.
+    """Two scenes with their particles that pose the same problem, and the map from the second back to the first.
 
     Attributes
     ----------
-    scene, atoms : the original; its positions and velocities lie on a grid, if the twin's are other ones
+    scene, atoms : the original; its positions and velocities lie on a grid if the twin's differ
     other_scene, other_atoms : the twin
     steps : steps at which the two are compared
     row_n : row of every particle of the original in the twin's arrays
@@ -124,7 +124,7 @@ class Twin:
 
     @property
     def same_problem(self) -> bool:
-        """Return whether the reference cannot tell the two apart: only settings of LAMMPS differ."""
+        """Return whether the two are the same to the reference: only settings of LAMMPS differ."""
         return self.kind in ("newton", "skin", "rebuild", "split", "ranks")
 
     @property
@@ -133,7 +133,7 @@ class Twin:
         return self.kind == "units"
 
     def back(self, snapshot: Fields, step: int) -> Fields:
-        """Return the fields of the twin as the original should have them."""
+        """Return the fields of the twin in the original's frame, where both should be equal."""
         fields = self.in_place(snapshot)
         for field, added_c in self._added(step).items():
             if field in fields and added_c.any():
@@ -141,7 +141,7 @@ class Twin:
         return fields
 
     def in_place(self, fields: Fields) -> Fields:
-        """Return the fields of the twin in the original's order and units; what holds for bounds too."""
+        """Return the fields of the twin in the original's order and units; applies to bounds too."""
         return {name: array[self.row_n] / self.scale.of(name) for name, array in fields.items()}
 
     def rounding(self, returned: Fields, step: int) -> Fields:
@@ -170,7 +170,7 @@ def make(case: Case, atoms: Atoms) -> Twin:
     Raises
     ------
     InputError
-        A displacement that moves particles out of the box, or that no double holds.
+        A displacement that moves particles out of the box, or that no double can represent.
     """
     scene, settings = case.scene, case.scene.twin
     assert settings is not None
@@ -229,7 +229,7 @@ def _wrapped(x_nc: FloatArray, box: Box) -> tuple[FloatArray, FloatArray]:
 
 
 def _tilted(same: Twin, by: Sequence[int]) -> Twin:
-    """Return the twin whose edges lean by whole edges more, which lie on the grid of the positions."""
+    """Return the twin whose edges lean by additional whole edges, which lie on the grid of the positions."""
     d, atoms = same.scene.dimension, same.atoms
     box = atoms.box(d)
     tilt = np.resize(box.tilt or 0.0, len(by))
@@ -255,7 +255,7 @@ def _boosted(same: Twin, by: Sequence[float]) -> Twin:
 
 
 def _with_plane(array_nc: FloatArray, full_nc: FloatArray) -> FloatArray:
-    """Return all three axes, of which only those of the scene are replaced."""
+    """Return all three axes, with those of the scene replaced."""
     found_nc = full_nc.copy()
     found_nc[:, : array_nc.shape[1]] = array_nc
     return found_nc
@@ -305,10 +305,10 @@ def _rescaled(same: Twin, scale: Scale, **update: Any) -> Twin:
 
 
 def rescaled(scene: Scene, scale: Scale, cut: float) -> Scene:
-    """Return a scene in other numbers: every parameter times its own factor; temperatures stay.
+    """Return a scene in other numbers: every parameter times its factor; temperatures stay.
 
     The extra repulsion of reconstructed walls (NUMERICS.md, section 5) has the dimension of a force in 3D only, and the
-    normal of a surface a constant that does not scale (1e-10; NUMERICS.md, section 4).
+    normal of a surface contains a constant that does not scale (1e-10; NUMERICS.md, section 4).
     """
     positions = scene.positions
     if isinstance(positions, Lattice):

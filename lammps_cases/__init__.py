@@ -1,4 +1,4 @@
-"""lammps_cases: scenes, real LAMMPS beside the reference, comparison, reports and the ``eos-ref`` command.
+"""lammps_cases: scenes, real LAMMPS and the reference, comparison, reports and the ``eos-ref`` command.
 
 The commands that judge are functions as well, and return their results instead of printing them:
 
@@ -6,10 +6,10 @@ The commands that judge are functions as well, and return their results instead 
 >>> run("near-rho0.*").headline.state
 'PASS'
 
-The calculators for ASE, `EosRefCalculator` and `LammpsRheoCalculator`, are here as well.
+It also has the calculators for ASE, `EosRefCalculator` and `LammpsRheoCalculator`.
 
-All are imported when they are used. `run` and `audit` are packages of the harness too, so these packages can be
-called.
+All are imported on use. `run` and `audit` are packages of the harness too, so these packages are
+callable.
 """
 
 from importlib import import_module

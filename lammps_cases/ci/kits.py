@@ -1,4 +1,4 @@
-"""The kits: which template becomes which file, and how they are written."""
+"""The kits: the files, their templates, and how they are written."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from lammps_cases.run.shards import DOCUMENT as COSTS
 from lammps_cases.run.shards import Costs
 
 TEMPLATES = DATA / "kits"
-PLACE = re.compile(r"@([A-Z]+)@")  # in a template: a value that is given when the kit is made
+PLACE = re.compile(r"@([A-Z]+)@")  # in a template: a value given when the kit is made
 
 
 @dataclass(frozen=True)
 class KitFile:
-    """A file for a repository of others."""
+    """A file for a user's repository."""
 
     path: str
     content: str
@@ -30,7 +30,7 @@ class KitFile:
 
 @dataclass(frozen=True)
 class Kit:
-    """Files that belong together: path in the repository, or in a folder of its own, by template."""
+    """Files that belong together: path in the repository, or in a separate folder, by template."""
 
     name: str
     about: str
@@ -39,7 +39,7 @@ class Kit:
     tests: bool = False  # force-style tests and decks come with them (`lammps_cases.bugs.upstream`)
 
     def filled(self, values: Mapping[str, str]) -> list[KitFile]:
-        """Return the files with the values of their places."""
+        """Return the files with values in their placeholders."""
         filled = []
         for template, path in self.files.items():
             text = (TEMPLATES / template).read_text(encoding="utf-8")
@@ -100,7 +100,7 @@ def in_repository(repository: str) -> dict[str, str]:
     Raises
     ------
     InputError
-        That is no name of a repository.
+        Not the name of a repository.
     """
     if not re.fullmatch(r"[A-Za-z0-9][\w.-]*/[\w.-]+", repository, re.ASCII):
         raise InputError("repository", "must be OWNER/NAME", repository)
@@ -108,7 +108,7 @@ def in_repository(repository: str) -> dict[str, str]:
 
 
 def in_shards(costs: Costs, shards: int, options: Sequence[str]) -> dict[str, str]:
-    """Return the values of a kit for a cluster: the shards, and how ``eos-ref run`` is called for each of them."""
+    """Return the values of a kit for a cluster: the shards, and the call of ``eos-ref run`` for each of them."""
     return {
         "COSTS": COSTS.text(costs).decode(),
         "SHARDS": str(shards),
@@ -119,12 +119,12 @@ def in_shards(costs: Costs, shards: int, options: Sequence[str]) -> dict[str, st
 
 
 def kit(name: str) -> Kit:
-    """Return the kit of a name.
+    """Return the kit with a name.
 
     Raises
     ------
     InputError
-        There is none (the nearest is suggested).
+        No such kit (the nearest is suggested).
     """
     kits = {each.name: each for each in KITS}
     if name not in kits:
@@ -133,12 +133,12 @@ def kit(name: str) -> Kit:
 
 
 def write(files: Sequence[KitFile], directory: Path) -> list[Path]:
-    """Write files into a repository, all or none; those that are there already with the same content stay.
+    """Write files into a repository, all or none; existing files with the same content stay.
 
     Raises
     ------
     InputError
-        A file of another content is there, or one cannot be written.
+        A file exists with other content, or cannot be written.
     """
     for file in files:
         path = directory / file.path

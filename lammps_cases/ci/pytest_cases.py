@@ -43,11 +43,11 @@ class NotAsExpected(Exception):
 
 
 class Abandoned(Exception):
-    """Something that was begun and is left without its end."""
+    """Work that was begun but not finished."""
 
 
 class CaseJudge:
-    """One LAMMPS process for all cases, and what judges them; ``folder`` takes the arrays of a report."""
+    """One LAMMPS process for all cases, and their judgement; ``folder`` receives the arrays of a report."""
 
     def __init__(self, engine: Engine, store: Store, fail_on: FailOn) -> None:
         self.store = store
@@ -59,7 +59,7 @@ class CaseJudge:
         self._resources = ExitStack()
 
     def start(self) -> None:
-        """Start LAMMPS, unless it runs.
+        """Start LAMMPS unless it is running.
 
         Raises
         ------
@@ -78,7 +78,7 @@ class CaseJudge:
         Raises
         ------
         InputError
-            The scene is no good.
+            The scene is not valid.
         """
         assert self._workers is not None
         ready = prepare(case.by(self.engine.manual))
@@ -139,13 +139,13 @@ class CaseItem(pytest.Item):
         self.record: CaseRecord | None = None
 
     def setup(self) -> None:
-        """Start LAMMPS, once; a missing LAMMPS ends the session with an error, no case is skipped for it."""
+        """Start LAMMPS once; a missing LAMMPS ends the session with an error instead of skipping cases."""
         missing = ""
         try:
             self.config.stash[JUDGE].start()
         except EngineMissing as error:
             missing = f"{error} (eos-ref doctor says more)"
-        if missing:  # outside the handler, so that pytest has no chain of tracebacks to show
+        if missing:  # outside the handler, so that pytest shows no chain of tracebacks
             self.session.shouldfail = "eos-ref: there is no LAMMPS to run"
             pytest.fail(missing, pytrace=False)
 
@@ -163,7 +163,7 @@ class CaseItem(pytest.Item):
             raise NotAsExpected(self.record)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Describe what is wrong with the case; a traceback only for a fault of eos-ref itself."""
+        """Describe the failure of the case; a traceback only for a fault of eos-ref itself."""
         error = excinfo.value
         if isinstance(error, NotAsExpected):
             return self._complaint(verdict_line(error.record), failure_lines(error.record))
@@ -172,7 +172,7 @@ class CaseItem(pytest.Item):
         return super().repr_failure(excinfo, style)
 
     def _complaint(self, message: str, lines: Iterable[str]) -> ReprExceptionInfo:
-        """Put lines for the terminal and a message for the summary into the form that travels between processes."""
+        """Put lines for the terminal and a message for the summary into a form that can be sent between processes."""
         trace = ReprTraceback([ReprEntryNative([f"{line}\n" for line in lines])], None, "native")
         return ReprExceptionInfo(trace, ReprFileLocation(str(self.path), self.line, message))
 
@@ -182,7 +182,7 @@ class CaseItem(pytest.Item):
 
 
 def mark_of(tag: str) -> str:
-    """Return the mark for a tag: letters, digits and underscores, and none that pytest gives a meaning."""
+    """Return the mark for a tag: letters, digits and underscores, without a meaning to pytest."""
     name = re.sub(r"\W", "_", tag)
     return f"tag_{name}" if name in TAKEN or name.startswith("_") else name
 
@@ -196,7 +196,7 @@ def named(item: CaseItem, config: pytest.Config) -> bool:
 
 
 def verdict_line(record: CaseRecord) -> str:
-    """Return the verdict and what it rests on: field, stage, step and atom to blame, or LAMMPS' words."""
+    """Return the verdict and its basis: field, stage, step and atom to blame, or LAMMPS' words."""
     return f"{record.verdict}: {record.message}" if record.message else record.verdict
 
 

@@ -1,7 +1,7 @@
 """The pytest plugin: ``pytest --eos-ref`` runs case files as tests.
 
-pytest loads the plugins of every installed package, so that nothing but pytest is imported here: what collects and
-judges is in `lammps_cases.ci.pytest_session` and `lammps_cases.ci.pytest_cases`, and comes with ``--eos-ref`` only.
+pytest loads the plugins of every installed package, so that only pytest is imported here: collection and
+judgement are in `lammps_cases.ci.pytest_session` and `lammps_cases.ci.pytest_cases`, loaded with ``--eos-ref`` only.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options ``--eos-ref...``."""
     add = parser.getgroup("eos-ref", "eos-ref: LAMMPS' RHEO package against an independent reference").addoption
     add("--eos-ref", action="store_true", help="collect case files (*.yaml) and run their cases against LAMMPS")
-    add("--eos-ref-shipped", action="store_true", help="run the cases that come with eos-ref, beside what is named")
+    add("--eos-ref-shipped", action="store_true", help="also run the cases that come with eos-ref")
     add("--eos-ref-engine", metavar="E", help="env, pypi:VERSION or path:DIR (default: env)")
     add("--eos-ref-tag", metavar="T", help="only cases with this tag")
-    levels = ("high", "medium", "low", "new")  # `FailOn` of the records, which would be imported for nothing
+    levels = ("high", "medium", "low", "new")  # `FailOn` of the records, which would otherwise be imported
     help_ = "known findings of at least this severity are failures; new: none of them (default: new)"
     add("--eos-ref-fail-on", choices=levels, metavar="LEVEL", help=help_)
     add("--eos-ref-strict", action="store_const", const="low", dest="eos_ref_fail_on", help="the same as low")

@@ -1,6 +1,6 @@
 """A session of ``pytest --eos-ref``: hooks of pytest and of pytest-xdist.
 
-One LAMMPS process lives as long as the session, or as a process of pytest-xdist. The record of a case travels with
+One LAMMPS process lives as long as the session, or as a process of pytest-xdist. The record of a case is sent with
 pytest's own report of it, so that the process that prints the summary has those of all processes.
 """
 
@@ -31,7 +31,7 @@ from lammps_cases.run.report_files import output_folder
 from lammps_cases.scene import casefile
 
 SUFFIXES = (".yaml", ".yml")
-# Other YAML files are left alone; where one of these keys is misspelt, another identifies a case file.
+# Other YAML files are ignored; if one of these keys is misspelt, another identifies a case file.
 OWN_KEY = re.compile(r"""^\{?\s*["']?(about|matrix|scene)["']?\s*:""", re.MULTILINE)
 
 
@@ -41,7 +41,7 @@ class SessionPlugin:
     def __init__(self, config: pytest.Config) -> None:
         option = config.option
         self._config = config
-        # None in the process that reports; in one of pytest-xdist the input from that process
+        # None in the reporting process; in one of pytest-xdist the input from that process
         self._worker_input: dict[str, Any] | None = getattr(config, "workerinput", None)
         try:
             engine = installations.resolve(option.eos_ref_engine or "env")
@@ -66,7 +66,7 @@ class SessionPlugin:
     # --- collection
 
     def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-        """Collect a YAML file that was named, or that has a key of a case file."""
+        """Collect a YAML file that is named, or that has a key of a case file."""
         if file_path.suffix not in SUFFIXES:
             return None
         if not parent.session.isinitpath(file_path):
@@ -150,7 +150,7 @@ class SessionPlugin:
             self._written = self._report(self._run, self._folder, whole)
 
     def _joined(self) -> RunRecord:
-        """Return the run that these cases are."""
+        """Return the run of these cases."""
         command = shlex.join(["pytest", *map(str, self._config.invocation_params.args)])
         run = provenance.run_record(self._engine, command)
         run.fail_on = self._judge.fail_on
@@ -160,7 +160,7 @@ class SessionPlugin:
         return run.counted()
 
     def _report(self, run: RunRecord, folder: Path, whole: bool) -> str:
-        """Write the report, unless it would hide what was not judged; one line says which."""
+        """Write the report, unless it would hide cases that were not judged; one line states which."""
         out = self._config.option.eos_ref_out
         twice = [name for name, count in Counter(record.case for record in run.cases).items() if count > 1]
         if twice:
@@ -176,7 +176,7 @@ class SessionPlugin:
         return f"report: {Path(out) / 'report.html'}"
 
     def _abandon(self) -> None:
-        """Leave no partial files and no process, whatever happened."""
+        """Remove partial files and end the process, whatever happened."""
         self._judge.stop(at_once=True)
         with suppress(Abandoned), self._output:
             raise Abandoned
@@ -184,7 +184,7 @@ class SessionPlugin:
     # --- what is printed
 
     def pytest_report_header(self) -> str:
-        """Return the engine, and where predictions lie."""
+        """Return the engine, and the folder of predictions."""
         strict = "" if self._judge.fail_on == "new" else f", fail on {self._judge.fail_on}"
         return f"eos-ref: engine {self._judge.engine.name}{strict}, predictions in {self._judge.store.folder}"
 

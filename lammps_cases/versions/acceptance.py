@@ -1,4 +1,4 @@
-"""A run taken as the accepted baseline of its engine, with a reason that is kept."""
+"""Accept a run as the baseline of its engine, with a reason that is kept."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ def accept(
     with_failures: bool = False,
     prune: bool = False,
 ) -> Accepted:
-    """Take the run of a report folder as the baseline of its engine.
+    """Accept the run of a report folder as the baseline of its engine.
 
-    Cases that the run does not hold are kept as they were, or dropped if pruned. A kill at any moment leaves the
+    Cases that the run lacks are kept, or dropped if pruned. A kill at any moment leaves the
     old baseline or the new one.
 
     Raises
     ------
     InputError
         No reason, no run, a part of a run or an audit, unexpected failures unless these are to be accepted, a damaged
-        baseline, or one of another engine or machine of which cases would be left.
+        baseline, or one of another engine or machine some of whose cases would remain.
     """
     if not reason.strip():
         raise InputError("reason", "must say why", reason)
@@ -63,9 +63,9 @@ def accept(
 
 
 def accept_decks(folder: Path, reason: str, target: Path, command: str = "", prune: bool = False) -> Accepted:
-    """Take the audits of a report folder, however they ended, as the baseline of their decks.
+    """Accept the audits of a report folder, however they ended, as the baseline of their decks.
 
-    There is one baseline, whatever the engine, so that a deck is compared from one to the next.
+    There is one baseline for all engines, so that a deck is compared from one engine to the next.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def _acceptable(run: RunRecord, folder: Path, with_failures: bool) -> None:
 
 
 def _compatible(run: RunRecord, old: Side, target: Path) -> None:
-    """Refuse to put cases of two machines or two libraries into one baseline."""
+    """Raise if one baseline would hold cases of two machines or two libraries."""
     rule = "must be that of the baseline, unless the run holds all its cases or --prune drops the others"
     if run.engine.library_sha256 != old.engine.library_sha256:
         raise InputError("library", rule, run.engine.library_sha256[:16], str(target))
@@ -135,14 +135,14 @@ def _write(folder: Path, run: RunRecord, cases: dict[str, CaseOutcome]) -> None:
         cases=len(cases),
         fields=sum(len(case.fields) for case in cases.values()),
     )
-    # What the engine was called, and where it lay, is not the baseline's.
+    # Name and place of the engine are not part of the baseline.
     baseline.DOCUMENT.write(folder / IDENTITY, identity, {"engine": {"name", "library"}})
     audited = {path.name for path in folder.glob(f"{outcomes.DECKS}/*")}
     write_atomically(folder / VERDICT_LINES, baseline.lines(cases, audited))
 
 
 def _arrays(folder: Path, run: RunRecord, side: Side, old: Side | None, kept: set[str]) -> None:
-    """Write the arrays of the quick cases of the run; those of kept cases stay as they were."""
+    """Write the arrays of the quick cases of the run; those of kept cases are not changed."""
     for record in run.cases:
         if record.checks:
             outcomes.write_deck(folder / outcomes.DECKS / record.case, side.cases[record.case], side.folder)
@@ -150,7 +150,7 @@ def _arrays(folder: Path, run: RunRecord, side: Side, old: Side | None, kept: se
         for field in record.fields if QUICK in record.tags else ():
             sample = samples.of(field.field)
             if sample is not None:
-                bound_n = sample.bound_n.astype(np.float32)  # rounded up: half the size, and never too strict
+                bound_n = sample.bound_n.astype(np.float32)  # rounded up: half the size, never too strict
                 bound_n = np.where(bound_n < sample.bound_n, np.nextafter(bound_n, np.float32(np.inf)), bound_n)
                 arrays[field.field] = sample.values_n
                 arrays[f"{field.field}.bound"] = bound_n
@@ -189,12 +189,12 @@ def _reason(
 
 
 def portable(command: str) -> str:
-    """Return a command as it may be kept for others: of absolute paths the last part."""
+    """Return a command in a form to be kept for other users: absolute paths reduced to their last part."""
     return re.sub(r"(?<![\w.~/])(?:/[^/\s']+)*/([^/\s']+)", r"\1", command)
 
 
 def _same(partial: Path, target: Path) -> bool:
-    """Return whether a baseline is what is there already, its reasons aside."""
+    """Return whether a baseline equals the existing one, apart from its reasons."""
 
     def content(folder: Path) -> dict[str, bytes]:
         files = (path for path in folder.rglob("*") if path.is_file() and path.name != REASONS)

@@ -1,6 +1,6 @@
-"""``eos-ref adopt``: run all that is needed to know an engine, then bring the repository up to date.
+"""``eos-ref adopt``: run all that is needed to describe an engine, then update the repository.
 
-``adopt.json`` holds which findings, claims and bad inputs are as before on the engine, ``adopt.html`` is its page.
+``adopt.json`` holds which findings, claims and bad inputs are unchanged on the engine, ``adopt.html`` is its page.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ ORDER = ("there", "gone in some cases", "gone", "not asked")
 
 @dataclass(frozen=True)
 class FindingRow:
-    """A finding of the ledger on the engine: the cases and probes that show it, and those that would and do not.
+    """A finding of the ledger on the engine: the cases and probes that show it, and those that should but do not.
 
     Attributes
     ----------
-    known : whether it was seen on this very version before
-    expected : whether it was seen on the nearest version that is known
+    known : whether it was seen on the same version before
+    expected : whether it was seen on the nearest known version
     """
 
     id: str
@@ -78,7 +78,7 @@ class ClaimRow:
 
 @dataclass(frozen=True)
 class AdoptedInput:
-    """A bad input, and what LAMMPS does with it."""
+    """A bad input, and LAMMPS' reaction."""
 
     id: str
     words: str
@@ -89,7 +89,7 @@ class AdoptedInput:
 
 @dataclass(frozen=True)
 class Difference:
-    """A case that differs, or ends otherwise, without an explanation."""
+    """A case with an unexplained difference or ending."""
 
     case: str
     verdict: str
@@ -98,15 +98,15 @@ class Difference:
 
 @dataclass(frozen=True)
 class Adoption:
-    """An engine taken in.
+    """An adopted engine.
 
     Attributes
     ----------
     nearest : folder of the accepted baseline that differs least
-    changed : by baseline, how many fields and cases are not the same
+    changed : by baseline, the number of fields and cases that differ
     differences : what changed from the nearest baseline, a sentence for each group
     seconds : wall time of each part
-    faults : what is missing because eos-ref failed to make it
+    faults : parts that are missing because eos-ref failed to make them
     """
 
     engine: EngineRecord
@@ -127,7 +127,7 @@ class Adoption:
 
     @property
     def sentence(self) -> str:
-        """What the engine shows of the ledger, in a line."""
+        """The findings of the ledger on the engine, in a line."""
         there = sum(row.status in ("there", "gone in some cases") for row in self.findings)
         first = sum(bool(row.cases) and not row.known for row in self.findings)
         gone = sum(row.status == "gone" and row.expected for row in self.findings)
@@ -139,7 +139,7 @@ DOCUMENT = Document("adopt", Adoption)
 
 @dataclass(frozen=True)
 class Intake:
-    """What an engine has to run: cases, by default all that are not long, and probes of the manual."""
+    """Input of an adoption: cases, by default all that are not long, and probes of the manual."""
 
     engine: Engine
     jobs: int
@@ -152,22 +152,22 @@ class Intake:
 
 
 def everything(engine: Engine, jobs: int, out: Path, progress: Progress = SILENT, resume: bool = False) -> Intake:
-    """Return all that an engine has to run before it is known."""
+    """Return all cases and probes that an adoption runs."""
     cases = casefile.select(casefile.load(), (), None)
     return Intake(engine, jobs, out, cases, manual.probes(), table.every(), progress, resume)
 
 
 def collect(intake: Intake, baselines: Path) -> Adoption:
-    """Run all cases, probes and bad inputs on an engine, and compare the outcome with what is known.
+    """Run all cases, probes and bad inputs on an engine, and compare the outcome with known results.
 
-    The report of the cases is left in the folder ``run``, the record of all in ``adopt.json``. A fault of eos-ref after
-    the cases are judged costs a part of that, and is noted in it.
+    The report of the cases is left in the folder ``run``, the whole record in ``adopt.json``. A fault of eos-ref after
+    the cases are judged costs a part of the record, and is noted there.
 
     Raises
     ------
     EngineMissing
     InputError
-        The engine has no version by which it could be known.
+        The engine has no version to identify it.
     """
     seconds: dict[str, float] = {}
     faults: list[MissingPart] = []
@@ -252,7 +252,7 @@ def _differences(cases: Sequence[CaseRecord], skipped: bool) -> list[Difference]
 
 
 def _against_known(run: RunRecord, folder: Path, baselines: Path) -> tuple[str, dict[str, int], tuple[str, ...]]:
-    """Return the nearest baseline, the distance of each, and what changed from the nearest, in sentences."""
+    """Return the nearest baseline, the distance to each, and the changes from the nearest, in sentences."""
     side = outcomes.of_run(run, folder)
     changes = {}
     for identity in sorted(baselines.glob(f"[!.]*/{baseline.IDENTITY}")):
@@ -270,7 +270,7 @@ def _against_known(run: RunRecord, folder: Path, baselines: Path) -> tuple[str, 
 
 
 def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
-    """Bring the repository up to date: the engines of every finding, the baseline, and what follows from both.
+    """Update the repository: the engines of every finding, the baseline, and all that follows from both.
 
     Raises
     ------
@@ -285,13 +285,13 @@ def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
     }
     write_atomically(engines.FILE, engines.document(tuple(sorted({*KNOWN, version})), seen_on))
     accepted = accept(run, f"taken in: {adoption.sentence}", baselines, adoption.command, with_failures=True)
-    # Another process: this one has read the list of engines as it was.
+    # Another process: this one has read the old list of engines.
     subprocess.run([sys.executable, "-m", evidence.__name__], check=True, cwd=evidence.ROOT)
     return [engines.FILE, accepted.folder, SHOWN_BY, evidence.TABLE]
 
 
 def engines_showing(before: Sequence[str], version: str, rows: Sequence[FindingRow], name: str) -> tuple[str, ...]:
-    """Return the engines that a finding was seen on, after an intake; one that nothing shows or refutes stays."""
+    """Return the engines that a finding was seen on, after an adoption; one neither shown nor refuted stays."""
     row = next((row for row in rows if row.id == name), None)
     if row is None or row.status == "not asked":
         return tuple(before)
@@ -300,7 +300,7 @@ def engines_showing(before: Sequence[str], version: str, rows: Sequence[FindingR
 
 
 def render(adoption: Adoption) -> str:
-    """Return the page of an engine that was taken in."""
+    """Return the page of an adopted engine."""
     rows = sorted(adoption.findings, key=lambda row: (ORDER.index(row.status), SEVERITIES.index(row.severity), row.id))
     return frame.page(
         ASSETS,

@@ -1,6 +1,6 @@
-"""Accepted baselines: what LAMMPS gave, one folder per engine, made to be read in the diffs of a repository.
+"""Accepted baselines: LAMMPS' results, one folder per engine, in a form readable in the diffs of a repository.
 
-``baseline.json`` says which engine and machine, ``verdicts.tsv`` has a line per case and field, ``arrays/CASE.npz``
+``baseline.json`` names engine and machine, ``verdicts.tsv`` has a line per case and field, ``arrays/CASE.npz``
 holds LAMMPS' arrays of the quick cases at their worst steps, ``reasons.jsonl`` every acceptance with its reason.
 """
 
@@ -63,12 +63,12 @@ DOCUMENT = Document("baseline", Identity)
 
 
 def engine_name(engine: EngineRecord) -> str:
-    """Return the folder of an engine's baseline.
+    """Return the name of the folder of an engine's baseline.
 
     Raises
     ------
     InputError
-        Nothing is known of the engine.
+        The engine has no identity.
     """
     if any(engine.version):
         return folder_name("-".join(engine.version))
@@ -81,7 +81,7 @@ def find(engine: EngineRecord, baselines: Path) -> Path:
     Raises
     ------
     InputError
-        There is none.
+        It does not exist.
     """
     if (baselines / IDENTITY).exists():
         return baselines
@@ -94,7 +94,7 @@ def find(engine: EngineRecord, baselines: Path) -> Path:
 
 
 def readable(baselines: Path) -> None:
-    """Make sure that there are baselines to hold a run against.
+    """Raise unless there are baselines to compare a run with.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def read(folder: Path, name: str = "") -> Side:
     Raises
     ------
     InputError
-        None there, one of another schema, or a damaged one: file, line and rule.
+        No baseline there, one of another schema, or a damaged one: file, line and rule.
     """
     whole = folders.present(folder)
     if not (whole / IDENTITY).exists():
@@ -139,7 +139,7 @@ def read(folder: Path, name: str = "") -> Side:
 
 
 def lines(cases: Mapping[str, CaseOutcome], audited: Collection[str] = ()) -> str:
-    """Return the content of ``verdicts.tsv``; the steps of audited decks have a file of their own."""
+    """Return the content of ``verdicts.tsv``; the steps of audited decks have a separate file."""
     rows: list[Iterable[str]] = [COLUMNS]
     for name in sorted(cases):
         case = cases[name]
@@ -155,7 +155,7 @@ def lines(cases: Mapping[str, CaseOutcome], audited: Collection[str] = ()) -> st
 
 
 def _filled(*cells: str) -> Iterator[str]:
-    return (cell or NOTHING for cell in cells)  # no line ends with white space
+    return (cell or NOTHING for cell in cells)  # without white space at the end of a line
 
 
 def _cases(path: Path) -> dict[str, CaseOutcome]:
@@ -191,7 +191,7 @@ def _row(row: list[str]) -> CaseOutcome | FieldOutcome:
     Raises
     ------
     ValueError
-        Not one.
+        Not a row.
     """
     if len(row) != len(COLUMNS):
         raise ValueError(f"{len(row)} columns instead of {len(COLUMNS)}")
@@ -214,16 +214,16 @@ def _verdict(text: str) -> Verdict:
     return text
 
 
-# --- a run held against it
+# --- comparison of a run with it
 
 
 def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] | None = None) -> Changes:
-    """Compare a run with the baseline accepted for its engine; `Changes.faults` is empty if nothing differs.
+    """Compare a run with the accepted baseline of its engine; `Changes.faults` is empty if nothing differs.
 
     Any change of a verdict, a finding, or how a case ends is a fault, and so is a field that is no longer compared.
-    Other bits are one on the machine kind that the baseline was made on. On another one they are only reported, as long
-    as they are within bounds: functions of the C library and fused operations round in the last place as the
-    processor and the library have it, with the same LAMMPS. Cases and fields that the baseline does not hold are
+    Other bits are a fault on the machine kind of the baseline. On another kind they are only reported, as long
+    as they are within bounds: rounding in the last place by functions of the C library and by fused operations
+    depends on processor and library, with the same LAMMPS. Cases and fields that the baseline lacks are
     reported, and so are those of it that no case file makes any more; cases that the run did not choose are not.
 
     Parameters
@@ -231,7 +231,7 @@ def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] 
     run : RunRecord
         The run; ``folder`` is its report folder, with the arrays.
     baselines : Path
-        Folder of baselines, one per engine, or the baseline to hold it against.
+        Folder of baselines, one per engine, or the baseline to compare with.
     known : collection of str, optional
         All cases of the case files; those shipped unless given.
 
@@ -262,10 +262,10 @@ def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] 
 
 
 def check_decks(run: RunRecord, folder: Path, place: Path, whole: bool) -> Changes:
-    """Compare the audits of decks with what was accepted of them, by whatever LAMMPS.
+    """Compare the audits of decks with the accepted ones, of any LAMMPS.
 
-    By the same library on the same kind of machine every bit has to be the same. Otherwise only where the runs begin
-    do both have one prediction; from there on each is held against the reference at its own state, and only a verdict,
+    With the same library on the same kind of machine every bit must be equal. Otherwise both have the same prediction
+    only where the runs begin; from there on each is compared with the reference at its own state, and only a verdict,
     a finding, or the digits of thermo output that LAMMPS prints are faults.
 
     Parameters
@@ -294,9 +294,9 @@ def check_decks(run: RunRecord, folder: Path, place: Path, whole: bool) -> Chang
 
 
 def machine_of(run: RunRecord) -> str:
-    """Return what decides which instructions and which C library rounded in a run: its own note, or this machine.
+    """Return what determines the instructions and the C library that rounded in a run: its note, or this machine.
 
-    The model of the processor is part of it, although processors of one family mostly round alike: to take two
-    machines for different costs a warning, to take them for the same a false alarm.
+    The model of the processor is part of it, although processors of one family mostly round equally: treating two
+    machines as different costs a warning, treating them as the same a false alarm.
     """
-    return run.machine.get("kind") or store.processor()  # runs of before hold no note
+    return run.machine.get("kind") or store.processor()  # older runs hold no note

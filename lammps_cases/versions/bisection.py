@@ -1,4 +1,4 @@
-"""The first of several engines that changed, found with as few runs as need be."""
+"""Find the first of several engines that changed, with as few runs as possible."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ SideOf = Callable[[int], Side]
 
 @dataclass(frozen=True)
 class Bisection:
-    """What a bisection came to.
+    """The result of a bisection.
 
     Attributes
     ----------
-    first : place of the first side that changed, None if the last agrees with the first
-    ran : the places that were looked at, in that order
+    first : index of the first side that changed, None if the last agrees with the first
+    ran : the indices that were compared, in that order
     changes : from the side before the first changed one to it; from the first to the last if they agree
     """
 
@@ -34,21 +34,21 @@ class Bisection:
 
 
 def bisect(names: Sequence[str], side_of: SideOf, policy: Policy, fields: Sequence[str] = ()) -> Bisection:
-    """Halve a list of sides until the first that differs from the one before it is found.
+    """Bisect a list of sides to the first that differs from the one before it.
 
-    Takes it that sides before the change are as the first and those after it are not, as ``git bisect`` does: where
-    a change comes and goes, one of the places where it comes is found.
+    Assumes, as ``git bisect`` does, that sides before the change equal the first and those after it do not: if
+    a change comes and goes, one of its appearances is found.
 
     Parameters
     ----------
     names : sequence of str
-        What the sides are side_names, at least two.
+        Names of the sides, at least two.
     side_of : callable
-        Gives the side of a place.
+        Returns the side of an index.
     policy : Policy
         What counts as a change.
     fields : sequence of str
-        Look at these alone; cases that end without numbers count always.
+        Compare only these; cases that end without numbers always count.
 
     Raises
     ------
@@ -109,5 +109,5 @@ def document(bisection: Bisection, names: Sequence[str], command: str = "") -> d
 
 
 def side_names(bisection: Bisection, names: Sequence[str]) -> tuple[str, str]:
-    """Return the two sides of which the changes are shown."""
+    """Return the two sides whose changes are shown."""
     return (names[0], names[-1]) if bisection.first is None else (names[bisection.first - 1], names[bisection.first])

@@ -13,7 +13,7 @@ from lammps_cases.records.outcome import CHANGE_KINDS, NEW, SAME, ChangeKind, Fi
 from lammps_cases.records.wording import INSIDE, counted
 
 Closer = Literal["A", "B", "both", "neither"]
-UNEXPLAINED = "unexplained"  # outside the bound, and no finding says why
+UNEXPLAINED = "unexplained"  # outside the bound, without an explaining finding
 LISTED = 6  # fields, or cases, named in a line
 
 
@@ -23,27 +23,27 @@ def closest(a: bool, b: bool) -> Closer:
 
 
 def judged(field: FieldOutcome) -> tuple[str, tuple[str, ...]]:
-    """Reduce a verdict to what it means for LAMMPS: inside the bound, explained by some findings, or neither."""
+    """Reduce a verdict to its meaning for LAMMPS: inside the bound, explained by some findings, or neither."""
     return ("inside", ()) if field.verdict in INSIDE else (field.verdict, field.explained_by)
 
 
 @cache
 def left_to_chance() -> frozenset[str]:
-    """Return the findings that leave values without a bound, as they depend on what memory held before."""
+    """Return the findings that leave values without a bound, as they depend on earlier content of memory."""
     return frozenset(entry.id for entry in LEDGER if entry.model_variant and entry.model_variant.undefined)
 
 
 @dataclass(frozen=True)
 class Policy:
-    """What is held against side B.
+    """Which changes count as faults of side B.
 
     Attributes
     ----------
     bits : other bits within bounds, and an exact field that is only within its bound
     findings : the same bits explained by other findings (those of the case, which other fields may have brought in)
     news : cases and fields that side A does not hold
-    drifts : audits of decks by two programs, which drift apart by rounding: only where they begin do both have one
-        prediction; by the same program all samples count
+    drifts : audits of decks by two programs, which drift apart by rounding: both have the same prediction only where
+        they begin; with the same program all samples count
     """
 
     bits: bool = False
@@ -62,7 +62,7 @@ class Policy:
     def faults(self, change: SideChange) -> bool:
         """Return whether a change counts.
 
-        Other bits within bounds do not where both sides show a finding by which LAMMPS leaves values to chance: they
+        Other bits within bounds do not if both sides show a finding that makes values nondeterministic: they
         depend on what the same process ran before.
         """
         if change.kind in SAME:
@@ -78,11 +78,11 @@ class SideChange:
 
     Attributes
     ----------
-    closer : the side that agrees with the reference, or is closer to it; of a twin: whose two runs agree
+    closer : the side that agrees with the reference, or is closer to it; of a twin: the side whose two runs agree
     verdicts, findings, over_bound : of A and of B; a verdict is empty where a side has none
     step : the first at which the bits part
-    fault : whether it is held against B
-    by_deck : the same program gives other numbers of an audited deck: the deck is another one
+    fault : whether it counts as a fault of B
+    by_deck : the same program gives other numbers for an audited deck, so that the deck has changed
     difference : largest difference of the two LAMMPS arrays, over the bound, at the worst step if both kept that
     """
 
@@ -102,7 +102,7 @@ class SideChange:
 
     @property
     def known(self) -> bool:
-        """Whether findings account for it: each side agrees with the reference or is explained, and not both agree."""
+        """Whether findings explain it: each side agrees with the reference or is explained, and not both agree."""
         agrees = {"A": (True, False), "B": (False, True), "both": (True, True), "neither": (False, False)}[self.closer]
         accounted = (
             verdict in INSIDE or bool(findings) or (not self.field and agreeing)
@@ -112,26 +112,26 @@ class SideChange:
 
     @property
     def by_chance(self) -> list[str]:
-        """The findings of both sides by which LAMMPS leaves values to chance: such values have no bound."""
+        """The findings of both sides that make values nondeterministic: such values have no bound."""
         return sorted(left_to_chance() & set(self.findings[0]) & set(self.findings[1]))
 
     @property
     def moved(self) -> set[str]:
-        """The findings that one side alone shows; where both show the same, these."""
+        """The findings that only one side shows; if both show the same, these."""
         one, other = map(set, self.findings)
         return one ^ other or one
 
 
 @dataclass(frozen=True)
 class ChangeGroup:
-    """Changes of one kind that share what came or went.
+    """Changes of one kind with the same finding gained or lost.
 
     Attributes
     ----------
     trait : a finding, or `UNEXPLAINED`; empty where both sides have the same
-    side : the only one that shows it
-    fields : how many cases each field is of, most first; empty for cases as a whole
-    agree : how many fields of A, and of B, agree with the reference
+    side : the only side that shows it
+    fields : number of cases of each field, most first; empty for cases as a whole
+    agree : number of fields of A, and of B, that agree with the reference
     """
 
     kind: ChangeKind
@@ -145,16 +145,16 @@ class ChangeGroup:
 
     @property
     def count(self) -> int:
-        """Number of fields (of cases, where they have no fields)."""
+        """Number of fields (of cases without fields)."""
         return sum(count for _, count in self.closer)
 
     @property
     def mostly(self) -> str:
-        """The fields with the most cases, or the first of the cases where they have no fields."""
+        """The fields with the most cases, or the first of the cases without fields."""
         return _some([f"{name} {count}" for name, count in self.fields] if self.fields else self.cases)
 
     def sentence(self, a: str = "A", b: str = "B") -> str:
-        """Describe the group in one line, with what the sides are called."""
+        """Describe the group in one line, with the names of the sides."""
         named = {"A": a, "B": b}
         shown = f"{self.trait} in {named[self.side]} only: " if self.side else ""
         return f"{self.kind}: {shown}{self._extent}{self._against(named)}"
@@ -169,7 +169,7 @@ class ChangeGroup:
         return f"{self.count} fields of {cases} ({self.mostly})"
 
     def _against(self, named: Mapping[str, str]) -> str:
-        """Say which side agrees with the reference, or is closer to it."""
+        """Name the side that agrees with the reference, or is closer to it."""
         tally = dict(self.closer)
         for side, agreeing in zip("AB", self.agree, strict=True):
             if agreeing == self.count and set(tally) == {side}:
@@ -194,7 +194,7 @@ def groups(changes: Iterable[SideChange]) -> list[ChangeGroup]:
 
 
 def _moved(change: SideChange) -> list[tuple[str, Literal["A", "B", ""]]]:
-    """List what only one of the sides shows."""
+    """List the findings that only one of the sides shows."""
     traits: list[tuple[str, Literal["A", "B", ""]]] = []
     if change.kind not in ("within bounds", "new case", "missing case", "new field", "missing field"):
         one, other = (
@@ -223,6 +223,6 @@ def _group(kind: ChangeKind, trait: str, side: Literal["A", "B", ""], members: S
 
 
 def _some(names: Sequence[str]) -> str:
-    """Name the first of some things, and how many more there are."""
+    """Name the first of some things, and the number of the others."""
     rest = len(names) - LISTED
     return ", ".join(names[:LISTED]) + (f", {rest} more" if rest > 0 else "")

@@ -1,4 +1,4 @@
-"""What changed of every case and field from one side, A, to another, B.
+"""The changes of every case and field from one side, A, to another, B.
 
 Of a field the bits of LAMMPS' arrays are compared first, then its bounds.
 """
@@ -33,7 +33,7 @@ from lammps_cases.versions.outcomes import Sample, Samples, Side, first_beyond
 
 @dataclass(frozen=True)
 class Changes:
-    """Two sides with the change of each case and field; ``notes`` concern the whole."""
+    """Two sides with the change of each case and field; ``notes`` concern the comparison as a whole."""
 
     a: Side
     b: Side
@@ -42,7 +42,7 @@ class Changes:
 
     @property
     def faults(self) -> tuple[SideChange, ...]:
-        """The changes held against side B."""
+        """The changes that count as faults of side B."""
         return tuple(change for change in self.fields if change.fault)
 
     @property
@@ -58,10 +58,10 @@ class Changes:
 
 
 def compare(a: Side, b: Side, policy: Policy) -> Changes:
-    """Compare two sides by case and field: everything that differs, and everything that does not.
+    """Compare two sides by case and field, equal ones included.
 
     Two arrays of LAMMPS are `within bounds` of each other if at every step they have the same bits, or both lie within
-    the bound of one and the same prediction: of the reference, or of the reference with the same findings.
+    the bound of the same prediction: of the reference, or of the reference with the same findings.
     """
     changes: list[SideChange] = []
     policy = replace(policy, drifts=not a.program or a.program != b.program)
@@ -81,7 +81,7 @@ def compare(a: Side, b: Side, policy: Policy) -> Changes:
 
 
 def _notes(a: Side, b: Side, changes: tuple[SideChange, ...]) -> Iterator[str]:
-    """Name what makes a comparison say less than it seems to."""
+    """Describe the limits of a comparison."""
     if a.versions != b.versions:
         names = sorted(k for k in a.versions.keys() | b.versions.keys() if a.versions.get(k) != b.versions.get(k))
         versions = ", ".join(f"{k} {a.versions.get(k, 'none')} and {b.versions.get(k, 'none')}" for k in names)
@@ -95,12 +95,12 @@ def _notes(a: Side, b: Side, changes: tuple[SideChange, ...]) -> Iterator[str]:
 
 
 def _environment(a: Side, b: Side) -> Iterator[tuple[str, str, str]]:
-    """Yield how LAMMPS was built and where it ran, as far as both sides hold it."""
+    """Yield how LAMMPS was built and where it ran, as far as both sides record it."""
     sides = [
         {
             "library": side.engine.library_sha256[:HASH],
             "compiler": side.engine.compiler,
-            "MPI": side.engine.mpi.removeprefix("MPI") and side.engine.mpi,  # without its name in older runs
+            "MPI": side.engine.mpi.removeprefix("MPI") and side.engine.mpi,  # older runs lack its name
             "machine": side.machine,
         }
         for side in (a, b)
@@ -111,7 +111,7 @@ def _environment(a: Side, b: Side) -> Iterator[tuple[str, str, str]]:
 
 
 def _without_numbers(one: CaseOutcome, other: CaseOutcome) -> SideChange:
-    """Return the change of a case that at least one side has no numbers of."""
+    """Return the change of a case for which at least one side has no numbers."""
     kind = _became(one, other)
     note = "" if one.ended == other.ended else f"{one.ended}, then {other.ended}"
     if kind != "same outcome" and other.message:
@@ -137,18 +137,18 @@ def _became(one: CaseOutcome, other: CaseOutcome) -> ChangeKind:
 
 
 def _other_words(one: CaseOutcome, other: CaseOutcome) -> bool:
-    """Return whether LAMMPS' words differ where it matters: a refusal may be reworded if it still fits."""
+    """Return whether LAMMPS' words differ where it matters: a refusal may be reworded if it still matches."""
     if "differs" in (one.verdict, other.verdict) and one.verdict != other.verdict:
         return True
     recorded = bool(one.message and other.message)  # a baseline does not hold them
-    words, others = error_text(one.message), error_text(other.message)  # the command may name a scratch folder
+    words, others = error_text(one.message), error_text(other.message)  # the command may contain a scratch folder
     return recorded and words != others and not (one.agrees and other.agrees)
 
 
 def _of_deck(
     one: CaseOutcome, other: CaseOutcome, kept: tuple[Samples, Samples], policy: Policy
 ) -> Iterator[SideChange]:
-    """Yield what changed of a deck apart from its fields: its state, its thermo output, the findings that act on it."""
+    """Yield the changes of a deck other than its fields: its state, its thermo output, the findings that act on it."""
     whole = SideChange(
         one.case,
         "",
@@ -221,7 +221,7 @@ def closer(one: FieldOutcome, other: FieldOutcome) -> Closer:
     """Return the side that agrees with the reference; if none does, the one whose worst atom is fewer bounds away."""
     agreeing = closest(one.verdict in INSIDE, other.verdict in INSIDE)
     ours, theirs = one.max_over_bound, other.max_over_bound
-    # A baseline keeps three digits of them; more would say nothing of which side is better.
+    # A baseline keeps three digits; more would not decide which side is better.
     if agreeing != "neither" or ours is None or theirs is None or f"{ours:.2e}" == f"{theirs:.2e}":
         return agreeing
     return "A" if ours < theirs else "B"
@@ -257,7 +257,7 @@ def _parted(
 def _bits(
     one: StepOutcome, other: StepOutcome, samples: tuple[Sample, Sample] | None
 ) -> Literal["same", "other", "unknown"]:
-    """Compare the bits at a step by their digests, or else by the arrays if they are of this step."""
+    """Compare the bits at a step by their digests, else by the arrays if they are of this step."""
     if one.digest and other.digest:
         return "same" if one.digest == other.digest else "other"
     if samples is not None and samples[0].step == one.step:

@@ -31,11 +31,11 @@ from lammps_cases.versions.change import Policy, SideChange
 from lammps_cases.versions.pairs import Pair, SideComparison
 from lammps_cases.versions.timing import in_turns
 
-if TYPE_CHECKING:  # it takes long to import, and only tables of a result need it
+if TYPE_CHECKING:  # slow to import, and only tables of a result need it
     import pandas as pd
 
 ASSETS = Path(__file__).parent / "assets"
-# One character for a cell: nothing to see, other bits, or which side is closer to the reference.
+# One character per cell: no change, other bits, or the side closer to the reference.
 MARKS: dict[ChangeKind, str] = {
     "same bits": "·",
     "same outcome": "·",
@@ -48,14 +48,14 @@ CLOSER = {"both": "=", "neither": "×"}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ComparisonResult:
-    """What changed from one side to another.
+    """The changes from one side to another.
 
     Attributes
     ----------
     comparison : SideComparison
-        All that is known of it, the content of compare.json.
+        The whole comparison, the content of compare.json.
     folder : Path
-        Its report; a temporary folder lives as long as the result.
+        Its report; a temporary folder exists as long as the result.
     """
 
     comparison: SideComparison
@@ -67,7 +67,7 @@ class ComparisonResult:
 
     @property
     def headline(self) -> Headline:
-        """The headline: ``state`` is PASS, KNOWN BUGS, FAIL or EMPTY, ``sentence`` says why."""
+        """The headline: ``state`` is PASS, KNOWN BUGS, FAIL or EMPTY, ``sentence`` the reason."""
         return self.comparison.headline
 
     @property
@@ -125,7 +125,7 @@ def compare(
     names, out :
         See `lammps_cases.run.command.run`.
     timing : bool
-        Ask as well which engine is slower; takes a minute.
+        Also measure which engine is slower; takes a minute.
     (options)
 
     Raises
@@ -169,7 +169,7 @@ def compare_into(
 class PairView:
     """A pair as the page shows it: the matrix of cases and fields, and every change with its anchor.
 
-    ``shown`` are the case and field of what it shows at once: what counts, or where nothing does what differs at all.
+    ``shown`` are the case and field of the changes shown at once: those that count, else all that differ.
     """
 
     pair: Pair
@@ -179,7 +179,7 @@ class PairView:
     shown: set[tuple[str, str]]
 
     def shows(self, change: SideChange) -> bool:
-        """Return whether it shows a change at once."""
+        """Return whether a change is shown at once."""
         return (change.case, change.field) in self.shown
 
 
@@ -203,7 +203,7 @@ def render(comparison: SideComparison) -> str:
 
 
 def _marks(pair: Pair) -> list[tuple[str, str]]:
-    """Return the characters of the matrix and their meaning."""
+    """Return the characters of the matrix and their meanings."""
     changed = {pair.a: f"closer: {pair.a}", pair.b: f"closer: {pair.b}", "=": "both inside", "×": "neither"}
     return [("·", "same"), ("≈", "within bounds"), *((mark, f"changed, {words}") for mark, words in changed.items())]
 
@@ -223,7 +223,7 @@ def _view(pair: Pair) -> PairView:
 
 
 def _columns(changes: Sequence[SideChange]) -> list[str]:
-    """Sort the columns: cases as a whole, input, fields in the order of a step, what was carried over stops."""
+    """Sort the columns: cases as a whole, input, fields in the order of a step, state carried over stops."""
     computed = {change.field for change in changes if change.stage != "input"}
 
     def rank(field: str) -> tuple[int, int, str]:

@@ -1,4 +1,4 @@
-"""What the accepted runs show of the findings: ``python -m lammps_cases.versions.evidence`` writes it down.
+"""Evidence of the findings in the accepted runs: ``python -m lammps_cases.versions.evidence`` writes it.
 
 ``findings/shown_by.json`` holds the cases that show each finding, ``findings/engines.json`` the versions it was seen
 on, ``docs/findings.md`` a table of all findings. `eos-ref accept` and `eos-ref adopt` write them again after they have
@@ -31,13 +31,13 @@ BEGIN, END = "<!-- findings:begin -->\n", "<!-- findings:end -->\n"
 
 @dataclass(frozen=True)
 class AcceptedEvidence:
-    """What the accepted runs show.
+    """Evidence in the accepted runs.
 
     Attributes
     ----------
     engines : versions of LAMMPS that are known, oldest first
-    cases : by finding, the cases that show it, each with the engines that have the finding and do not show it there
-    seen_on : by finding, the engines that it was seen on; also, of one that only probes show, by an earlier intake
+    cases : by finding, the cases that show it, each with the engines that have the finding but do not show it there
+    seen_on : by finding, the engines that it was seen on; for one that only probes show, also by an earlier adoption
     """
 
     engines: tuple[str, ...]
@@ -46,7 +46,7 @@ class AcceptedEvidence:
 
 
 def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> AcceptedEvidence:
-    """Gather what the accepted runs show of the findings.
+    """Collect the evidence of the findings in the accepted runs.
 
     Raises
     ------

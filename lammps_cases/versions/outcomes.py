@@ -1,8 +1,8 @@
 """One side of a comparison: the outcome of every case, and LAMMPS' arrays where they were kept.
 
-Of an audited deck samples and thermo output are kept as well: as arrays in its report, as text in a baseline, where
+For an audited deck samples and thermo output are kept as well: as arrays in its report, as text in a baseline, where
 ``decks/CASE/steps.tsv`` has a row per step with verdict and digest of every field, ``step-N.tsv`` a row per particle
-of a sample, ``thermo.tsv`` the rows of thermo output: text, in which the first line that changes is the first step.
+of a sample, ``thermo.tsv`` the rows of thermo output: text, in which the first changed line is the first changed step.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ Array = npt.NDArray[Any]
 DECKS, DECK_STEPS, THERMO = "decks", "steps.tsv", "thermo.tsv"
 LARGEST = 256 * MIB
 NOTHING = "-"
-OUTPUT = "thermo"  # what comparisons call thermo output, among the fields
+OUTPUT = "thermo"  # the name of thermo output among the fields
 STATE = ("x", "v", "rho", "e")
-PRINTED = 0.5e-7  # of a value: half a unit in the last of the 8 digits that LAMMPS prints of thermo output
+PRINTED = 0.5e-7  # of a value: half a unit in the last of the 8 digits that LAMMPS prints in thermo output
 T = TypeVar("T")
 
 
@@ -53,11 +53,11 @@ class Samples:
     path : Path, optional
         An npz file, which may be missing.
     side : str
-        What LAMMPS' array is called after its field.
+        Suffix of LAMMPS' array after its field.
     steps : mapping, optional
         The step of every field's arrays, where it is not in the file itself as ``FIELD.step`` (-1: without steps).
     natoms : int, optional
-        How many atoms the case has; of very many a run keeps only some, which are then left out.
+        Number of atoms of the case; of very many a run keeps only some, which are then left out.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Samples:
         return read_arrays(self._path) if self._path and self._path.exists() else {}
 
     def of(self, field: str) -> Sample | None:
-        """Return the arrays of a field; None if there are none.
+        """Return the arrays of a field; None if it has no arrays.
 
         Raises
         ------
@@ -97,7 +97,7 @@ class Samples:
         return Sample(None if step == -1 else step, values_n, bound_n)
 
     def kept(self, field: str) -> list[Sample]:
-        """Return samples of a deck, the first is of its set-up; none of a case. See `DeckSamples`."""
+        """Return samples of a deck, the first from its set-up; empty for a case. See `DeckSamples`."""
         return []
 
 
@@ -107,12 +107,12 @@ class Side:
 
     Attributes
     ----------
-    name : what the user called it: an engine or a folder
+    name : the user's name for it: an engine or a folder
     versions : of the reference that judged
     samples : LAMMPS' arrays of a case at the worst steps of its fields, where they were kept
     folder : of a run or a baseline
-    machine : of a baseline, what decides how LAMMPS rounds; see `lammps_cases.versions.baseline.Identity`
-    program : the library and such a machine, of a run as well: what gives the same bits; empty if not known
+    machine : of a baseline, what determines LAMMPS' rounding; see `lammps_cases.versions.baseline.Identity`
+    program : library and machine, also of a run: what gives the same bits; empty if not known
     """
 
     name: str
@@ -126,7 +126,7 @@ class Side:
 
     @property
     def answered(self) -> bool:
-        """Whether the engine works at all: one that dies on every case does not."""
+        """Whether the engine works at all, that is, does not die on every case."""
         return not self.cases or any(case.ended not in CRASHES for case in self.cases.values())
 
     @property
@@ -137,12 +137,12 @@ class Side:
 
 
 def of_run(run: RunRecord, folder: Path, name: str = "") -> Side:
-    """Return the side that a run with the arrays in its report folder is.
+    """Return the side of a run with the arrays in its report folder.
 
     Raises
     ------
     InputError
-        A case whose name is no name of a file.
+        A case whose name is not a file name.
     """
     for record in run.cases:
         if not record.case.isprintable() or "/" in record.case or record.case.startswith("."):
@@ -162,17 +162,17 @@ def of_run(run: RunRecord, folder: Path, name: str = "") -> Side:
 
 
 def program_of(engine: EngineRecord, machine: str) -> str:
-    """Return what gives the same bits of the same deck: a library on a kind of machine; empty if not known."""
+    """Return what gives the same bits for the same deck: a library on a kind of machine; empty if not known."""
     return f"{engine.library_sha256} on {machine}" if engine.library_sha256 and machine else ""
 
 
 def read(folder: Path) -> Side:
-    """Read the side of a report folder; see `lammps_cases.records.run_record.read_run` for what it raises."""
+    """Read the side of a report folder; raises as `lammps_cases.records.run_record.read_run`."""
     return of_run(read_run(folder), folder)
 
 
 def comparable(record: CaseRecord) -> CaseOutcome:
-    """Return the outcome of a case in the form that a baseline has: findings in the order of their names."""
+    """Return the outcome of a case in the form of a baseline: findings in the order of their names."""
     outcome = CaseOutcome.of(record)
     fields = {name: _comparable(each, bool(record.twin)) for name, each in outcome.fields.items()}
     return replace(outcome, explained_by=tuple(sorted(outcome.explained_by)), fields=fields)
@@ -184,7 +184,7 @@ def _comparable(field: FieldOutcome, twin: bool) -> FieldOutcome:
         by_step = tuple(replace(s, digest=s.digest and digest(s.digest, repr(s.max_abs))) for s in by_step)
         bits = digest(*(s.digest for s in by_step)) if by_step and all(s.digest for s in by_step) else bits
     if ratio is not None and math.isnan(ratio):
-        ratio = math.inf  # what is not a number is as far off as can be
+        ratio = math.inf  # NaN counts as infinitely far off
     findings = tuple(sorted(field.explained_by))
     return replace(field, explained_by=findings, max_over_bound=ratio, digest=bits, by_step=by_step)
 
@@ -205,7 +205,7 @@ class BeyondBounds:
 
 
 class DeckSamples(Samples):
-    """The samples that are kept of a deck, read when needed; ``read`` returns the arrays of each by its step."""
+    """The kept samples of a deck, read when needed; ``read`` returns the arrays of each by its step."""
 
     def __init__(self, read: Callable[[], Mapping[int, Mapping[str, Array]]]) -> None:
         super().__init__()
@@ -233,9 +233,9 @@ def _sample(step: int, arrays: Mapping[str, Array], name: str, of_type: int) -> 
 
 
 def beyond(one: Sample, other: Sample) -> BeyondBounds | None:
-    """Return the first particle whose values differ by more than both bounds; None if there is none.
+    """Return the first particle whose values differ by more than both bounds; None without one.
 
-    Both values lie within their bounds of one and the same prediction only if they differ by less.
+    Both values lie within their bounds of the same prediction only if they differ by less.
     """
     if one.id_n is None or other.id_n is None or one.step is None or not np.array_equal(one.id_n, other.id_n):
         return None
@@ -261,7 +261,7 @@ def first_beyond(ours: Samples, theirs: Samples, field: str, every: bool) -> Bey
 
 
 def thermo_parts(one: CaseOutcome, other: CaseOutcome) -> tuple[int, str, bool] | None:
-    """Return where thermo output parts: step, what it was and is, and whether in the digits that LAMMPS prints."""
+    """Return where thermo output first differs: step, old and new value, whether in the digits that LAMMPS prints."""
     parted: list[tuple[int, str, bool]] = []
     for was, now in zip(one.thermo, other.thermo, strict=False):
         if was.keys() != now.keys():
@@ -290,7 +290,7 @@ def _by_step(path: Path) -> dict[int, dict[str, Array]]:
 
 
 def write_deck(folder: Path, case: CaseOutcome, report: Path) -> None:
-    """Write what is kept of a deck as text into a folder of a baseline; ``report`` is that of its audit."""
+    """Write the kept data of a deck as text into a folder of a baseline; ``report`` is that of its audit."""
     fields = sorted(case.fields.values(), key=lambda field: field.name)
     at = {field.name: {s.step: f"{s.verdict}:{s.digest}" for s in field.by_step} for field in fields}
     steps = sorted({s.step for field in fields for s in field.by_step if s.step is not None})
@@ -304,7 +304,7 @@ def write_deck(folder: Path, case: CaseOutcome, report: Path) -> None:
 
 
 def _particles(arrays: Mapping[str, Array]) -> Iterator[Sequence[str]]:
-    """Yield names of columns, then a row per particle; every number is read as the same double, bounds are rounded."""
+    """Yield names of columns, then a row per particle; numbers read back as the same doubles, bounds are rounded."""
     order = [*("id", "type"), *(name for name in STATE if name in arrays)]
     order += sorted(arrays.keys() - set(order))
     columns = {}
@@ -319,7 +319,7 @@ def _particles(arrays: Mapping[str, Array]) -> Iterator[Sequence[str]]:
 
 
 def read_deck(folder: Path, case: CaseOutcome) -> CaseOutcome:
-    """Return a case with the steps and the thermo output that a folder of a baseline holds.
+    """Return a case with the steps and the thermo output from a folder of a baseline.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Two sides or more, every pair of them compared; as one document, a summary, and lines for a terminal."""
+"""Two or more sides, compared in pairs, as one document, a summary, and lines for a terminal."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PRINTED = 10  # faults listed on a terminal
 
 @dataclass(frozen=True)
 class Pair:
-    """Two sides by their labels, what changed from the first to the second, and their times."""
+    """Two sides by their labels, the changes from the first to the second, and their times."""
 
     a: str
     b: str
@@ -40,7 +40,7 @@ class Pair:
 
     @property
     def names(self) -> dict[str, str]:
-        """Labels of the sides that changes call A and B."""
+        """Labels of the sides named A and B in changes."""
         return {"A": self.a, "B": self.b}
 
     @property
@@ -57,7 +57,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class SideComparison:
-    """All sides, A first, and all pairs of them; ``fail_on`` None: whatever changed makes the exit code 1."""
+    """All sides, A first, and all pairs of them; ``fail_on`` None: any change makes the exit code 1."""
 
     sides: dict[str, Side]
     pairs: tuple[Pair, ...]
@@ -77,7 +77,7 @@ class SideComparison:
 
     @property
     def headline(self) -> Headline:
-        """The headline: amber where every change is by known findings that came or went."""
+        """The headline: amber if every change is due to known findings gained or lost."""
         faults = self.faults
         unknown = [change for change in faults if not change.known]
         new = [*self.notes, *([f"{counted(len(unknown), 'change')} without a finding"] if unknown else [])]
@@ -94,9 +94,9 @@ class SideComparison:
 
     @property
     def next_command(self) -> str:
-        """What to type next: the same of the first case that changed without a finding, or the worst finding moved.
+        """The next command: the comparison of the first case changed without a finding, or the worst finding moved.
 
-        Nothing if that case was compared alone, is on one side only, or comes from a file.
+        Empty if that case was compared alone, is on one side only, or comes from a file.
         """
         for pair in self.pairs:
             sides = [self.sides[label] for label in (pair.a, pair.b)]
@@ -113,7 +113,7 @@ class SideComparison:
 
     @property
     def alone(self) -> Pair | None:
-        """The pair, if it is the only one."""
+        """The only pair, if there is one."""
         return self.pairs[0] if len(self.pairs) == 1 else None
 
     @property
@@ -132,7 +132,7 @@ def compared(
     command: str,
     fail_on: FailOn | None = None,
 ) -> SideComparison:
-    """Compare every pair of sides; times are those taken in turns, or else those that the sides hold."""
+    """Compare every pair of sides; times are those measured in turns, else those that the sides hold."""
     labelled = dict(zip(LABELS, sides, strict=False))
     pairs = []
     for a, b in itertools.combinations(labelled, 2):
@@ -152,7 +152,7 @@ def compared(
 def document(comparison: SideComparison) -> dict[str, Any]:
     """Return the content of compare.json.
 
-    Of a single pair ``fields`` lists everything compared, of more pairs what is not the same, with the pair's name.
+    For a single pair ``fields`` lists everything compared, for more pairs all differences, with the pair's name.
     """
     alone = comparison.alone
     return {
@@ -195,7 +195,7 @@ def _group(group: ChangeGroup, pair: Pair) -> dict[str, Any]:
 
 
 def row(change: SideChange, a: str = "A", b: str = "B") -> dict[str, Any]:
-    """Return a change as JSON: case, field, change and closer_to_reference always, the rest where it says something."""
+    """Return a change as JSON: case, field, change and closer_to_reference always, the rest if not empty."""
 
     def both(values: tuple[Any, Any]) -> dict[str, Any] | None:
         return dict(zip((a, b), values, strict=True)) if any(values) else None
@@ -220,7 +220,7 @@ def row(change: SideChange, a: str = "A", b: str = "B") -> dict[str, Any]:
 
 
 def lines(changes: Changes, a: str = "A", b: str = "B") -> Iterator[str]:
-    """Yield lines that sum up what changed; ``a`` and ``b`` are the names of the sides."""
+    """Yield lines that summarise the changes; ``a`` and ``b`` are the names of the sides."""
     yield ", ".join(f"{count} {kind}" for kind, count in changes.counts.items()) or "nothing to compare"
     yield from (f"  {group.sentence(a, b)}" for group in groups(changes.fields))
     yield from (f"  note: {note}" for note in changes.notes)
@@ -236,7 +236,7 @@ def faults(changes: Changes) -> Iterator[str]:
 
 
 def checked(changes: Changes, accept: str) -> Iterator[str]:
-    """Yield the lines that ``eos-ref run --baseline`` prints; ``accept`` is what to type for another baseline."""
+    """Yield the lines that ``eos-ref run --baseline`` prints; ``accept`` is the command to accept a baseline."""
     first, *rest = lines(changes, "the baseline", "this run")
     yield f"baseline {changes.a.name}: {first}"
     yield from rest

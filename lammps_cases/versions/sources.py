@@ -1,4 +1,4 @@
-"""What a user may compare: engines, which are run, and folders of runs or of accepted baselines, which are read."""
+"""Sides that a user may compare: engines, which are run, and folders of runs or accepted baselines, which are read."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ WRITTEN = ("compare.json", "compare.html", "summary.md", "bisect.json")
 
 
 def is_side(name: str) -> bool:
-    """Return whether a word names a side: an engine, or what has a slash or is a folder."""
+    """Return whether a word names a side: an engine, a folder, or any word with a slash."""
     return installations.is_engine(name) or "/" in name or Path(name).is_dir()
 
 
 def source(name: str) -> Engine | Side:
-    """Return what a name denotes: an engine to run, or the side that a folder holds.
+    """Return the engine to run, or the side in a folder, that a name denotes.
 
     Raises
     ------
     InputError
-        Neither an engine nor a folder of a run or a baseline, or one that cannot be read.
+        Neither an engine nor a folder of a run or a baseline, or an unreadable one.
     """
     if installations.is_engine(name):
         return installations.resolve(name)
@@ -52,7 +52,7 @@ def source(name: str) -> Engine | Side:
 
 
 def narrowed(side: Side, names: Sequence[str], tagged: Collection[str] | None) -> Side:
-    """Return a side with only the cases of some names (see `lammps_cases.scene.casefile.select`) that are tagged.
+    """Return a side with only the cases of some names (see `lammps_cases.scene.casefile.select`) and tags.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def _named(case: str, wanted: str) -> bool:
 
 @dataclass(frozen=True)
 class RunTerms:
-    """How engines are run."""
+    """Settings for the runs of engines."""
 
     jobs: int
     store: Store | None = None
@@ -90,20 +90,20 @@ class RunTerms:
 def run_options(
     names: Sequence[str], jobs: int, fresh: bool, progress: Progress = SILENT, command: str = ""
 ) -> RunTerms:
-    """Return how the engines among some sides are run; the process that forks their workers is started."""
-    if any(map(installations.is_engine, names)):  # what is saved needs no workers
+    """Return the settings for the engines among some sides, and start the process that forks their workers."""
+    if any(map(installations.is_engine, names)):  # saved sides need no workers
         forkserver.start_for_judging()
     return RunTerms(jobs, open_store(fresh), progress, command or provenance.command_line())
 
 
 @dataclass(frozen=True)
 class Sources:
-    """Engines and saved sides, and the cases on which they are compared; an engine is run when its side is needed.
+    """Engines and saved sides, and the cases to compare them on; an engine is run when its side is needed.
 
     Attributes
     ----------
-    cases : what an engine runs
-    folder : every engine writes its report into a folder of this, named by its place in the alphabet
+    cases : the cases that an engine runs
+    folder : every engine writes its report into a subfolder, named by a letter of the alphabet
     """
 
     each: tuple[Engine | Side, ...]
@@ -112,7 +112,7 @@ class Sources:
     options: RunTerms
 
     def side(self, at: int) -> Side:
-        """Return a side, by its place; that of an engine after a run."""
+        """Return a side by its index; that of an engine after a run."""
         engine = self.each[at]
         if isinstance(engine, Side):
             return engine
@@ -133,7 +133,7 @@ def select(
     folder: Path,
     options: RunTerms,
 ) -> Sources:
-    """Return sides by name, on the cases chosen by name and tag; engines run those that the saved sides hold.
+    """Return sides by name, on the cases chosen by name and tag; engines run the cases of the saved sides.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def select(
 
 
 def output(folder: Path) -> Path:
-    """Return the folder of a comparison, cleared of what an earlier one wrote in addition to its runs.
+    """Return the folder of a comparison, without what an earlier comparison wrote in addition to its runs.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def output(folder: Path) -> Path:
         It holds anything else.
     """
     if folder.exists():
-        killed = ("lock", "partial", "old")  # what a run leaves that could not clear up
+        killed = ("lock", "partial", "old")  # left by a run that could not clear up
         left = {f".{label}.{part}" for label in LABELS for part in killed}
         ours = {*WRITTEN, *LABELS, *left}
         foreign = {path.name for path in folder.iterdir()} - ours if folder.is_dir() else {folder.name}

@@ -1,4 +1,4 @@
-"""Whether one engine is slower than another: in turns, or by the single calls of saved runs."""
+"""Whether one engine is slower than another: measured in turns, or by the single calls of saved runs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lammps_cases.studies.chart.bench import OPTIONS, scene
 from lammps_cases.versions.outcomes import Side
 
 EDGE, STEPS = 40, 10  # 1600 particles: a run of 50 to 150 ms, of which the set-up is a few per cent
-LIMIT = 120.0  # seconds that a single run may take
+LIMIT = 120.0  # seconds for a single run
 TOTAL = "all together"
 
 
@@ -32,8 +32,8 @@ class Speed:
     ----------
     how : measured in turns, or each case called once on each side
     count : rounds, or cases
-    answer : whether B is slower; of a single scene only if all rounds agree, as one of so many intervals of 95 %
-        misses 1 now and then by chance (all of nine rounds on one side of the median: 0.4 %)
+    answer : whether B is slower; of a single scene only if all rounds agree, as one of many intervals of 95 %
+        occasionally misses 1 by chance (all of nine rounds on one side of the median: 0.4 %)
     """
 
     scene: str
@@ -43,12 +43,12 @@ class Speed:
     answer: Answer
 
     def sentence(self, a: str = "A", b: str = "B") -> str:
-        """Describe the ratio in one line, with what the sides are called."""
+        """Describe the ratio in one line, with the names of the sides."""
         r = self.ratio
         verdict_on_b = self.answer if self.answer == "cannot tell" else f"{b} is {self.answer}"
         each = f"{self.count} rounds in turns"
         if self.how == "single calls":
-            each = f"single calls of {self.count} cases, with whatever the machine did meanwhile"
+            each = f"single calls of {self.count} cases, under whatever load the machine had"
         return (
             f"time of {b} over {a}, {self.scene}: {r.median:.3f} [{r.low:.3f}, {r.high:.3f}] ({each}): {verdict_on_b}"
         )
@@ -58,7 +58,7 @@ def of_saved(a: Side, b: Side) -> Speed | None:
     """Compare LAMMPS' seconds over the cases that both sides answered; None without such cases.
 
     Each case was called once on each side, at another time. The interval (the same for the ratios and for their
-    logarithms) holds how cases scatter, not what the machine did meanwhile, so it tells nobody faster or slower.
+    logarithms) covers the scatter of cases, not the load of the machine, and cannot show that a side is slower.
     """
     names = sorted(name for name in a.cases.keys() & b.cases.keys() if _timed(a, name) and _timed(b, name))
     if not names:
@@ -78,7 +78,7 @@ class Turns:
     seconds: Mapping[tuple[str, str], tuple[float, ...]]  # by scene and engine
 
     def against(self, one: str, other: str) -> list[Speed]:
-        """Return the time of the second engine over that of the first, on all and on each scene; none if one failed."""
+        """Return the time of the second engine over that of the first, on all and each scene; empty if one failed."""
         scenes = list(dict.fromkeys(scene for scene, _ in self.seconds))
         speeds = []
         for name in scenes:
@@ -91,7 +91,7 @@ class Turns:
 
 
 def scenes() -> list[Case]:
-    """Return what is timed: fluids with every option that changes what LAMMPS does."""
+    """Return the timed scenes: fluids with every option that changes LAMMPS' work."""
     cases = []
     for option in OPTIONS:
         case = scene(option, 2, EDGE)
@@ -103,7 +103,7 @@ def scenes() -> list[Case]:
 
 
 def in_turns(engines: Mapping[str, Engine], rounds: int = ROUNDS, progress: Progress = SILENT) -> Turns | None:
-    """Time engines, one running LAMMPS each, in rounds whose order turns; None if one of them fails on a scene.
+    """Time engines, one running LAMMPS each, in rounds of rotating order; None if one of them fails on a scene.
 
     The wall time is that of the run commands alone, taken inside LAMMPS' process.
     """

@@ -1,1 +1,1 @@
-"""Bad input: generated from the syntax of the commands, given to LAMMPS and to the reference."""
+"""Bad input, generated from the syntax of the commands, and the reactions of LAMMPS and the reference."""

@@ -14,24 +14,24 @@ from lammps_cases.versions.inputs import syntax
 from lammps_cases.versions.inputs.refusals import refusal
 from lammps_cases.versions.inputs.syntax import Form, FormWord, forms, text
 
-EXTRA = "9.75"  # a word too many, which stands in no form
+EXTRA = "9.75"  # a surplus word that no form has
 OTHER = 1.5  # factor of the numbers of a first group of two
 Groups = tuple[tuple[FormWord, ...], ...]
 
 
 @dataclass(frozen=True)
 class Generated:
-    """A command that LAMMPS and the reference are given.
+    """A command given to LAMMPS and to the reference.
 
     Attributes
     ----------
     id : of the command, the form, the argument (or how its words are arranged), and the word by its name
     form : the legal form that was changed
     about : the argument, or keyword; for a command as a whole its name
-    line : what stands in the place of the form
+    line : the replacement of the form
     commands : the deck
-    clear : the manual's words for what is wrong, one of which a clear error has
-    word : what stands in the place of an argument
+    clear : the manual's words for the mistake; a clear error contains one of them
+    word : the replacement of an argument
     """
 
     id: str
@@ -51,7 +51,7 @@ class Generated:
 
     @property
     def words(self) -> str:
-        """Return the line, or that it is left out."""
+        """Return the line, or a note that it is left out."""
         return self.line or f"without {self.form.line}"
 
     @property
@@ -66,7 +66,7 @@ class Generated:
 
     @property
     def promise(self) -> str:
-        """Return the manual's syntax; of a number out of its range only what a page has on that."""
+        """Return the manual's syntax; for a number out of range only the statement of a page on the range."""
         if self.mutation == "left-out" and self.kind == "command":
             return self.form.command.needed
         of = self.form.command.arguments.get(self.about)
@@ -75,7 +75,7 @@ class Generated:
         value = number(self.word) if self.kind in ("number", "integer") else None
         if of is None or value is None or not math.isfinite(value):
             return self.form.command.manual
-        if self.kind == "integer" and of.allows(value):  # a whole number, written as none
+        if self.kind == "integer" and of.allows(value):  # a whole number, not written as one
             return self.form.command.manual
         return of.manual
 
@@ -86,7 +86,7 @@ class Generated:
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Return the words of the form that a clear error would not name: those of its other arguments."""
+        """Return the words of the form that a clear error would not name, those of its other arguments."""
         words = {word for group in self.form.groups for word in group if word.argument or word.keyword}
         names = {name for word in words for name in (word.text, *self.form.names(word))}
         return tuple(sorted(name for name in names - set(self.clear) if re.search("[A-Za-z]", name)))
@@ -140,7 +140,7 @@ def _changed(form: Form, groups: Groups, word: FormWord, kind: str, mutation: st
 
 
 def _which(form: Form, word: FormWord) -> str:
-    """Tell an argument from others of its name in a form, and a keyword from its argument."""
+    """Distinguish an argument from others of its name in a form, and a keyword from its argument."""
     if word.keyword:
         return "-keyword" if any(word.text == other.argument for group in form.groups for other in group) else ""
     same = [other for group in form.groups for other in group if other.argument and other.argument == word.argument]
@@ -159,7 +159,7 @@ def _with(groups: Groups, g: int, *words: FormWord) -> Groups:
 
 
 def _values(form: Form) -> Iterator[Generated]:
-    """Yield other words in the place of each argument, style and keyword."""
+    """Yield other words in place of each argument, style and keyword."""
     for g, k, word in _places(form):
         group = form.groups[g]
         if word.keyword:

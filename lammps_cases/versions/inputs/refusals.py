@@ -1,7 +1,7 @@
-"""Bad input that the reference refuses, in one line: decks as it reads them, and inputs by hand.
+"""Bad input that the reference refuses in one line: decks as it reads them, and hand-written inputs.
 
-The latter (``probes/inputs.yaml``) are the mistakes that no command alone shows: particles, boxes, runs, forces, and
-what fits no other part of the scene. The words of the commands are generated (`lammps_cases.versions.inputs.generate`).
+The latter (``probes/inputs.yaml``) are mistakes that no single command shows: particles, boxes, runs, forces, and
+contradictions within a scene. The words of the commands are generated (`lammps_cases.versions.inputs.generate`).
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class BadInput(Probe):
     Attributes
     ----------
     area : subject of the input
-    names : the manual's words for the quantity that is wrong; a clear error has one of them, or the offending word
-    promise : what LAMMPS' manual says about it, if anything
+    names : the manual's words for the wrong quantity; a clear error contains one of them, or the offending word
+    promise : the statement of LAMMPS' manual about it, if any
     scene : keys of the equivalent scene; without them, and without a check, the edited fixes are parsed
     """
 
@@ -64,17 +64,17 @@ class BadInput(Probe):
 
     @property
     def clear(self) -> tuple[str, ...]:
-        """Words of which a clear error has one."""
+        """Words of which a clear error contains one."""
         return (*self.names, *offending(self))
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Words by which an error names something else: of a scene they are not known."""
+        """Words by which an error names something else; unknown for a scene."""
         return ()
 
     @property
     def control(self) -> Input:
-        """The same without what is wrong."""
+        """The same without the mistake."""
         return base(self.base)
 
 
@@ -85,7 +85,7 @@ def bad_inputs() -> tuple[BadInput, ...]:
 
 
 def refusal(commands: Commands) -> str:
-    """Return the rule by which the reference refuses a deck, without the place; empty if it takes it."""
+    """Return the rule by which the reference refuses a deck, without the place; empty if it accepts it."""
     try:
         deck = InputState()
         for line in commands:
@@ -97,7 +97,7 @@ def refusal(commands: Commands) -> str:
 
 @dataclass
 class InputState:
-    """The state that the commands so far define."""
+    """State after the commands read so far."""
 
     ntypes: int = 0
     atom_style: str = ""
@@ -110,7 +110,7 @@ class InputState:
     particle: dict[str, float] = field(default_factory=dict)
 
     def read(self, line: str) -> None:
-        """Take a command.
+        """Read a command.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class InputState:
             words.fail(f"fix {style}", "must follow create_box")
         if self.names.get(name, style) != style:
             words.fail("fix ID", f"must not be that of fix {self.names[name]}", name)
-        if style in self.names.values() and name not in self.names:  # one of the same ID replaces the other
+        if style in self.names.values() and name not in self.names:  # a fix of the same ID is replaced
             words.fail(f"fix {style}", "must be the only one of its style")
         if style != "rheo" and "rheo" not in self.fixes:
             words.fail(f"fix {style}", "must follow fix rheo")
@@ -169,7 +169,7 @@ class InputState:
         Raises
         ------
         InputError
-            One is missing, or they contradict each other.
+            A command is missing, or they contradict each other.
         """
         for style in ("rheo", "rheo/viscosity", "rheo/pressure"):
             if style not in self.fixes:
@@ -280,7 +280,7 @@ def attributes(words: Words, model: Model) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        None, an unknown one, one that the model does not have, or components that there are not.
+        No attribute, an unknown one, one that the model lacks, or components that do not exist.
     """
     for what, word in (("command", "compute"), ("compute ID", ""), ("group-ID", ""), ("style", "rheo/property/atom")):
         token = words.word(what)
@@ -311,7 +311,7 @@ def _attribute(words: Words, attribute: str, model: Model) -> str:
 
 
 def scene_refusal(bad: Probe, scene: Mapping[str, Any] | None) -> str:
-    """Return the rule that refuses an input, and its value, without the place; empty if nothing does.
+    """Return the rule that refuses an input, and its value, without the place; empty if none does.
 
     Parameters
     ----------

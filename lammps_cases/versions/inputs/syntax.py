@@ -1,4 +1,4 @@
-"""The syntax of commands as data (``syntax.yaml``): their arguments, what is allowed for each, and legal forms.
+"""The syntax of commands as data (``syntax.yaml``): their arguments, the words allowed for each, and legal forms.
 
 For every kind of argument there are words, each with a name: mistakes, and the edges of its range.
 """
@@ -66,9 +66,9 @@ class Argument(BaseModel):
     range : the numbers allowed: ``any``, ``not 0``, ``> 0``, ``>= 0``, ``0 to 1``, or just one
     of : the words allowed of a choice
     only : of types, those of the legal forms that are allowed, if not all are
-    why : by what the range is limited
-    manual : the same, where a page of the manual says it
-    names : further words by which a clear error may call it
+    why : the reason for the range
+    manual : the same, where a page of the manual states it
+    names : further words that a clear error may use for it
     word : the attribute of a name
     """
 
@@ -103,7 +103,7 @@ class Argument(BaseModel):
 
 @dataclass(frozen=True)
 class FormWord:
-    """A word of a form: plain, an argument (its name), or a keyword or style that is tested too."""
+    """A word of a form: plain, an argument (its name), or a keyword or style that is also tested."""
 
     text: str
     argument: str = ""
@@ -137,15 +137,15 @@ class Form:
         return text(self.groups)
 
     def deck(self, *lines: str) -> Commands:
-        """Return the deck with other lines in its place."""
+        """Return the deck with other lines in place of the form."""
         return (*self.before, *lines, *self.after)
 
     def names(self, word: FormWord) -> tuple[str, ...]:
-        """Return the words by which a clear error may call a word of the form: of an argument, its keyword's too."""
+        """Return the words that a clear error may use for a word of the form: for an argument, also its keyword's."""
         group = next(group for group in self.groups if word in group)
         place = group.index(word)
         keyword = next((other.text for other in reversed(group[:place]) if not other.argument), "")
-        if keyword in self.command.command.split():  # every error about the command has it
+        if keyword in self.command.command.split():  # in every error about the command
             keyword = ""
         own = self.command.arguments.get(word.argument)
         names = (word.argument.split("-of-")[0], *own.names) if own else ()
@@ -158,11 +158,11 @@ def text(groups: tuple[tuple[FormWord, ...], ...]) -> str:
 
 
 class Command(BaseModel):
-    """A command: its arguments, and the forms that are tested.
+    """A command: its arguments and the tested forms.
 
     Attributes
     ----------
-    line : how it begins in the deck, the command of which it replaces
+    line : the beginning of the deck's command that it replaces
     base : the deck
     manual : the manual's rule for its words
     needed : its rule for a deck without the command, if any
@@ -247,7 +247,7 @@ def integer(argument: Argument, legal: str) -> Words:
 
 
 def choice(argument: Argument, legal: str) -> Words:
-    """Return words for one of several words, given one of them."""
+    """Return words for a choice of several words, given one of them."""
     return {
         "upper-case": legal.upper(),
         "lower-case": legal.lower(),
@@ -264,7 +264,7 @@ def choice(argument: Argument, legal: str) -> Words:
     } | {f"the-word-{word.replace('/', '-')}": word for word in argument.of if word != legal}
 
 
-# Legal forms of types among those of a deck of two, by which it shows what others are taken for.
+# Legal ranges of types in a deck of two types, which reveal how other ones are read.
 LEGAL_TYPES = {
     "one": "1",
     "last": f"{N}",
@@ -332,7 +332,7 @@ def types(argument: Argument, legal: str) -> Words:
 
 
 def group(argument: Argument, legal: str) -> Words:
-    """Return words for a group: all is the one allowed."""
+    """Return words for a group, where only all is allowed."""
     return {
         "another": "some",
         "unknown": "nobody",
@@ -397,12 +397,12 @@ WORDS: Mapping[str, Callable[[Argument, str], Words]] = {
 
 
 def words_for(argument: Argument, legal: str) -> Words:
-    """Return words for an argument by their names, given one that is legal; none of them is that one."""
+    """Return words for an argument by their names, given a legal one, which is not among them."""
     return {name: word for name, word in WORDS[argument.kind](argument, legal).items() if word != legal}
 
 
 def words_for_keyword(word: str) -> Words:
-    """Return words in the place of a keyword or style."""
+    """Return words in place of a keyword or style."""
     return {
         "upper-case": word.upper(),
         "capital": word.capitalize(),

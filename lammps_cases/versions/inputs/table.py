@@ -1,4 +1,4 @@
-"""What LAMMPS and the reference do with bad input, each in a process of its own: measured, on disk, on a page."""
+"""Reactions of LAMMPS and the reference to bad input, each in its own process: measured, on disk, on a page."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from lammps_cases.report.pages.frame import TableCell, TableRow
 from lammps_cases.versions.inputs.generate import generated
 from lammps_cases.versions.inputs.refusals import bad_inputs
 
-TIME_LIMIT = 10.0  # seconds that LAMMPS has for an input; the decks take 0.01
+TIME_LIMIT = 10.0  # seconds for an input in LAMMPS; the decks take 0.01
 Agreement = Literal["both refuse", "both take it", "the reference alone refuses it", "LAMMPS alone refuses it"]
 COLUMNS = (
     *("id", "area", "about", "kind", "mutation", "words", "refusal", "reaction", "text", "taken_for"),
@@ -51,7 +51,7 @@ ABOUT = {
 
 
 class BadWords(Protocol):
-    """An input that LAMMPS and the reference are given; see `Generated` and `BadInput`."""
+    """An input given to LAMMPS and to the reference; see `Generated` and `BadInput`."""
 
     @property
     def id(self) -> str:
@@ -67,15 +67,15 @@ class BadWords(Protocol):
 
     @property
     def promise(self) -> str:
-        """What the manual says about it, if anything."""
+        """The manual's statement about it, if any."""
 
     @property
     def refusal(self) -> str:
-        """What the reference says; empty if it takes it."""
+        """The reference's message; empty if it accepts the input."""
 
     @property
     def clear(self) -> tuple[str, ...]:
-        """Words of which a clear error has one."""
+        """Words of which a clear error contains one."""
 
     @property
     def others(self) -> tuple[str, ...]:
@@ -83,26 +83,26 @@ class BadWords(Protocol):
 
     @property
     def input(self) -> Input:
-        """What LAMMPS is given."""
+        """The input of LAMMPS."""
 
     @property
     def control(self) -> Input:
-        """The same without what is wrong."""
+        """The same without the mistake."""
 
 
 @functools.cache
 def every() -> tuple[BadWords, ...]:
-    """Return all inputs: those generated, then those by hand."""
+    """Return all inputs: generated ones, then hand-written ones."""
     return (*generated(), *bad_inputs())
 
 
 def select(patterns: Sequence[str]) -> tuple[BadWords, ...]:
-    """Return the inputs that patterns of their ids fit; all without patterns.
+    """Return the inputs whose ids match patterns; all without patterns.
 
     Raises
     ------
     InputError
-        A pattern that fits none.
+        A pattern without a match.
     """
     for pattern in patterns:
         if not any(fnmatch.fnmatchcase(one.id, pattern) for one in every()):
@@ -112,18 +112,18 @@ def select(patterns: Sequence[str]) -> tuple[BadWords, ...]:
 
 @dataclass(frozen=True)
 class InputRow:
-    """One input, and what LAMMPS does with it.
+    """One input, and LAMMPS' reaction.
 
     Attributes
     ----------
     area, about : command (or part of a scene), and its argument or keyword
-    kind, mutation : what kind of argument, and how it was changed
+    kind, mutation : kind of the argument, and how it was changed
     words : the input as a deck would hold it
-    refusal : error message of the reference; empty if it takes the input
-    reaction, text : what LAMMPS does, and its message, or the numbers with which it goes on
-    taken_for : words of a legal input with the same numbers, if LAMMPS goes on
-    promise : what LAMMPS' manual says about it, if anything
-    candidate : whether LAMMPS goes on, or dies, where its manual promises otherwise
+    refusal : error message of the reference; empty if it accepts the input
+    reaction, text : LAMMPS' reaction, and its message, or the numbers with which it continues
+    taken_for : words of a legal input with the same numbers, if LAMMPS continues
+    promise : the statement of LAMMPS' manual about it, if any
+    candidate : whether LAMMPS continues, or dies, contrary to its manual
     ledger : id of the finding about it, if any
     """
 
@@ -143,7 +143,7 @@ class InputRow:
 
     @property
     def agreement(self) -> Agreement:
-        """Whether LAMMPS and the reference take the input."""
+        """Whether LAMMPS and the reference accept the input."""
         refused = self.reaction in ERRORS
         if self.refusal:
             return "both refuse" if refused else "the reference alone refuses it"
@@ -151,9 +151,9 @@ class InputRow:
 
 
 def row(bad: BadWords, reply: Reply, control: Reply | None = None) -> InputRow:
-    """Return the row of an input from LAMMPS' reply, and that to the same without what is wrong."""
+    """Return the row of an input from LAMMPS' reply to it, and to its control without the mistake."""
     kind, text = reaction(reply, bad.clear, bad.others, control)
-    # A pattern is of inputs that LAMMPS takes or dies of, an id of an input however it ends.
+    # A pattern matches inputs that LAMMPS accepts or dies of, an id an input with any ending.
     finding = next(
         (
             finding
@@ -181,7 +181,7 @@ def row(bad: BadWords, reply: Reply, control: Reply | None = None) -> InputRow:
 
 @functools.cache
 def _expected() -> Mapping[str, str]:
-    """Return the findings by the patterns of the inputs that LAMMPS treats as they say."""
+    """Return the findings by the patterns of the inputs that LAMMPS treats as they state."""
     of_inputs = (entry for entry in LEDGER if isinstance(entry, OutcomeFinding))
     return {pattern: entry.id for entry in of_inputs for pattern in entry.expected_inputs}
 
@@ -194,15 +194,15 @@ def table(
     Parameters
     ----------
     workers : Workers
-        Processes from which those are forked in which LAMMPS may die.
+        Processes from which those with LAMMPS, which may die, are forked.
     progress : Progress, optional
         Advances with every input.
     time_limit : float
-        Seconds that LAMMPS has for each.
+        Seconds for each input.
     """
     chosen = tuple(inputs) or every()
     controls = [one.control for one in chosen]
-    keys = [one if isinstance(one, tuple) else id(one) for one in controls]  # jobs hold arrays, which have no hash
+    keys = [one if isinstance(one, tuple) else id(one) for one in controls]  # jobs hold arrays, which are not hashable
     distinct = dict(zip(keys, controls, strict=True))
     replies = run.put(workers, [*distinct.values(), *(one.input for one in chosen)], time_limit, alone=True)
     of_control = {key: next(replies) for key in distinct}
@@ -216,7 +216,7 @@ def table(
 
 
 def digest(reply: Reply) -> str:
-    """Return a hash of the numbers with which LAMMPS ends; empty if it does not."""
+    """Return a hash of the numbers with which LAMMPS ends; empty without numbers."""
     if reply.ended != "answered":
         return ""
     hashed = hashlib.sha256()
@@ -227,7 +227,7 @@ def digest(reply: Reply) -> str:
 
 
 def _with_readings(rows: Sequence[InputRow], results: Iterable[str]) -> list[InputRow]:
-    """Name for every bad input that LAMMPS takes the legal one of the same form with the same numbers."""
+    """Name, for every bad input that LAMMPS accepts, the legal one of the same form with the same numbers."""
     of_form = [(one, (".".join(one.id.split(".")[:2]), result)) for one, result in zip(rows, results, strict=True)]
     legal: dict[tuple[str, str], str] = {}
     for one, key in of_form:
@@ -237,7 +237,7 @@ def _with_readings(rows: Sequence[InputRow], results: Iterable[str]) -> list[Inp
 
 
 def counts(rows: Sequence[InputRow]) -> Mapping[tuple[str, str], Mapping[str, int]]:
-    """Return how many inputs of each argument end in each way; those that the reference takes apart."""
+    """Return how many inputs of each argument end in each way; those that the reference accepts separately."""
     by_argument: dict[tuple[str, str], dict[str, int]] = {}
     for one in rows:
         of = by_argument.setdefault((one.area, one.about), {})
@@ -248,7 +248,7 @@ def counts(rows: Sequence[InputRow]) -> Mapping[tuple[str, str], Mapping[str, in
 
 @dataclass(frozen=True)
 class InputTable:
-    """All rows, and the LAMMPS that they are of."""
+    """All rows, and their LAMMPS."""
 
     command: str
     engine: dict[str, str]
@@ -264,12 +264,12 @@ class InputTable:
 
     @property
     def agreements(self) -> Mapping[str, int]:
-        """How many inputs both sides take, one alone, or neither."""
+        """How many inputs both sides accept, only one, or neither."""
         return dict(Counter(row.agreement for row in self.rows).most_common())
 
     @property
     def unexplained(self) -> tuple[InputRow, ...]:
-        """Those that the manual rules out, without a finding."""
+        """Rows that contradict the manual, without a finding."""
         return tuple(row for row in self.rows if row.candidate and not row.ledger)
 
 
@@ -290,13 +290,13 @@ def read(folder: Path) -> InputTable:
     Raises
     ------
     InputError
-        There is none, or it is of another schema.
+        No table, or one of another schema.
     """
     return DOCUMENT.read(folder / "inputs.json")
 
 
 def changes(before: Sequence[InputRow], after: Sequence[InputRow]) -> list[tuple[InputRow, InputRow]]:
-    """Return the inputs that both tables have and that end in another way, or with another reading."""
+    """Return the inputs of both tables that end differently, or with another reading."""
     old = {row.id: row for row in before}
     pairs = [(old[row.id], row) for row in after if row.id in old]
     return [(a, b) for a, b in pairs if (a.reaction, a.taken_for) != (b.reaction, b.taken_for)]
@@ -331,14 +331,14 @@ def _page(table: InputTable) -> str:
         ],
         columns=["argument", *(f"#{kind}" for kind in kinds), f"#{ALONE}"],
         arguments=list(_arguments(table, kinds)),
-        # Left out are ordinary rows: refused by both with a clear error, or taken by both.
+        # Ordinary rows are left out: refused by both with a clear error, or accepted by both.
         rows=[row for row in table.rows if not (row.agreement == "both take it" or row.reaction == "clear error")]
         + [row for row in table.rows if row.agreement == ALONE and row.reaction == "clear error"],
     )
 
 
 def _arguments(table: InputTable, kinds: Sequence[str]) -> Iterator[TableRow]:
-    """Yield a row for every argument: how its bad inputs end."""
+    """Yield a row for every argument: the endings of its bad inputs."""
     for (area, about), ends in counts(table.rows).items():
         cells = [TableCell(ends.get(kind, ""), "number") for kind in (*kinds, ALONE)]
         yield TableRow(f"{area}: {about}" if about and about != area else area, cells)

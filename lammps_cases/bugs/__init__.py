@@ -1,1 +1,1 @@
-"""Bug reports that need nobody to install anything: a deck that tells PASS from FAIL by itself, and the text for it."""
+"""Bug reports that need no installation: a deck that decides between PASS and FAIL by itself, and its text."""

@@ -1,6 +1,6 @@
-"""``in.lammps``: a job as a deck of LAMMPS' own commands that prints what it obtained, what is expected, and a verdict.
+"""``in.lammps``: a job as a deck of LAMMPS commands that prints the obtained and the expected value, and a verdict.
 
-The verdict is PASS or FAIL on a line of its own. A deck that LAMMPS must refuse passes if it stops there. LAMMPS' own
+The verdict is PASS or FAIL on a separate line. A deck that LAMMPS must refuse passes if it stops there. LAMMPS' own
 program runs it, without this project: ``lmp -in in.lammps``.
 """
 
@@ -29,14 +29,14 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.scene.fields import FIELDS
 
 DECK, DATA = "in.lammps", "data.lammps"
-MOST_SINGLE = 5  # particles that a deck creates one by one; more come in a data file
+MOST_SINGLE = 5  # particles that a deck creates one by one; more are in a data file
 _ARRAYS = {"x": ("x", "y", "z"), "v": ("vx", "vy", "vz"), "f": ("fx", "fy", "fz")}  # that variables read
 TIME_LIMIT = 120.0  # seconds; the decks take a fraction of one
 
 
 @dataclass(frozen=True)
 class BugDeck:
-    """A deck with its data file (empty: none), and the text of the refusal that is due (empty: LAMMPS must run it)."""
+    """A deck with its data file (empty: none), and the text of the expected refusal (empty: LAMMPS must run it)."""
 
     lines: tuple[str, ...]
     data: str = ""
@@ -57,14 +57,14 @@ class BugDeck:
 
 @dataclass(frozen=True)
 class Check:
-    """A number of LAMMPS, and the number expected.
+    """A number of LAMMPS, and the expected number.
 
     Attributes
     ----------
-    obtained : LAMMPS' word for the number in a formula
+    obtained : LAMMPS' name of the number in a formula
     expected : the number that the manual's formula gives, as a text that LAMMPS reads back as the same double
     bound : the largest difference that rounding makes
-    formulas : of the variables of which the last one is the number expected; none: it is a text
+    formulas : of variables, the last one of which is the expected number; empty: it is a text
     """
 
     obtained: str
@@ -74,7 +74,7 @@ class Check:
 
     @property
     def by_hand(self) -> tuple[str, ...]:
-        """Return the commands that calculate the number expected."""
+        """Return the commands that calculate the expected number."""
         if not self.formulas:
             return ()
         *parts, (_, last) = self.formulas
@@ -82,8 +82,8 @@ class Check:
 
     @property
     def inside(self) -> str:
-        """Return the command that tests whether the number is inside the bound; NaN is not."""
-        # Formulas see other variables with 15 digits: the number itself stands here, not a variable that holds it.
+        """Return the command that tests whether the number is inside the bound; NaN counts as outside."""
+        # Formulas get other variables with 15 digits: hence the number itself, not a variable that holds it.
         return f"variable inside equal abs({self.obtained}-({self.expected}))<={self.bound!r}"
 
     @property
@@ -97,7 +97,7 @@ class Check:
         )
 
 
-OUTPUT = "thermo_style custom step v_inside"  # output computes what a variable reads, for the last step
+OUTPUT = "thermo_style custom step v_inside"  # output computes, for the last step, what a variable reads
 
 
 def of_number(job: Job, step: int, check: Check) -> BugDeck:
@@ -108,7 +108,7 @@ def of_number(job: Job, step: int, check: Check) -> BugDeck:
 
 
 def of_two(job: Job, other: Job, times: float, check: Check) -> BugDeck:
-    """Return the deck of two jobs, of which the second must give the number of the first times a factor."""
+    """Return the deck of two jobs; the second must give the number of the first times a factor."""
     second = Check(check.obtained, "${expected}", check.bound)
     return BugDeck(
         (
@@ -143,12 +143,12 @@ def of_outcome(given: Job | tuple[str, ...], refused: str) -> BugDeck:
 
 
 def _stretches(job: Job, last: int | None = None) -> list[str]:
-    """Return the commands of a job's runs up to a step, and those between them, with files in the folder of the deck.
+    """Return the commands of a job's runs up to a step and between them, with files in the folder of the deck.
 
     Raises
     ------
     InputError
-        Commands that hold the values of atoms after steps, which a deck does not have.
+        Commands that hold values of atoms after steps, which a deck does not have.
     """
     if last is not None and not any(isinstance(stretch, Interlude) for stretch in job.runs):
         return [f"run {last} post no"]
@@ -176,7 +176,7 @@ def _between(job: Job, interlude: Interlude, done: int) -> Iterable[str]:
 
 
 def _given(job: Job) -> dict[str, Array]:
-    """Return the state of the atoms of a job before the first step, as they are given."""
+    """Return the given state of a job's atoms before the first step."""
     solid = [int(words[2]) for words in map(str.split, job.commands) if words[:2] == ["set", "type"]]
     v_nc = np.zeros_like(job.x_nc) if job.v_nc is None else job.v_nc
     given = {"id": job.id_n, "type": job.type_n, "x": job.x_nc, "v": v_nc, **job.per_atom}
@@ -191,7 +191,7 @@ def of_measured(lines: tuple[str, ...]) -> BugDeck:
 
 
 def word(job: Job, field: str, atom: int, axes: tuple[int, ...]) -> str:
-    """Return LAMMPS' word for a component of a field of an atom; empty if no variable reads it."""
+    """Return LAMMPS' name of a component of a field of an atom; empty if no variable reads it."""
     if field in FIELDS and FIELDS[field].compute:
         component = f"[{COMPONENTS[axes[0]][axes[1]] + 1}]" if axes else ""
         of = f"c_{FIELDS[field].compute_id}" if FIELDS[field].overall else f"C_{FIELDS[field].compute_id}[{atom}]"
@@ -205,7 +205,7 @@ def word(job: Job, field: str, atom: int, axes: tuple[int, ...]) -> str:
 
 
 def _scene(job: Job) -> tuple[list[str], str]:
-    """Return the commands up to the first run, and the data file if there are too many particles for commands."""
+    """Return the commands up to the first run, and the data file if particles are too many for commands."""
     (style,) = (line.split()[1] for line in job.setup if line.startswith("atom_style"))
     lines = [*job.setup]
     lines.insert(next(k for k, line in enumerate(lines) if line.startswith("region box")), "atom_modify map yes")
@@ -238,7 +238,7 @@ _SET = {"atomic": (), "rheo": (("rho", "rheo/rho"),), "rheo/thermal": (("rho", "
 
 
 def _masses(job: Job) -> Iterable[str]:
-    """Yield the commands that give particles masses of their own, which no data file of theirs has."""
+    """Yield the commands that give particles individual masses, which data files of their atom styles lack."""
     for atom, mass in zip(job.id_n, job.per_atom.get("rmass", ()), strict=False):
         yield f"set atom {atom} mass {float(mass)!r}"
 
@@ -266,7 +266,7 @@ def data_file(job: Job, mass_t: Sequence[float] = (), solid_n: Sequence[int] = (
 
 @dataclass(frozen=True)
 class Ending:
-    """How LAMMPS ended: its exit code, negative for a signal, and all that it printed."""
+    """How LAMMPS ended: its exit code, negative for a signal, and its output."""
 
     code: int
     output: str
@@ -279,27 +279,27 @@ class Ending:
 
     @property
     def error(self) -> str:
-        """Return LAMMPS' own error, the exception that it did not catch, or the signal that killed it."""
+        """Return LAMMPS' own error, its uncaught exception, or the signal that killed it."""
         if self.code < 0:
             return signal.Signals(-self.code).name
         match = re.search(r"^(ERROR|Exception).*", self.output, re.M)
         return match[0] if match else ""
 
     def verdict(self, deck: BugDeck) -> str:
-        """Return PASS or FAIL: what the deck printed, or whether LAMMPS refused what it must refuse."""
+        """Return PASS or FAIL, as printed by the deck, or by whether LAMMPS refused what it must refuse."""
         lines = self.output.splitlines()
         if deck.refused:
             return "PASS" if self.code > 0 and deck.refused in self.error and "FAIL" not in lines else "FAIL"
         return "PASS" if self.code == 0 and "PASS" in lines else "FAIL"
 
     def printed(self, name: str) -> str:
-        """Return a number that the deck printed, empty if it did not come to that."""
+        """Return a number that the deck printed; empty if it did not get there."""
         match = re.search(rf"^{name} (\S+)", self.output, re.M)
         return match[1] if match else ""
 
 
 def program(engine: Engine) -> Path:
-    """Return LAMMPS' program, in the folder of the library of an engine or near it.
+    """Return LAMMPS' program in or near the folder of an engine's library.
 
     Raises
     ------
@@ -320,10 +320,10 @@ def library_folder(engine: Engine) -> Path:
 
 
 def run(deck: BugDeck, engine: Engine) -> Ending:
-    """Run a deck in a folder of its own, which goes with it."""
+    """Run a deck in a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         deck.write(Path(folder))
-        # The start script of a wheel sets the place of its MPI: one word of the environment.
+        # The start script of a wheel sets the place of its MPI in an environment variable.
         process = subprocess.Popen(
             [program(engine), "-in", DECK, "-log", "none"],
             cwd=folder,

@@ -14,7 +14,7 @@ from lammps_cases.records.wording import counted
 
 
 def text(report: Report, ending: Ending, versions: Sequence[str] = KNOWN) -> str:
-    """Return the text of a report, with what LAMMPS made of its deck."""
+    """Return the text of a report, with LAMMPS' result for its deck."""
     sections = {
         "Summary": _summary(report),
         "LAMMPS Version and Platform": _versions(report.finding, ending, versions),
@@ -47,7 +47,7 @@ def _versions(finding: Finding | None, ending: Ending, versions: Sequence[str]) 
 
 
 def turns(finding: Finding, versions: Sequence[str] = KNOWN) -> str:
-    """Say which of the versions tried is the first bad one, which the last good one before, which the first after."""
+    """Name, of the tested versions, the first bad one, the last good one before it and the first good one after it."""
     bad = [version in finding.engines for version in versions]
     if True not in bad:
         return "Good in every version tried."
@@ -87,7 +87,7 @@ def _subject(report: Report) -> str:
 
 
 def _by_hand(given: Sum) -> Iterable[str]:
-    """Yield the calculation by hand: the particle, and all that is summed over its pairs."""
+    """Yield the calculation by hand: the particle, and all terms summed over its pairs."""
     own = given.particle
     nearest = "" if given.count == len(given.pairs) else f" ({len(given.pairs)} nearest shown)"
     yield f"By hand, atom {own.id} with {counted(given.count, 'neighbour')} within the cutoff{nearest}: V = m/rho, P by"

@@ -1,8 +1,8 @@
-"""A bug report of a finding, or of a case that is red: the deck, and what the text for LAMMPS' tracker needs.
+"""A bug report of a finding or a red case: the deck, and the data for the text for LAMMPS' tracker.
 
-A finding is demonstrated by a scene as small as can be, and a number in it (``demonstrations.yaml`` of the findings),
-which formulas over the pairs of one particle give by hand. A finding about input has none: LAMMPS runs the first case
-or probe that it applies to, as it is or smaller.
+A finding is demonstrated by a minimal scene, and a number in it (``demonstrations.yaml`` of the findings),
+which formulas over the pairs of one particle give by hand. A finding about input has no number: LAMMPS runs the first
+case or probe that it applies to, unchanged or smaller.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ FILE = Path(findings.__file__).with_name("demonstrations.yaml")
 
 
 class AtomNumber(BaseModel):
-    """A component of a field of an atom, after the last step of a scene or another."""
+    """A component of a field of an atom, after the last step of a scene or another step."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -64,16 +64,16 @@ class AtomNumber(BaseModel):
 
 
 class Demonstration(OfManual, BaseModel):
-    """What a deck for a finding does.
+    """Content of a deck for a finding.
 
     Attributes
     ----------
     scene : the keys of a scene
-    number : what is looked at in it
-    hand : the same by hand: formulas of `symbols`, the last of them that of the number
-    other : what a second scene changes, which must give the same number
-    times : but for this factor
-    smaller : what is changed of the case that the finding applies to
+    number : the number in it to compare
+    hand : the same by hand: formulas of `symbols`, the last of which gives the number
+    other : changes for a second scene, which must give the same number
+    times : factor between the two numbers
+    smaller : changes of the case that the finding applies to
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -94,7 +94,7 @@ def demonstrations() -> dict[str, Demonstration]:
 
 
 def case_of(name: str, about: str, scene: Mapping[str, Any]) -> Case:
-    """Return a scene as a case, read as case files are.
+    """Return a scene as a case, read like a case file.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def smaller(case: Case, changes: Mapping[str, Any]) -> Case:
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the calculation: a name, its formula, the same with numbers for LAMMPS, the value."""
+    """A line of the calculation: name, formula, the formula with numbers for LAMMPS, value."""
 
     name: str
     formula: str
@@ -125,9 +125,9 @@ class Line:
 
 
 def symbols(given: Sum) -> dict[str, float]:
-    """Return what formulas may name, each with the id of its particle: m1, rho1, v1 by components, of pairs r2, W2.
+    """Return the symbols of formulas, each with the id of its particle: m1, rho1, v1 by components, of pairs r2, W2.
 
-    ``gx2`` and ``gy2`` are the gradient of the kernel at the pair of the particle of the number with particle 2, ``x2``
+    ``gx2`` and ``gy2`` are the gradient of the kernel for the pair of the number's particle with particle 2, ``x2``
     and ``y2`` its distance vector.
     """
     numbers: dict[str, float] = {}
@@ -142,7 +142,7 @@ def symbols(given: Sum) -> dict[str, float]:
 
 
 def calculate(formulas: Mapping[str, str], given: Sum) -> tuple[Line, ...]:
-    """Evaluate formulas one after another, each of which may name those before it."""
+    """Evaluate formulas in order; each may refer to those before it."""
     numbers, lines = symbols(given), dict[str, Line]()
     for name, formula in formulas.items():
 
@@ -152,21 +152,21 @@ def calculate(formulas: Mapping[str, str], given: Sum) -> tuple[Line, ...]:
             return repr(numbers[word[0]]) if numbers[word[0]] >= 0 else f"({numbers[word[0]]!r})"
 
         scope = numbers | {line.name: line.value for line in lines.values()}
-        result = float(eval(formula.replace("^", "**"), {"__builtins__": {}}, scope))  # of this package's own data
+        result = float(eval(formula.replace("^", "**"), {"__builtins__": {}}, scope))  # data of this package
         lines[name] = Line(name, formula, re.sub(r"[A-Za-z]\w*", number, formula), result)
     return tuple(lines.values())
 
 
 @dataclass(frozen=True)
 class Report:
-    """A deck and what it is about.
+    """A deck and its subject.
 
     Attributes
     ----------
-    finding : what it shows, None for a case that no finding explains
-    number : what is looked at; None: how LAMMPS ends
+    finding : the finding that it shows, None for a case that no finding explains
+    number : the number to compare; None: how LAMMPS ends
     sum : the terms that the reference summed for the number
-    lines : the number by hand from these, where that is short
+    lines : the number by hand from these, if short
     """
 
     name: str
@@ -181,7 +181,7 @@ class Report:
 
 @dataclass(frozen=True)
 class ExpectedNumber:
-    """A number of the reference: the value, its bound, the step, and the problem that it was predicted for."""
+    """A number of the reference: the value, its bound, the step, and the problem of the prediction."""
 
     value: float
     bound: float
@@ -190,7 +190,7 @@ class ExpectedNumber:
 
 
 def finding_named(name: str) -> Finding | None:
-    """Return the finding of a name; None without one."""
+    """Return the finding with a name; None without one."""
     return next((entry for entry in LEDGER if entry.id == name), None)
 
 
@@ -200,7 +200,7 @@ def make(name: str, engine: Engine, paths: tuple[Path, ...] = ()) -> Report:
     Raises
     ------
     InputError
-        No finding and no case has the name, or there is nothing to report.
+        No finding or case has the name, or there is nothing to report.
     """
     entry = finding_named(name)
     if entry is not None:
@@ -219,7 +219,7 @@ def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:
     Raises
     ------
     InputError
-        That version documents what LAMMPS does.
+        That version documents LAMMPS' behaviour.
     """
     shown, probe = demonstrations().get(entry.id), _probe(entry)
     for demonstrated, why in ((shown, "which documents what LAMMPS does"), (probe, "which does not promise otherwise")):
@@ -238,7 +238,7 @@ def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:
 
 
 def _probe(entry: Finding) -> ManualProbe | None:
-    """Return the probe that a finding without a scene of its own is shown by, if it is one."""
+    """Return the probe, if any, that shows a finding without its own scene."""
     by_scene = entry.model_variant is not None and entry.id in demonstrations()
     name = entry.applies_to[0] if entry.applies_to and not by_scene else ""
     return next((probe for probe in manual.probes() if fnmatch.fnmatchcase(probe.name, name)), None)
@@ -272,7 +272,7 @@ def _of_two(case: Case, other: Case, number: AtomNumber, times: float) -> BugDec
 def _of_number(
     case: Case, number: AtomNumber, step: int | None = None, formulas: Mapping[str, str] = MappingProxyType({})
 ) -> tuple[BugDeck, Sum]:
-    """Return the deck for a number after the last step of a scene or another, and the terms of the reference.
+    """Return the deck for a number after the last step of a scene or another step, and the terms of the reference.
 
     Raises
     ------
@@ -293,10 +293,10 @@ def _of_number(
 
 
 def _by_hand(obtained: str, expected: ExpectedNumber, lines: Sequence[Line]) -> Check:
-    """Return the check against a number that LAMMPS calculates.
+    """Return the check against a number calculated by LAMMPS.
 
     Its operations are those of the reference, which rounds them as well: the bound counts twice. In formulas LAMMPS
-    takes the value of another variable with 15 significant digits, which is half a unit of the last one more.
+    uses other variables with 15 significant digits, which adds half a unit of the last one.
 
     Raises
     ------
@@ -312,7 +312,7 @@ def _by_hand(obtained: str, expected: ExpectedNumber, lines: Sequence[Line]) -> 
 
 
 def predicted(case: Case, number: AtomNumber, step: int | None = None) -> ExpectedNumber:
-    """Return the number that the reference predicts, after the last step of a scene or another."""
+    """Return the number that the reference predicts, after the last step of a scene or another step."""
     step = number.step if step is None else step
     at = case.scene.snapshots[-1] if step is None else step
     problem, value_n, bound_n = _fields(case, number.field, at)
@@ -335,7 +335,7 @@ def of_case(case: Case, engine: Engine) -> Report:
     Raises
     ------
     InputError
-        The case is not red, or what is wrong with it does not fit into one deck.
+        The case is not red, or its failure does not fit into one deck.
     """
     if case.scene.twin:
         raise InputError("case", "must not be a twin, which is two runs: name its original", case.name)
@@ -355,7 +355,7 @@ def of_case(case: Case, engine: Engine) -> Report:
 
 
 def _changing(names: Sequence[str], expected: ExpectedNumber, number: AtomNumber) -> Finding | None:
-    """Return the first of the findings that explain a case whose variant changes the number; else the first of all."""
+    """Return the first finding that explains a case and whose variant changes the number; else the first of all."""
     entries = [entry for entry in map(finding_named, names) if entry]
     for entry in entries:
         made = combined([entry.model_variant], expected.problem, {}) if entry.model_variant else None
@@ -383,7 +383,7 @@ def _first_outside(case: Case, record: CaseRecord) -> tuple[AtomNumber, int]:
 
 
 def _axes(case: Case, field: str, atom: int, step: int, record: CaseRecord) -> tuple[int, ...]:
-    """Return the component that is blamed, by its value on the side of the reference; else the first."""
+    """Return the blamed component, by its value on the side of the reference; else the first."""
     of_atom = np.asarray(_fields(case, field, step)[1][list(prepared_case.prepare(case).atoms.id_n).index(atom)])
     blame = record.blame
     if not of_atom.ndim or blame is None or blame.reference is None or (blame.field, blame.atom) != (field, atom):

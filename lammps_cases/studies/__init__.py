@@ -1,1 +1,1 @@
-"""Studies in addition to the main job: speed against accuracy, flows with known solutions, maps of stability."""
+"""Studies: speed against accuracy, flows with known solutions, maps of stability."""

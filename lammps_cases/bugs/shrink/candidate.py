@@ -1,6 +1,6 @@
-"""What shrinking takes parts away from: a scene as the data of its case file, with every particle written out.
+"""The object of shrinking: a scene as the data of its case file, with every particle written out.
 
-Also how a case fails, and when two cases fail the same way.
+Also how a case fails, and whether two cases fail in the same way.
 """
 
 from __future__ import annotations
@@ -62,12 +62,12 @@ def written_out(case: Case) -> Content:
         if (given := per_atom.get(name)) is not None:
             content[name] = {"values": given.tolist()}
     for atom_type in content["types"]:
-        atom_type.pop("velocity", None)  # of its particles now
+        atom_type.pop("velocity", None)  # of its current particles
     return content
 
 
 def as_case(content: Content, like: Case) -> Case | None:
-    """Return the case of a content, with the name, and so the seeds, of another; None if it is no scene."""
+    """Return the case of a content, with the name, and so the seeds, of another; None if it is not a scene."""
     try:
         scene = Scene.model_validate(content)
     except (ValidationError, InputError):
@@ -76,7 +76,7 @@ def as_case(content: Content, like: Case) -> Case | None:
 
 
 def document(content: Content, name: str, about: str) -> str:
-    """Return the text of the case file; the axes of its matrix do nothing but give the case its whole name."""
+    """Return the text of the case file; the axes of its matrix only give the case its whole name."""
     first, *labels = name.split(".")
     data: dict[str, Any] = {"name": first, "about": about}
     if labels:
@@ -116,7 +116,7 @@ def digits(number: float) -> int:
 
 
 def leaves(part: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
-    """Yield the place and the value of everything that holds nothing else."""
+    """Yield the place and the value of every leaf."""
     if isinstance(part, dict | list):
         for key, value in part.items() if isinstance(part, dict) else enumerate(part):
             yield from leaves(value, (*path, key))
@@ -146,7 +146,7 @@ def at(content: Content, path: Path) -> Any:
 
 
 def replaced(content: Content, path: Path, value: Any) -> Content:
-    """Return a content with another part at some place; what it shares with the old one is not changed."""
+    """Return a content with another part at some place; shared parts of the old one are not changed."""
     new: Content = _replaced(content, path, value)
     return new
 
@@ -205,7 +205,7 @@ def only_types(content: Content, kept: Sequence[int], type_n: Sequence[int]) -> 
     number = {old: new for new, old in enumerate(kept, 1)}
 
     def ranges(types: str | int) -> list[str]:
-        """Return the ranges of the new types that an old range is of."""
+        """Return the ranges of new types that replace an old range."""
         new = [number[t] for t in type_range(str(types), n) if t in number]
         if len(new) == len(kept):
             return ["*"]
@@ -230,15 +230,15 @@ def only_types(content: Content, kept: Sequence[int], type_n: Sequence[int]) -> 
 
 @dataclass(frozen=True)
 class FailureMode:
-    """How a case fails. Two are equal if they fail the same way, whichever step and atom show it first.
+    """How a case fails. Two are equal if they fail in the same way, whichever step and atom show it first.
 
     Attributes
     ----------
-    field, stage : what is blamed, beyond the findings that the scene shows; empty where LAMMPS gave no numbers
-    finding : id of the finding that is followed, whatever field shows it; empty for a difference
+    field, stage : the blame, beyond the findings that the scene shows; empty if LAMMPS gave no numbers
+    finding : id of the finding to preserve, whichever field shows it; empty for a difference
     error : LAMMPS' error without its numbers, or how its process ended
-    bounded : whether the reference and its bound are finite there; a scene in which rounding decides is another failure
-    shown_in, step, atom : field, step and atom where it shows first
+    bounded : whether the reference and its bound are finite there; a scene decided by rounding is another failure
+    shown_in, step, atom : field, step and atom where it first shows
     """
 
     verdict: str
@@ -267,7 +267,7 @@ class FailureMode:
 
 
 def failure_mode(record: CaseRecord, finding: str = "") -> FailureMode | None:
-    """Return how a case fails, or that it shows a finding; None if it does not."""
+    """Return how a case fails, or that it shows a finding; None if neither."""
     blame = record.headline
     place: dict[str, Any] = {"shown_in": blame.field, "step": blame.step, "atom": blame.atom} if blame else {}
     place["bounded"] = not blame or all(v is None or math.isfinite(v) for v in (blame.reference, blame.bound))
@@ -284,9 +284,9 @@ def failure_mode(record: CaseRecord, finding: str = "") -> FailureMode | None:
 
 
 def rule_broken(scene: Scene) -> tuple[str, ...]:
-    """Return the rule that a scene breaks, which LAMMPS is expected to refuse; empty if it is not, or none is known.
+    """Return the rule broken by a scene that LAMMPS should refuse; empty if it should not, or if none is known.
 
-    A scene that breaks none is accepted too, which would not be the same failure.
+    A scene that breaks no rule may be accepted, which would not be the same failure.
     """
     if scene.expect is None:
         return ()
@@ -300,15 +300,15 @@ def rule_broken(scene: Scene) -> tuple[str, ...]:
 
 
 def _raised_in(error: BaseException) -> str:
-    """Return the line of the reference that refuses: the same rule has other numbers in another scene."""
-    while isinstance(error.__context__, InputError):  # before places were put in front
+    """Return the line of the reference that refuses, as the same rule has other numbers in another scene."""
+    while isinstance(error.__context__, InputError):  # before places were added in front
         error = error.__context__
     last = traceback.extract_tb(error.__traceback__)[-1]
     return f"{last.filename}:{last.lineno}"
 
 
 def _kind(record: CaseRecord) -> str:
-    """Return what is the same of two errors that differ in numbers alone; of a process that died, how it did."""
+    """Return an error without its numbers; for a dead process how it ended."""
     if record.ended in ("crashed", "timeout"):
         return record.died
     return _NUMBER.sub("#", record.engine_error)

@@ -1,7 +1,7 @@
-"""What is taken away from a scene, kind by kind; every reduction returns the smallest content it finds that fails.
+"""Reductions of a scene by kind; each returns the smallest failing content that it finds.
 
-A candidate fails if it fails the same way as the case that is shrunk. Each reduction is deterministic and accepts only
-what is smaller, so that repeating all of them ends.
+A candidate fails if it fails in the same way as the shrunk case. Each reduction is deterministic and accepts only
+smaller contents, so that repeating all of them terminates.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from lammps_cases.bugs.shrink.candidate import (
     without,
 )
 
-Fails = Callable[[Content], FailureMode | None]  # how a content fails, if it does so the same way
-KEPT: tuple[Path, ...] = (("positions",), ("types",))  # parts of which no key is dropped whole
+Fails = Callable[[Content], FailureMode | None]  # how a content fails, if in the same way
+KEPT: tuple[Path, ...] = (("positions",), ("types",))  # parts whose keys are not dropped as a whole
 # Numbers of neighbours; the limit of divergence, below 1 or not much above, is not lowered by these.
 COUNTS: tuple[Path, ...] = (
     ("rheo", "zmin"),
@@ -41,7 +41,7 @@ ROUNDINGS = (1, 2, 3, 4, 6, 8)  # significant digits
 
 
 def one_field(content: Content, fails: Fails) -> Content:
-    """Compare the field that is blamed alone: fewer predictions make all that follows quicker."""
+    """Compare only the blamed field: fewer predictions make all later reductions faster."""
     failure = fails(content)
     if failure is None or not failure.shown_in or len(content.get("compare", ())) < 2:
         return content
@@ -50,9 +50,9 @@ def one_field(content: Content, fails: Fails) -> Content:
 
 
 def fewer_steps(content: Content, fails: Fails) -> Content:
-    """Take fewer time steps: none, one, or as many as it takes until the first is outside; of few particles, bisect.
+    """Take fewer time steps: none, one, or as many as until the first is outside; with few particles, bisect.
 
-    Steps of many particles take long to predict, and the blame, read at every step, names the first without a search.
+    Steps of many particles are slow to predict, and the blame, read at every step, gives the first without a search.
     """
     evolve = content.get("evolve")
     if evolve is None:
@@ -85,7 +85,7 @@ def fewer_steps(content: Content, fails: Fails) -> Content:
 
 
 def fewer_particles(content: Content, fails: Fails) -> Content:
-    """Keep the particle that is blamed and its nearest neighbours; leave out parts of them, down to single ones."""
+    """Keep the blamed particle and its nearest neighbours; leave out parts of them, down to single ones."""
     n = len(content["positions"]["x"])
     failure = fails(content)
     if n == 1 or failure is None:
@@ -104,7 +104,7 @@ def fewer_particles(content: Content, fails: Fails) -> Content:
 
 
 def _with_lower_counts(content: Content, particles: int) -> Iterator[Content]:
-    """Yield a content, then what it is with limits of neighbours that a few particles can be above and below of."""
+    """Yield a content, then variants with limits of neighbours that a few particles can be above and below."""
     yield content
     limits = [path for path in COUNTS if _holds(content, path)]
     for limit in dict.fromkeys((particles - 1, particles // 2)):
@@ -137,7 +137,7 @@ def _nearest(content: Content, atom: int) -> list[int]:
 
 
 def _without_parts(rows: list[int], fails: Callable[[list[int]], bool]) -> list[int]:
-    """Leave out halves, quarters, ... and single rows, until none of them can be (ddmin, its complements)."""
+    """Leave out halves, quarters, ... and single rows until none can be left out (ddmin, its complements)."""
     parts = 2
     while len(rows) > 1:
         chunk = -(-len(rows) // parts)
@@ -154,7 +154,7 @@ def _without_parts(rows: list[int], fails: Callable[[list[int]], bool]) -> list[
 
 
 def fewer_types(content: Content, fails: Fails) -> Content:
-    """Leave out types that no particle has, and give the particles of one type to another."""
+    """Leave out types without particles, and give the particles of one type to another."""
     changed = True
     while changed and len(content["types"]) > 1:
         changed = False
@@ -182,7 +182,7 @@ def _with_fewer_types(content: Content) -> Iterator[Content]:
 
 
 def fewer_keys(content: Content, fails: Fails) -> Content:
-    """Leave out every key and every member of a list that can be, so that its default holds; the outer ones first."""
+    """Leave out every dispensable key, whose default then holds, and member of a list, the outer ones first."""
     content = _plainer_values(content, fails)
     tried: set[Path] = set()
     while True:
@@ -216,7 +216,7 @@ def _plainer_values(content: Content, fails: Fails) -> Content:
 
 
 def simpler_box(content: Content, fails: Fails) -> Content:
-    """Open the box where it is periodic, and draw it close around the particles."""
+    """Open the periodic faces of the box, and shrink it around the particles."""
     positions = content["positions"]
     d = len(positions["low"])
     periodic = list(positions.get("periodic") or [True] * d)
@@ -239,7 +239,7 @@ def simpler_box(content: Content, fails: Fails) -> Content:
 
 
 def fewer_digits(content: Content, fails: Fails) -> Content:
-    """Round all numbers to few digits, then each to 0, 1 or as few digits as it can have."""
+    """Round all numbers to few digits, then each to 0, 1 or as few digits as possible."""
     for figures in ROUNDINGS:
         candidate = content
         for path, value in _numbers(content):
@@ -271,7 +271,7 @@ def _rounded(value: float, figures: int) -> float:
 
 
 def _complexity(value: float) -> tuple[int, float, float]:
-    """Return what orders numbers: 0, 1, then those of few digits, near 1 in size."""
+    """Return a sort key of numbers: 0, 1, then those with few digits, near 1 in size."""
     if value in (0.0, 1.0):
         return int(value), 0.0, 0.0
     return 1 + digits(value), abs(float(np.log10(abs(value)))), float(value < 0)

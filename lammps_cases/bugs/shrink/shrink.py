@@ -1,4 +1,4 @@
-"""``eos-ref shrink``: parts are taken away from a red case for as long as it fails the same way."""
+"""``eos-ref shrink``: remove parts of a red case as long as it fails in the same way."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from lammps_cases.run.prepared_case import Outcomes, PreparedCase, prepare
 from lammps_cases.run.provenance import engine_record
 from lammps_cases.scene.casefile import Case
 
-Judge = Callable[[Case], CaseRecord]  # the ordinary verdict; raises InputError for what is no scene
-CANDIDATES = 3000  # judged at most
+Judge = Callable[[Case], CaseRecord]  # the ordinary verdict; raises InputError if it is not a scene
+CANDIDATES = 3000  # largest number judged
 
 
 @dataclass(frozen=True)
 class Shrunk:
-    """A case made small: how it fails, its content and sizes, and how many candidates were judged."""
+    """A shrunk case: how it fails, its content and sizes, and how many candidates were judged."""
 
     case: Case
     failure: FailureMode
@@ -53,7 +53,7 @@ class Shrunk:
 
     @property
     def about(self) -> str:
-        """Return what the small case is for."""
+        """Return the purpose of the small case."""
         return f"Shrunk from {self.case.name} ({self.case.source.name}): {self.failure.words}."
 
     @property
@@ -78,7 +78,7 @@ class Shrunk:
 
 @dataclass
 class Trials:
-    """Candidates judged: which fail as ``wanted`` does; each is judged once, and `CANDIDATES` at most."""
+    """Judged candidates, and which fail like ``wanted``; each is judged once, and `CANDIDATES` at most."""
 
     judge: Judge
     case: Case
@@ -91,7 +91,7 @@ class Trials:
     _known: dict[bytes, FailureMode | None] = field(default_factory=dict, repr=False)
 
     def fails(self, content: Content) -> FailureMode | None:
-        """Return how a content fails, if it does so as the case; None if it does otherwise, or is no scene."""
+        """Return how a content fails, if in the same way as the case; None otherwise, or if it is not a scene."""
         key = hashlib.sha256(json.dumps(content).encode()).digest()
         if key not in self._known:
             self._known[key] = self._judged(content)
@@ -106,7 +106,7 @@ class Trials:
             return None
         try:
             record = self.judge(candidate)
-        except (ValueError, ArithmeticError):  # no scene: an InputError, or numbers out of all proportion
+        except (ValueError, ArithmeticError):  # not a scene: an InputError, or numbers out of all proportion
             return None
         self.count += 1
         self.progress.advance(self.count, CANDIDATES, f"{len(content['positions']['x'])} particles")
@@ -114,7 +114,7 @@ class Trials:
         return failure if failure == self.wanted else None
 
     def _refused_as_before(self, content: Content, candidate: Case) -> bool:
-        """Return whether a scene that LAMMPS is to refuse is still to be refused for the same reason."""
+        """Return whether a scene that LAMMPS should refuse should still be refused for the same reason."""
         if self.case.scene.expect is None:
             return True
         if rule := rule_broken(self.case.scene):
@@ -128,7 +128,7 @@ def shrink(case: Case, judge: Judge, finding: str = "", progress: Progress = SIL
     Raises
     ------
     InputError
-        The case is as expected, or does not show the finding; or it fails no longer with its particles written out.
+        The case is as expected, does not show the finding, or no longer fails with its particles written out.
     """
     begin = time.perf_counter()
     record = judge(case)
@@ -152,12 +152,12 @@ def shrink(case: Case, judge: Judge, finding: str = "", progress: Progress = SIL
 
 
 def _only_finding(record: CaseRecord) -> str:
-    """Return the finding that explains a case, to be followed where none is named.
+    """Return the finding that explains a case, to be preserved if none is named.
 
     Raises
     ------
     InputError
-        There are several.
+        Several findings explain it.
     """
     named = record.findings if record.verdict == "explained" else []
     if len(named) > 1:
@@ -173,7 +173,7 @@ def _why_not(record: CaseRecord, finding: str) -> str:
 
 
 class WorkerJudge:
-    """The ordinary verdict on case after case, LAMMPS and the judgement in one worker process that outlives them.
+    """The ordinary verdict on one case after another; LAMMPS and the judgement share one worker process.
 
     Raises
     ------
@@ -193,7 +193,7 @@ class WorkerJudge:
         return self.judged(ready, self.answers(ready, ready.jobs))
 
     def answers(self, ready: PreparedCase, jobs: Sequence[Job]) -> Outcomes:
-        """Return what LAMMPS answers to the jobs of a case, or how it fails."""
+        """Return LAMMPS' answers to the jobs of a case, or how it fails."""
         futures = [self.workers.submit(job, ready.case.scene.engine.time_limit) for job in jobs]
         return outcomes_of(self.workers, futures)
 
@@ -205,7 +205,7 @@ class WorkerJudge:
 
 
 def shrink_on(case: Case, engine: Engine, finding: str = "", progress: Progress = SILENT) -> Shrunk:
-    """Shrink a case on an engine, in a worker of its own; see `shrink`.
+    """Shrink a case on an engine, in a separate worker; see `shrink`.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""What goes back into LAMMPS' own tree: tests for its test programs, and decks in the style of its examples."""
+"""Contributions to LAMMPS' own tree: tests for its test programs, and decks in the style of its examples."""

@@ -1,7 +1,7 @@
 """The files for LAMMPS' tree: unit tests with the reference's numbers, and decks in the style of its examples.
 
 A test is a YAML file and a data file, with one input template for all. A deck is a flow that compares a number with the
-reference's at the end: it prints what it obtained, what the reference gives, and PASS or FAIL; its log is that of the
+reference's at the end: it prints the obtained and the reference's value, and PASS or FAIL; its log is that of the
 LAMMPS that ran it.
 """
 
@@ -68,14 +68,14 @@ def kit_files(predictor: Predictor | None = None, chosen: Sequence[ForceTest] | 
 
 
 def write_folder(folder: Path, files: Iterable[KitFile]) -> None:
-    """Write the tests alone into a folder, without those of LAMMPS' tree around them."""
+    """Write only the tests into a folder, without the folders of LAMMPS' tree."""
     for file in files:
         if file.path.startswith(TESTS):
             (folder / Path(file.path).name).write_text(file.content, encoding="utf-8")
 
 
 def yaml_text(test: ForceTest, numbers: Expected) -> str:
-    """Return a YAML file in the form that the test programs write themselves."""
+    """Return a YAML file in the form written by the test programs."""
     lines = [
         "---",
         f"# {test.case.about}",
@@ -83,7 +83,7 @@ def yaml_text(test: ForceTest, numbers: Expected) -> str:
         f"# epsilon: {numbers.why}",
         f"lammps_version: {date(MANUALS[-1])}",
         "tags: rheo no_respa",
-        f"date_generated: by eos-ref {version('eos-ref')}",  # a time would make a new file of the same numbers
+        f"date_generated: by eos-ref {version('eos-ref')}",  # a time would change the file without new numbers
         f"epsilon: {numbers.epsilon:g}",
         "skip_tests:",
         *_block("prerequisites", test.prerequisites),
@@ -108,7 +108,7 @@ def _block(key: str, lines: Sequence[str]) -> list[str]:
 
 
 def _rows(values: FloatArray, count: str) -> list[str]:
-    """Return a vector on one line, behind its size if that is given, or those of all atoms, each behind its id."""
+    """Return a vector on one line, after its size if given, or those of all atoms, each after its id."""
     rows = [" ".join(f"{value:23.16e}" for value in row) for row in np.atleast_2d(values)]
     return (
         [f"  {count}{row}" for row in rows]
@@ -138,13 +138,13 @@ class UpstreamExample:
 
 @functools.cache
 def example_cases() -> tuple[casefile.Case, ...]:
-    """Return the cases that the decks are made of."""
+    """Return the cases of the decks."""
     return tuple(with_manual(case) for case in casefile.load_file(CASES))
 
 
 @functools.cache
 def examples() -> tuple[UpstreamExample, ...]:
-    """Return all examples; the number is the largest of the field compared, with its bound."""
+    """Return all examples; the number is the largest of the compared field, with its bound."""
     return tuple(_example(case) for case in example_cases())
 
 
@@ -167,7 +167,7 @@ def _example(case: casefile.Case) -> UpstreamExample:
 
 
 def example_files(engine: Engine | None, out: Path | None = None) -> list[KitFile]:
-    """Return all decks with their data files and, if there is an engine, its logs but for those that are there.
+    """Return all decks with their data files and, with an engine, the logs that do not exist yet.
 
     Raises
     ------
@@ -177,18 +177,18 @@ def example_files(engine: Engine | None, out: Path | None = None) -> list[KitFil
     for example in examples():
         contents |= example.files
         there = out is not None and any((out / FOLDER).glob(f"log.*.{example.name}.g++.1"))
-        if engine and not there:  # a log has times, which differ whenever it is written
+        if engine and not there:  # a log has times, which differ at every run
             contents |= dict([log_of(example, engine)])
     return [KitFile(f"{FOLDER}/{name}", content, executable=False) for name, content in contents.items()]
 
 
 def log_of(example: UpstreamExample, engine: Engine) -> tuple[str, str]:
-    """Run an example by an engine's program; return the name of its log, as LAMMPS names those, and the log.
+    """Run an example with an engine's program; return the log, and its name by LAMMPS' convention.
 
     Raises
     ------
     EngineMissing
-        There is no program, or it does not run the deck.
+        No program, or it does not run the deck.
     """
     with tempfile.TemporaryDirectory() as folder:
         for name, content in example.files.items():

@@ -1,10 +1,10 @@
-r"""A scene as LAMMPS' test programs take one: the commands of a YAML file, an input template, a data file.
+r"""A scene for LAMMPS' test programs: the commands of a YAML file, an input template, a data file.
 
-``test_pair_style`` reads the template, sets the pair style, gives the commands of ``post_commands`` and compares forces
+``test_pair_style`` reads the template, sets the pair style, executes ``post_commands`` and compares forces
 and virials; ``test_fix_timestep`` reads the template and a file of coefficients and compares positions and velocities
-after eight steps. Source: manual, Developer_unittest, and what the programs print.
+after eight steps. Source: manual, Developer_unittest, and the programs' output.
 
-The numbers are the reference's, and epsilon is what its bounds allow. The programs compare every component by itself:
+The numbers are the reference's, and epsilon follows from its bounds. The programs compare every component separately:
 :math:`|a-b|/\min(|a|,|b|)`, or :math:`|a-b|` where one of them is 0, must be at most epsilon times a factor of the
 stage. With :math:`|a-b|\le B` that ratio is at most :math:`B/(|b|-B)` for an expected number b; epsilon is the largest
 of these over all components, divided by the factor of their stage, rounded up to two digits.
@@ -41,11 +41,11 @@ from lammps_cases.verdict.problems import TEXT_DIGITS, problem_of
 
 SCENES = [DATA / "upstream" / f"{of}.yaml" for of in ("compute", "density", "fix", "pair", "walls")]
 TEMPLATE, COEFFICIENTS = "in.rheo", "coeffs.rheo"
-WRITE_DATA = "write_data_pair"  # the variable of test_pair_style behind its ``write_data FILE pair``; ii by default
+WRITE_DATA = "write_data_pair"  # the variable of test_pair_style after its ``write_data FILE pair``; ii by default
 MODES = ("sumsq", "min", "max")  # of a column over all particles; sums of conserved fields are rounding alone
 Program = Literal["test_pair_style", "test_fix_timestep"]
 PREFIX: dict[Program, str] = {"test_pair_style": "atomic-pair-rheo_", "test_fix_timestep": "fix-timestep-rheo_"}
-# What the template leaves to a test, and its value unless the test gives another one.
+# Variables of the template that a test may set, and their defaults.
 VARIABLES = {
     "newton_pair": "on",
     "newton_bond": "${newton_pair}",
@@ -63,12 +63,12 @@ VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # the order of the com
 
 @dataclass(frozen=True)
 class ForceTest:
-    """A test: the case that it is made of, its particles, and the commands of its YAML file.
+    """A test: its case, its particles, and the commands of its YAML file.
 
     Attributes
     ----------
-    job : what LAMMPS is given of the scene elsewhere, from which the commands are taken
-    data_name : the data file, which tests of the same particles share
+    job : the job of the scene elsewhere, from which the commands are taken
+    data_name : the data file, shared by tests of the same particles
     """
 
     case: Case
@@ -83,7 +83,7 @@ class ForceTest:
 
     @property
     def program(self) -> Program:
-        """Return the test program that takes it: that of the fields compared."""
+        """Return the test program for it, by the compared fields."""
         return "test_pair_style" if "f" in self.scene.compare else "test_fix_timestep"
 
     @property
@@ -93,7 +93,7 @@ class ForceTest:
 
     @property
     def variables(self) -> dict[str, str]:
-        """Return the variables of the template that it gives another value."""
+        """Return the variables of the template that it sets."""
         given = {words[0]: " ".join(words[1:]) for words in map(str.split, self.job.setup)}
         own = {name: given[name] for name in ("units", "dimension", "boundary", "atom_style")}
         own["data_file"] = "${input_dir}/" + self.data_name
@@ -116,10 +116,10 @@ class ForceTest:
 
     @property
     def post_commands(self) -> tuple[str, ...]:
-        """Return the commands before a run: what a restart file does not keep, the time step, the fixes."""
+        """Return the commands before a run: settings that a restart file does not keep, the time step, the fixes."""
         neighbours = [line for line in self.job.setup if line.startswith(("comm_modify", "neighbor"))]
         left_out = ["mass ", "set "]  # these are in the data file
-        if self.program == "test_pair_style":  # which has keys of its own for the pair style
+        if self.program == "test_pair_style":  # which has separate keys for the pair style
             lines = [line for line in self.job.commands if not line.startswith((*left_out, "pair_"))]
             return (*neighbours, *lines)
         lines = [line for line in self.job.commands if not line.startswith((*left_out, "timestep"))]
@@ -132,12 +132,12 @@ class ForceTest:
 
     @property
     def columns(self) -> int:
-        """Return how many columns of compute rheo/property/atom are compared."""
+        """Return the number of compared columns of compute rheo/property/atom."""
         return sum(math.prod(shape) for shape in self.job.outputs.values())
 
     @property
     def reductions(self) -> tuple[str, ...]:
-        """Return the commands by which a fix, the one tested, has a global vector of the columns of the compute."""
+        """Return the commands that give the tested fix a global vector of the columns of the compute."""
         if not self.columns:
             return ()
         columns = " ".join(f"c_q[{k}]" for k in range(1, self.columns + 1)) if self.columns > 1 else "c_q"
@@ -147,7 +147,7 @@ class ForceTest:
 
     @property
     def prerequisites(self) -> tuple[str, ...]:
-        """Return the styles that it needs, each with its kind."""
+        """Return the required styles, each with its kind."""
         (style,) = (line.split()[1] for line in self.job.setup if line.startswith("atom_style"))
         fixes = [line.split()[3] for line in self.post_commands if line.startswith("fix ")]
         computes = [line.split()[3] for line in self.post_commands if line.startswith("compute ")]
@@ -166,7 +166,7 @@ def _quoted(text: str) -> str:
 
 
 def template() -> str:
-    """Return the input template, in the form of the others of the folder."""
+    """Return the input template, in the form of the other templates of the folder."""
     words = [f"variable  {name:11s} index  {_quoted(text)}" for name, text in VARIABLES.items()]
     lines = (
         "units            ${units}",
@@ -190,19 +190,19 @@ def shipped() -> tuple[ForceTest, ...]:
 
 
 def of_case(case: Case) -> ForceTest:
-    """Return the test of a case; its random numbers are those of its dimension, so that tests share particles."""
+    """Return the test of a case; random numbers depend only on its dimension, so that tests share particles."""
     case = with_manual(case)
     scene = case.scene
     seeded = replace(case, name=f"rheo {scene.dimension}d")
     atoms = build(seeded, scene.eos(case.where))
-    # Virials are read without computes of their own, which the test programs do not have.
+    # Virials are read without separate computes, which the test programs do not have.
     plain = scene.model_copy(update={"compare": tuple(name for name in scene.compare if name != "virial")})
     job = commands.job(plain, atoms, plan(plain))
     return ForceTest(case, atoms, job, "")
 
 
 def with_manual(case: Case) -> Case:
-    """Return a case by the newest manual, which is that of LAMMPS' tree."""
+    """Return a case with the newest manual, which is that of LAMMPS' tree."""
     return replace(case, scene=case.scene.model_copy(update={"manual": MANUALS[-1]}))
 
 
@@ -213,16 +213,16 @@ def _named(test: ForceTest, names: dict[str, str]) -> ForceTest:
 
 @dataclass(frozen=True)
 class Stage:
-    """What a program compares at one point: per field of the reference its name for it, and how the state came there.
+    """A comparison of a program: its name for each field of the reference, and the origin of the state.
 
     Attributes
     ----------
-    name : what is done
-    checks : per field, the name under which the program compares it
-    keys : per field, the key of the YAML file that holds what is expected
+    name : what the program does
+    checks : per field, its name in the program
+    keys : per field, the key of the YAML file with the expected numbers
     factors : per field, of epsilon
     after : the steps taken
-    digits : of the text file that the state was read from; None: of none
+    digits : of the text file that the state was read from; None: no text file
     read_back : whether the state was read from a file
     """
 
@@ -263,15 +263,15 @@ STAGES: dict[Program, tuple[Stage, ...]] = {
 
 
 def problem(test: ForceTest, stage: Stage, fields: tuple[str, ...] = ()) -> Problem:
-    """Return a stage as the reference takes it, for some of its fields: where its runs begin, and the step compared."""
+    """Return a stage for the reference, with some of its fields: where its runs begin, and the compared step."""
     whole = problem_of(test.scene, test.atoms, test.case.where, (stage.after,))
     none = np.zeros(len(test.atoms), dtype=bool)
     begins = {"test_pair_style": (0,), "test_fix_timestep": (0, 4)}[test.program] if stage.after else ()
     stops = [ProblemStop(step, none) for step in begins]
-    # What a binary file holds is the state itself, with which a first run begins as with any other but for walls.
+    # A binary file holds the state itself, with which a first run begins as with any other, except for walls.
     if stage.digits or (stage.read_back and (stops or test.scene.rheo.interface_reconstruct)):
         place = stops[-1].step if stops else 0
-        new_n = np.full(len(test.atoms), stage.digits is not None)  # a restart file holds what fixes keep for walls
+        new_n = np.full(len(test.atoms), stage.digits is not None)  # a restart file holds the data of fixes for walls
         stops = [*stops[:-1], ProblemStop(place, new_n, read_back=True, digits=stage.digits)]
     return replace(whole, fields=fields or test.scene.compare, stops=tuple(stops))
 
@@ -288,7 +288,7 @@ def shown(test: ForceTest, field: str, values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Expected:
-    """What a test expects by key of its YAML file, its epsilon, and the number that decides epsilon, in words."""
+    """The expected numbers of a test by key of its YAML file, its epsilon, and the number that decides it, in words."""
 
     values: dict[str, FloatArray]
     epsilon: float
@@ -301,7 +301,7 @@ def expected(test: ForceTest, predictor: Predictor) -> Expected:
     Raises
     ------
     InputError
-        A component within its own rounding error of 0, which no relative precision is enough for.
+        A component within its rounding error of 0, for which no relative precision is enough.
     """
     values: dict[str, FloatArray] = {}
     worst, why = 0.0, ""
@@ -341,7 +341,7 @@ def _predicted(test: ForceTest, predictor: Predictor) -> Iterator[tuple[Stage, s
 
 
 def compared(test: ForceTest) -> tuple[str, ...]:
-    """Return the fields that are compared, the columns of the compute together."""
+    """Return the compared fields, the columns of the compute together."""
     arrays = tuple(name for name in test.scene.compare if not FIELDS[name].column)
     return (*arrays, COLUMNS) if test.columns else arrays
 
@@ -352,7 +352,7 @@ def reduced(table_nk: FloatArray) -> FloatArray:
 
 
 def table(test: ForceTest, fields: Mapping[str, Any]) -> FloatArray:
-    """Return the columns of the compute, in their order, of fields by name."""
+    """Return the columns of the compute, in order, from fields by name."""
     columns = [np.asarray(fields[name], float).reshape(len(test.atoms), -1) for name in test.job.outputs]
     return np.concatenate(columns, axis=1)
 
@@ -368,7 +368,7 @@ def _reduced(test: ForceTest, prediction: Prediction) -> tuple[FloatArray, Float
 
 
 def relative(expected: FloatArray, bound: FloatArray) -> FloatArray:
-    """Return the largest value that the programs' measure of an error has within a bound."""
+    """Return the largest error, in the programs' measure, within a bound."""
     size = np.abs(expected)
     with np.errstate(all="ignore"):
         ratio = np.where(size > bound, bound / (size - bound), np.inf)
@@ -376,7 +376,7 @@ def relative(expected: FloatArray, bound: FloatArray) -> FloatArray:
 
 
 def error(obtained: FloatArray, expected: FloatArray) -> FloatArray:
-    """Return the programs' measure of an error, component by component; infinite for what is no number."""
+    """Return the programs' measure of an error, component by component; infinite for NaN."""
     difference = np.abs(obtained - expected)
     size = np.minimum(np.abs(obtained), np.abs(expected))
     with np.errstate(all="ignore"):

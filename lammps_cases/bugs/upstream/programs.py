@@ -1,6 +1,6 @@
-"""LAMMPS' own test programs on the tests of the kit: which of their checks fail, and by which findings.
+"""LAMMPS' own test programs on the tests of the kit: the checks that fail, and the findings that explain them.
 
-The same commands are given through LAMMPS' Python module, in the order of the programs, and each stage is looked at:
+The same commands are given to LAMMPS' Python module, in the order of the programs, and each stage is compared:
 forces and the virial after ``run 0`` and four steps, with newton on and off, after a restart, with ``pair_modify
 nofdotr``, from a data file; or positions and velocities after eight steps.
 
@@ -56,21 +56,21 @@ from lammps_cases.records.files import DATA, write_atomically
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict import particle_model
 
-TIME_LIMIT = 60.0  # seconds of a test; they take a tenth of one
+TIME_LIMIT = 60.0  # seconds for a test; they take 0.1
 VIRIAL = Compute("own_virial", True, True)
-Looks = dict[str, dict[str, Any]]  # what is seen, by stage
-INCLUDE = ("src", "third_party", "src/STUBS")  # of a tree; the stubs stand for MPI
+Looks = dict[str, dict[str, Any]]  # observations by stage
+INCLUDE = ("src", "third_party", "src/STUBS")  # of a tree; the stubs replace MPI
 PAGE = Path("docs/upstream.md")
 MEASURED = DATA / "upstream" / "measured.json"
 MARKS = "<!-- measured -->", "<!-- end -->"
 FAILURE = re.compile(r"^\S+/(\w+)\.cpp:(\d+): Failure$", re.M)  # source and line
-TRACE = re.compile(r"EXPECT_\w+: (.+)$", re.M)  # the check that a failure belongs to
+TRACE = re.compile(r"EXPECT_\w+: (.+)$", re.M)  # the check of a failure
 By = dict[str, tuple[str, ...]]  # findings, by check that fails
 
 
 @dataclass(frozen=True)
 class Commands:
-    """What a test program takes of a YAML file."""
+    """Commands that a test program takes from a YAML file."""
 
     program: Program
     before: tuple[str, ...]
@@ -80,12 +80,12 @@ class Commands:
 
     @classmethod
     def of(cls, test: ForceTest) -> Commands:
-        """Return those of a test."""
+        """Return the commands of a test."""
         return cls(test.program, test.pre_commands, test.pair, test.post_commands, dict(test.job.outputs))
 
 
 def replay(site: str | None, given: Commands, folder: str) -> Looks:
-    """Go through a test, in a worker; the files of the kit lie in a folder.
+    """Replay a test in a worker; the files of the kit lie in a folder.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def _each(lmp: Any, *commands: str) -> None:
 
 
 def _looked(lmp: Any, *commands: str, run: int = 0, defined: bool = False) -> dict[str, Any]:
-    """Give commands and run; return the arrays of atoms, the virial, and the list of neighbours."""
+    """Execute commands and run; return the arrays of atoms, the virial, and the list of neighbours."""
     _each(lmp, *commands)
     if not defined:
         lmp.command(f"compute {VIRIAL.id} all pressure NULL virial")
@@ -162,7 +162,7 @@ def _looked(lmp: Any, *commands: str, run: int = 0, defined: bool = False) -> di
 
 
 def failing(test: ForceTest, numbers: Expected, looks: Looks) -> Iterator[tuple[Stage, str]]:
-    """Yield the stages and fields whose errors, as the program measures them, are more than it allows."""
+    """Yield the stages and fields whose errors, in the program's measure, exceed its limit."""
     for stage in STAGES[test.program]:
         for field, key in ((field, stage.keys[field]) for field in compared(test)):
             obtained = _obtained(test, field, looks[stage.name])
@@ -174,7 +174,7 @@ def failing(test: ForceTest, numbers: Expected, looks: Looks) -> Iterator[tuple[
 def explained(
     test: ForceTest, stage: Stage, field: str, look: dict[str, Any], engine: str, predictor: Predictor
 ) -> tuple[str, ...]:
-    """Return the findings that together reproduce a field at a stage on every atom; none: nothing known does."""
+    """Return the findings that together reproduce a field at a stage on every atom; empty if none do."""
     fields = tuple(test.job.outputs) if field == COLUMNS else (field,)
     of = problem(test, stage, fields)
     snapshot = {name: _field(test, name, look) for name in fields} | _lists(stage, of, look)
@@ -183,7 +183,7 @@ def explained(
 
 
 def _lists(stage: Stage, of: Problem, look: dict[str, Any]) -> dict[str, Any]:
-    """Return LAMMPS' list of neighbours for every evaluation of particles that do not move; nothing for others."""
+    """Return LAMMPS' list of neighbours for every evaluation of particles at rest; empty for moving ones."""
     if "list" not in look:
         return {}
     evaluations = stage.after + len(of.stops) + 1
@@ -193,7 +193,7 @@ def _lists(stage: Stage, of: Problem, look: dict[str, Any]) -> dict[str, Any]:
 
 
 def _obtained(test: ForceTest, field: str, look: dict[str, Any]) -> Array:
-    """Return a field as the YAML file has it."""
+    """Return a field in the form of the YAML file."""
     if field == COLUMNS:
         return reduced(table(test, {name: _field(test, name, look) for name in test.job.outputs}))
     return shown(test, field, _field(test, field, look))
@@ -211,7 +211,7 @@ class Measured(BaseModel):
 
 
 def build(tree: Path, folder: Path) -> None:
-    """Build the two test programs alone, for the library of a tree.
+    """Build only the two test programs, for the library of a tree.
 
     Raises
     ------
@@ -241,19 +241,19 @@ def _compile(*arguments: str) -> None:
 
 
 def untraced(tree: Path) -> dict[int, str]:
-    """Return the checks that failures do not name, by their lines in the source of test_fix_timestep, in its order."""
+    """Return the checks that failures do not name, by their lines in the source of test_fix_timestep, in order."""
     lines = (tree / "unittest" / "force-styles" / "test_fix_timestep.cpp").read_text(encoding="utf-8").splitlines()
     at = [n for n, line in enumerate(lines, 1) if "EXPECT_FP_LE_WITH_EPS(test_config.global_vector[i]," in line]
     return dict(zip(at, (stage.checks[COLUMNS] for stage in STAGES["test_fix_timestep"]), strict=False))
 
 
 def failed_checks(program: Path, file: Path, lines: Mapping[int, str]) -> set[str]:
-    """Run a test program on a file of a folder with all of them; return the checks that fail, by lines if need be.
+    """Run a test program on a file of the folder of all tests; return the failed checks, by lines if necessary.
 
     Raises
     ------
     InputError
-        The program ends otherwise than with tests passed or failed, or a failure belongs to no check.
+        The program ends without tests passed or failed, or a failure belongs to no check.
     """
     done = subprocess.run(
         [str(program), str(file), "-d", str(file.parent)],
@@ -278,7 +278,7 @@ def failed_checks(program: Path, file: Path, lines: Mapping[int, str]) -> set[st
 
 
 def replayed(chosen: Iterable[ForceTest], folder: Path, workers: Workers, engine: str) -> Mapping[str, By]:
-    """Run tests, whose files lie in a folder, by LAMMPS' Python module; return the checks that fail, with findings.
+    """Run tests, whose files lie in a folder, by LAMMPS' Python module; return the failed checks, with findings.
 
     Raises
     ------
@@ -299,12 +299,12 @@ def replayed(chosen: Iterable[ForceTest], folder: Path, workers: Workers, engine
 
 
 def measure(tree: Path) -> Measured:
-    """Run all tests by the programs of a tree and by LAMMPS' Python module, which have to say the same.
+    """Run all tests by the programs of a tree and by LAMMPS' Python module, whose results must agree.
 
     Raises
     ------
     InputError
-        They do not.
+        They disagree.
     """
     site = installations.resolve(f"path:{tree}").site
     with tempfile.TemporaryDirectory() as place, Workers(site, 1) as workers:
@@ -324,18 +324,18 @@ def measure(tree: Path) -> Measured:
 
 
 def measured() -> Measured:
-    """Return what was measured last."""
+    """Return the latest measurement."""
     return Measured.model_validate_json(MEASURED.read_text(encoding="utf-8"))
 
 
 def text(result: Measured) -> str:
-    """Return what was measured as a file with a line for every test."""
+    """Return a measurement as a file with a line for every test."""
     lines = [f"  {json.dumps(name)}: {json.dumps(by)}" for name, by in result.tests.items()]
     return f'{{\n "lammps": {json.dumps(result.lammps)},\n "tests": {{\n' + ",\n".join(lines) + "\n }\n}\n"
 
 
 def summary_table(result: Measured) -> str:
-    """Return what was measured as a table: the tests that fail in the same way, the checks, and the findings."""
+    """Return a measurement as a table: the tests that fail in the same way, the checks, and the findings."""
     groups: dict[str, list[str]] = {}
     for name, by in result.tests.items():
         groups.setdefault(json.dumps(by), []).append(name)
@@ -352,7 +352,7 @@ def summary_table(result: Measured) -> str:
 
 
 def _pattern(names: list[str], every: list[str]) -> str:
-    """Return how many tests a group has, and the shortest words for them: what only their names hold, or the names."""
+    """Return the number of tests of a group, and the words that only their names hold, else the names."""
     every = [name for name in every if name.partition("_")[0] == names[0].partition("_")[0]]
     words = {name: set(name.split("_")[1:]) for name in every}
     own = set().union(*(words[name] for name in names))
@@ -377,7 +377,7 @@ def updated(page: str, result: Measured) -> str:
 
 
 if __name__ == "__main__":
-    from lammps_cases.bugs.upstream import programs  # by this name workers find `replay`, in __main__ they do not
+    from lammps_cases.bugs.upstream import programs  # workers find `replay` by this name, but not in __main__
 
     result = programs.measure(Path(sys.argv[1]).resolve())
     write_atomically(MEASURED, text(result))

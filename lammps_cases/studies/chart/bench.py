@@ -1,4 +1,4 @@
-"""Speed against peers, measured in one run and given as ratios: machines are noisy, ratios of neighbours less so.
+"""Speed against peers, measured in one run and given as ratios, which are less noisy than times.
 
 The particle model is timed against LAMMPS on the same scene, one core each, in turns.
 """
@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-import eos_ref.jit  # noqa: F401  chooses the registers before anything is compiled
+import eos_ref.jit  # noqa: F401  selects the registers before anything is compiled
 from eos_ref import EOS, EOSTable
 from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.eos import bounds, compiled
@@ -48,7 +48,7 @@ VORTICES = 100  # particles along the edge of the box
 PEER_STEPS = 20
 WARM = 3
 EOS_REF = (sys.executable, "-m", "lammps_cases.cli.main")
-# By style; the time of a power depends on its exponent.
+# By style, as the time of a power depends on its exponent.
 LAWS = {law.style + (f" {law.parameter:g}" if law.law.uses_powm1 else ""): law for law in examples(rho0=1.2, cs=3.4)}
 
 
@@ -56,7 +56,7 @@ LAWS = {law.style + (f" {law.parameter:g}" if law.law.uses_powm1 else ""): law f
 class Ratio:
     """One measurement: nanoseconds per particle (or per run, for whole programs) of ours and of a peer.
 
-    ``ratio`` is ours over peer, below 1 is faster; all three are medians with their intervals.
+    ``ratio`` is ours over peer, below 1 if ours is faster; all three are medians with their intervals.
     """
 
     scene: str
@@ -81,7 +81,7 @@ def against(
 
 
 def measured(part: str, states: int, repeats: int, python: str | None) -> Iterator[Ratio]:
-    """Yield the ratios of a part of ``eos-ref bench``; ``python`` has PySPH, if it is given."""
+    """Yield the ratios of a part of ``eos-ref bench``; ``python``, if given, has PySPH."""
     if part == "laws":
         yield from laws_against_copy(states, repeats)
         yield table_against_copy(states, repeats)
@@ -144,9 +144,9 @@ def bytes_per_particle(n: int = 1_000_000) -> float:
 
 
 def run_against_lammps(repeats: int, jobs: int) -> Ratio:
-    """Time ``eos-ref run`` on the equations of state against LAMMPS alone on the same scenes, whole processes both.
+    """Time ``eos-ref run`` on the equations of state against LAMMPS alone on the same scenes, both as whole processes.
 
-    The scenes that crash LAMMPS are in ours only, as they would end the peer.
+    Only ours has the scenes that crash LAMMPS, as they would end the peer.
     """
     chosen = [case for case in casefile.select(casefile.load(), tag="eos") if "crash" not in case.tags]
     prepared = [prepared_case.prepare(case) for case in chosen]
@@ -170,7 +170,7 @@ def run_against_lammps(repeats: int, jobs: int) -> Ratio:
 
 
 def programs_against_python(repeats: int) -> Iterator[Ratio]:
-    """Time ``eos-ref --help``, and what a shell asks for on Tab, against an empty Python program."""
+    """Time ``eos-ref --help``, and a shell's completion on Tab, against an empty Python program."""
     yield _processes("eos-ref --help", "empty Python program", [*EOS_REF, "--help"], "pass", repeats)
     for words in ("eos-ref r", "eos-ref run forces.", "eos-ref findings f", "eos-ref run --tag q"):
         what = f"completion of {words}"
@@ -178,16 +178,16 @@ def programs_against_python(repeats: int) -> Iterator[Ratio]:
 
 
 def _asked(words: str) -> dict[str, str]:
-    """Return what bash sets to ask for the last of some words."""
+    """Return the variables that bash sets to complete the last of some words."""
     return {"_EOS_REF_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
 
 
 def _processes(
     scene: str, peer: str, ours: list[str], code: str, repeats: int, environment: dict[str, str] | None = None
 ) -> Ratio:
-    """Time whole programs as they are when installed: with byte code of all modules, of which some machines keep none.
+    """Time whole programs as installed: with byte code of all modules, which some machines do not keep.
 
-    What calibrates the measurement leaves it in a folder.
+    The calibration of the measurement leaves it in a folder.
     """
     theirs = [sys.executable, "-c", code]
     with tempfile.TemporaryDirectory() as folder:
@@ -209,8 +209,8 @@ def _process(command: list[str], environment: dict[str, str] | None = None) -> N
 def taylor_green(repeats: int, python: str | None) -> Iterator[Ratio]:
     """Yield the time per particle and step of Taylor-Green vortices, ours against every other code that is installed.
 
-    Codes that run as programs of their own cannot take turns step by step with ours; each of their runs is followed by
-    one of ours of about the same length, so that a drift of the machine meets both.
+    Codes that run as separate programs cannot take turns step by step with ours; each of their runs is followed by
+    one of ours of about the same length, so that a drift of the machine affects both.
 
     Parameters
     ----------
@@ -327,9 +327,9 @@ def model_bytes_per_particle(option: str = "RK1", edge: int = 1000) -> float:
 
 
 def grown(option: str, edge: int) -> float:
-    """Return the peak resident bytes of a simulation of ``edge`` squared particles, beyond those of a small one."""
+    """Return the peak resident bytes of a simulation of ``edge`` squared particles, less those of a small one."""
     _run_lattice(option, 40)
-    # A new process inherits the peak of the one that started it: count from here (Linux).
+    # A new process inherits the peak of its parent: count from here (Linux).
     Path("/proc/self/clear_refs").write_text("5")
     before = _peak()
     _run_lattice(option, edge)

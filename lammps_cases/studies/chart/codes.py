@@ -1,6 +1,6 @@
-"""Whole codes on the same flows: the reference, LAMMPS, and PySPH where a Python that has it is given.
+"""Whole codes on the same flows: the reference, LAMMPS, and PySPH if a Python with it is given.
 
-PySPH is never needed: scripts run under that Python, and print one JSON document.
+PySPH is optional: scripts run under that Python, and print one JSON document.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from lammps_cases.studies.flows.waves import DAM
 SCRIPTS = Path(__file__).parent / "peers"
 _NAME = "Python of PySPH"
 LIMIT = 3600.0  # seconds for a run of PySPH
-REYNOLDS = 100.0  # of the vortices: that of PySPH's example
+REYNOLDS = 100.0  # of the vortices, as in PySPH's example
 
 
 def pysph_answer(python: str, *arguments: str, limit: float = 600.0) -> dict[str, Any]:
@@ -39,14 +39,14 @@ def pysph_answer(python: str, *arguments: str, limit: float = 600.0) -> dict[str
     python : str
         A Python that has PySPH.
     arguments : str
-        Of that Python: a script, and its own.
+        Of that Python: a script, and its arguments.
     limit : float
-        Seconds after which it is given up.
+        Seconds after which it is stopped.
 
     Raises
     ------
     InputError
-        That Python cannot be run, the script fails or takes too long, or its last line is no document.
+        That Python cannot be run, the script fails or takes too long, or its last line is not a document.
     """
     try:
         done = subprocess.run([python, *arguments], check=False, capture_output=True, text=True, timeout=limit)
@@ -78,9 +78,9 @@ class Compared:
     Attributes
     ----------
     flow : what it is
-    measure : the error that is drawn
+    measure : the plotted error
     example, schemes : PySPH's, its default first
-    speed : by the resolution, of what PySPH has as speed 1, in units of the flow, whose spacing is 1
+    speed : by the resolution, PySPH's unit of speed in units of the flow, whose spacing is 1
     """
 
     flow: Flow
@@ -114,7 +114,7 @@ SWIRL = replace(
 _SIZES: dict[str, Any] = {"resolutions": (12, 16, 24), "quick": (12,)}
 COMPARED = (
     Compared(SWIRL, "profile", "taylor_green", ("tvf", "edac"), lambda n: REYNOLDS / n),
-    # PySPH has walls of its own in both cavities.
+    # PySPH uses its own walls in both cavities.
     *(Compared(replace(flow, **_SIZES), "u", "cavity", ("tvf", "edac")) for flow in (STORED, CAVITY)),
     Compared(replace(DAM, **_SIZES, title="Dam break"), "front", "dam_break_2d", ("wcsph", "edac")),
 )
@@ -140,7 +140,7 @@ def codes(quick: bool, site: str | None, pysph: str | None) -> Iterator[Converge
 
 
 def by_pysph(python: str, case: Compared, scheme: str, n: int, start: Start) -> FlowResult:
-    """Run PySPH's example of a flow to the times at which the start is read.
+    """Run PySPH's example of a flow to the times of the flow's snapshots.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def _answer(python: str, *arguments: str) -> Any:
 
 
 def _snapshot(shot: Mapping[str, Any], n: int, speed: float, start: Start) -> Snapshot:
-    """Return PySPH's fluid in units of the flow, in the places of the start's; all else is unknown."""
+    """Return PySPH's fluid in units of the flow, at the indices of the start's; all else is unknown."""
     fluid_n = start.atoms.type_n == 1
     if len(shot["x"]) != fluid_n.sum():
         raise InputError("PySPH", f"must have {fluid_n.sum()} particles of fluid", len(shot["x"]))
@@ -183,7 +183,7 @@ def compared(runs: Sequence[Convergence]) -> Iterator[tuple[Compared, list[Conve
 
 
 def rows(runs: Sequence[Convergence]) -> Iterator[tuple[str, ...]]:
-    """Yield what stands in a table: flow, error of, code, N, particles, steps, seconds, error."""
+    """Yield the rows of a table: flow, error of, code, N, particles, steps, seconds, error."""
     for case, of in compared(runs):
         for run in of:
             for k, n in enumerate(run.resolutions):
@@ -203,6 +203,6 @@ def name(run: Convergence) -> str:
 
 
 def without(chart: Chart) -> str:
-    """Say that PySPH is not on a chart of whole codes, and how it gets there; empty if it is."""
+    """State that PySPH is missing on a chart of whole codes, and how to add it; empty if it is there."""
     missing = any(section.codes for section in chart.sections) and "pysph" not in chart.engine
     return "PySPH is not among them: --pysph PYTHON names a Python that has it." if missing else ""

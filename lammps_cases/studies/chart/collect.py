@@ -1,4 +1,4 @@
-"""Measure a chart, section by section; those that the folder has are not measured again."""
+"""Measure a chart, section by section; sections in the folder are not measured again."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ def collect(
     engine: str = "env",
     pysph: str | None = None,
 ) -> Chart:
-    """Measure sections, and write and draw the chart, also of those that are done when it is interrupted.
+    """Measure sections, then write and draw the chart, if interrupted that of the finished sections.
 
     Parameters
     ----------
     pysph : str, optional
-        A Python that has PySPH, one more of the whole codes.
+        A Python that has PySPH, as a further whole code.
 
     Raises
     ------
@@ -97,12 +97,12 @@ def collect(
 def compare_engines(
     engine: str, names: Sequence[str], quick: bool, out: Path, resume: bool = True, progress: Progress = SILENT
 ) -> Chart:
-    """Measure the same sections on another engine, in a process of its own: two libraries do not fit into one.
+    """Measure the same sections on another engine in a separate process, as two libraries do not fit into one.
 
     Raises
     ------
     EngineMissing
-        The other process failed, with the last line that it left.
+        The other process failed; with its last line.
     """
     folder = out / folder_name(engine)
     switches = [*(["--quick"] if quick else []), "--resume" if resume else "--fresh"]

@@ -1,7 +1,7 @@
-"""Flows with closed solutions: their convergence, and what kernel, cutoff and time step buy in them.
+"""Flows with closed solutions: convergence, and the accuracy gained by kernel, cutoff and time step.
 
-The reference and LAMMPS run the same start in turns. Convergence takes each flow's own options; panels hold the
-resolution and change kernel and cutoff, or the time step: what a shorter one buys, and where a longer one fails.
+The reference and LAMMPS run the same start in turns. Convergence uses each flow's own options; panels fix the
+resolution and vary kernel and cutoff, or the time step: what a shorter one gains, and where a longer one fails.
 """
 
 from __future__ import annotations
@@ -97,17 +97,17 @@ def _panel(
 
 FRACTIONS = (1.0, 1 / 2, 1 / 4, 1 / 8)  # of the flow's limit
 RESOLUTION, QUICK_RESOLUTION = 24, 16  # spacings per wavelength
-FINE = 1 / 32  # of the run that stands for no error of the step
-SWIFT = 12  # spacings per wavelength of the vortices, at which sound limits the step and not viscosity
+FINE = 1 / 32  # of the run that represents no error of the step
+SWIFT = 12  # spacings per wavelength of the vortices, at which sound, not viscosity, limits the step
 TIMED = 10  # steps of a call that is timed
-NOISE = 0.01  # of the largest velocity or density: what an unstable step makes grow
+NOISE = 0.01  # of the largest velocity or density: noise that an unstable step amplifies
 TENFOLD, SPAN, LOOK = 10.0, 300, 5  # growth of the energy, the steps within which it must occur, steps between checks
 CLOSE = 1.02  # ratio of the two time steps between which a limit lies
 
 
 @dataclass(frozen=True)
 class Wave:
-    """A flow whose step is varied, and the field that is compared: velocity, or density less its mean."""
+    """A flow with varied step, and the compared field: velocity, or density less its mean."""
 
     flow: Flow
     field: Callable[[Snapshot], FloatArray]
@@ -150,7 +150,7 @@ def started(flow: Flow, n: int, fraction: float) -> Start:
 
 @dataclass(frozen=True)
 class Solved:
-    """A flow solved with one time step: its field, its errors against a short step and the closed solution, a call."""
+    """A flow solved with one time step: its field, errors against a short step and the closed solution, a call."""
 
     field_n: FloatArray
     temporal: float
@@ -232,7 +232,7 @@ def _wave_panels(wave: Wave, quick: bool, session: Session | None) -> Iterator[P
 def stability(flow: Flow, n: int, session: Session | None) -> ConfidenceInterval:
     """Return the time step, over the flow's limit, at which a flow becomes unstable.
 
-    The initial state carries noise of a hundredth of the wave. Steps are tried upwards, so that none is far beyond the
+    The initial state has noise of a hundredth of the wave. Steps are tried upwards, so that none is far beyond the
     limit, where LAMMPS would lose its atoms.
     """
     low, high = 1.0, 1.25

@@ -31,7 +31,7 @@ from lammps_cases.setup.plan import plan
 from lammps_cases.studies.chart.record import ONE_PER_CENT, Map, MethodPoint, Panel, measured
 from lammps_cases.studies.flows.flow import relative
 
-STILL = 1e-12  # time step in which no particle moves enough to matter
+STILL = 1e-12  # time step in which particles hardly move
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class LatticeSetup:
         return sim
 
     def started(self, session: Session) -> Answer:
-        """Run the scene in LAMMPS, which keeps it, and return its answer."""
+        """Run the scene in LAMMPS, which stays open with it, and return its answer."""
         scene = self.case.scene
         return session.run(job(scene, self.atoms, plan(scene)))
 
@@ -70,7 +70,7 @@ def prepared(
         "compare": ["rho"] if rho_sum else ["grad/v"],
         **more,
     }
-    # One name for all: the same particles for every kernel and cutoff.
+    # The same name gives the same particles for every kernel and cutoff.
     case = Case("chart-kernels", "", (), Scene.model_validate(data), Path("chart"))
     return LatticeSetup(case, build(case, case.scene.eos()))
 
@@ -92,7 +92,7 @@ def still_step(session: Session) -> Callable[[], object]:
 
 
 def opened(session: Session | None, stack: ExitStack) -> Session | None:
-    """Return one more LAMMPS, closed with the stack, so that all methods can be timed in turns; None without LAMMPS."""
+    """Open a further LAMMPS, closed with the stack, so that all methods can be timed in turns; None without LAMMPS."""
     return session and stack.enter_context(closing(Session(session.site)))
 
 
@@ -108,7 +108,7 @@ DISORDERS, QUICK_DISORDERS = (0.0, 0.1, 0.3), (0.1,)  # largest displacement alo
 EDGE, QUICK_EDGE = 64, 32  # particles along an edge
 K = 2 * np.pi / 16
 DEFORMED, STEPS = 0.25, 20  # largest displacement by the diverging flow along an axis (spacings), and its steps
-COLD = 1e-6  # speed of sound of particles that fly freely: their pressure is below rounding
+COLD = 1e-6  # speed of sound of freely flying particles: their pressure is below rounding
 _EVALUATION = (
     "A reference time is one evaluation: pairs, kernel values, corrections and this field. A LAMMPS time is one time "
     "step with nothing else in the scene: LAMMPS evaluates forces and both velocity gradients in every step."
@@ -156,7 +156,7 @@ class TimedMethod:
 
 
 def run(methods: Iterable[Method], session: Session | None, stack: ExitStack) -> dict[str, TimedMethod]:
-    """Run methods on the reference, and each on an instance of LAMMPS of its own."""
+    """Run methods on the reference, and each on a separate instance of LAMMPS."""
     runs: dict[str, TimedMethod] = {}
     for m in methods:
         sim = m.setup.simulation(() if m.steps else (m.field,))
@@ -204,7 +204,7 @@ def _deformed_methods(cuts: Sequence[float], disorder: float, edge: int) -> Iter
 
 
 def deformed(kernel: KernelStyle, cut: float, disorder: float, edge: int, rho_sum: bool) -> LatticeSetup:
-    """Return particles that fly freely, each with the diverging velocity (sin kx, sin ky) of its first place."""
+    """Return freely flying particles, each with the diverging velocity (sin kx, sin ky) of its initial position."""
     evolve = {"steps": STEPS, "timestep": 1.0 / STEPS, "compare_at": [STEPS]}
     cold = [{"mass": 1.0, "rho0": 1.0, "cs": COLD, "viscosity": 0.0}]
     setup = prepared(kernel, cut, disorder, edge, rho_sum, types=cold, evolve=evolve, compare=["rho", "x"])
@@ -230,7 +230,7 @@ def _points(
     quick: bool,
     session: Session | None,
 ) -> tuple[tuple[MethodPoint, ...], tuple[MethodPoint, ...]]:
-    """Return the points whose errors are root mean squares, and the same with the worst errors.
+    """Return the points with root mean squares as errors, and the same with the worst errors.
 
     ``exact`` gives for positions (n, 3) the exact values, and the scale that errors are relative to.
     """
@@ -249,7 +249,7 @@ def _points(
 
 
 def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
-    """Yield gradients, summed densities, and densities of a deformed fluid; with ``session`` those of LAMMPS too.
+    """Yield gradients, summed densities, and densities of a deformed fluid; with ``session`` also those of LAMMPS.
 
     More instances of LAMMPS are opened, one per method of a regime, and closed again.
     """

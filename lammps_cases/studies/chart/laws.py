@@ -2,7 +2,7 @@ r"""Equations of state: every method of `eos_ref.methods.laws`, and LAMMPS, agai
 
 Errors are the worst that a search finds in each regime, a range of :math:`|\rho/\rho_0-1|`; times are of shuffled
 states of that regime, for which tables and series are prepared. The costs (seconds to start, nanoseconds per state) are
-those that `eos_ref.methods.choice` chooses by.
+the basis of `eos_ref.methods.choice`.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.chart.record import Crossing, Map, MethodPoint, Panel, bisected, measured
 
-# Gamma 4 stands for whole exponents of tait/general.
+# Gamma 4 represents whole exponents of tait/general.
 LAWS: tuple[EOS, ...] = (
     *examples(1.2345, 7.89),
     EOS("tait/general", 1.2345, 7.89, 4.0),
     EOS("tait/water", 1.2345, 7.89, background=3.21),
 )
 REGIMES = tuple(Regime(low, high) for low, high in ((1e-12, 1e-9), (1e-9, 1e-6), (1e-6, 1e-3), (1e-3, 0.1), (0.1, 10)))
-ENERGY = 1.7  # per mass, of laws that need one
+ENERGY = 1.7  # per mass, for laws that need one
 STATES, QUICK_STATES = 300_000, 100_000
 OUTPUT = "LAMMPS"
-PATIENCE = 3600.0  # seconds that a search may take
+PATIENCE = 3600.0  # seconds for a search
 
 
 def name(law: EOS) -> str:
@@ -70,7 +70,7 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, session: Session | None)
     reasons = {m.name: m.reason for m in methods}
     reasons[OUTPUT] = "LAMMPS' own output, less what an output costs that needs no law"
     points: list[MethodPoint] = []
-    timed = [timings(law, methods, regime, n, session) for regime in regimes]  # first: a search compiles what it calls
+    timed = [timings(law, methods, regime, n, session) for regime in regimes]  # before searches, which compile
     searched = iter(each(worst_of, [(law, m.name, regime, SAMPLES) for regime in regimes for m in methods]))
     for regime, (took, _) in zip(regimes, timed, strict=True):
         errors = {m.name: next(searched) for m in methods}
@@ -144,13 +144,13 @@ class EngineLaw:
         self.session, self.law = session, law
 
     def pressure(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> FloatArray:
-        """Return pressures (n,) that LAMMPS puts out for densities and energies."""
+        """Return LAMMPS' output of pressures (n,) for densities and energies."""
         scene, atoms = self._scene(len(rho_n), rho_n, e_n)
         answer = self.session.run(job(scene, atoms, plan(scene)))
         return np.asarray(answer.arrays["q.pressure"][: len(rho_n)])
 
     def timed(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> tuple[Callable[[], None], Callable[[], None]]:
-        """Return two calls to be timed: the output of all pressures, and that of as many numbers that need no law.
+        """Return two calls to be timed: the output of all pressures, and that of as many numbers without a law.
 
         A new count of steps makes LAMMPS evaluate an output again; the difference of the two is the law alone.
         """
@@ -184,9 +184,9 @@ class EngineLaw:
 
 
 def each(task: Callable[..., float], arguments: Sequence[tuple[Any, ...]]) -> list[float]:
-    """Return ``task(site, *arguments)`` of each, from the workers of the cluster that is in use, else from here.
+    """Return ``task(site, *arguments)`` of each, from the workers of the cluster in use, else from this process.
 
-    No clock is needed for these; what is timed stays on this machine: times of several machines make no chart.
+    These need no clock; timing stays on this machine, as times of several machines cannot be compared.
 
     Raises
     ------
@@ -205,7 +205,7 @@ def each(task: Callable[..., float], arguments: Sequence[tuple[Any, ...]]) -> li
     return results
 
 
-# --- where methods change places
+# --- where another method becomes better
 
 
 def _accuracy_crossings(law: EOS, methods: Sequence[LawMethod]) -> Iterator[Crossing]:
@@ -255,7 +255,7 @@ FLUID = Regime(1e-9, 0.1)  # the densities for which tables and series are prepa
 
 
 def save_costs(progress: Progress = SILENT, path: Path = COSTS) -> None:
-    """Measure and write ``costs.json``; times in two digits, so that measuring again changes little of the file."""
+    """Measure and write ``costs.json``; times in two digits, so that a new measurement changes the file little."""
     laws = [law for law in LAWS if not law.background]
     costs: dict[str, dict[str, Any]] = {}
     for k, law in enumerate(laws):
@@ -273,7 +273,7 @@ def save_costs(progress: Progress = SILENT, path: Path = COSTS) -> None:
 def _startup(law: EOS, method: str, rounds: int = 3) -> float:
     """Return the seconds that the first evaluation of ten states takes in a fresh process beyond the second.
 
-    The least of some rounds; one more comes before them, in which numba may compile for good.
+    The minimum of some rounds after an extra one, in which numba may compile and cache.
     """
     code = f"""if True:
         import time

@@ -25,7 +25,7 @@ from lammps_cases.studies.flows.flow import Flow
 from lammps_cases.studies.flows.solve import Convergence
 
 ASSETS = Path(__file__).parent / "assets"
-# Distinguished by colour and by shape; LAMMPS' own are always red stars.
+# Distinguished by colour and by shape; LAMMPS' own methods are always red stars.
 _COLOURS = ("#1f5fa8", "#2e8b57", "#d98200", "#7b4fa3", "#0f9ba8", "#8c5a3c", "#c2559d", "#5c6b7a")
 _OTHERS = ("#111111", "#e5007d", "#7fb800", "#00b3e6")  # further engines
 _PEER, _SCHEMES = "#2e8b57", {"tvf": "s", "edac": "^", "wcsph": "D"}  # PySPH
@@ -38,9 +38,9 @@ Marks = dict[str, tuple[str, str]]  # colour and shape of a method
 def panel_figure(panel: Panel, others: Sequence[tuple[str, Panel]] = (), marks: Marks | None = None) -> Figure:
     """Draw correct digits against time, one plot per regime: the frontier drawn, dominated methods hollow.
 
-    ``marks`` may be of more methods than the panel has.
-    ``others`` are the same panel as measured with other engines, by their versions: of these LAMMPS' points and the
-    frontier.
+    ``marks`` may have more methods than the panel.
+    ``others`` are the same panel measured with other engines, by their versions: LAMMPS' points and the frontier of
+    these are drawn.
     """
     with matplotlib.rc_context(STYLE):
         regimes = panel.regimes
@@ -77,7 +77,7 @@ def _draw_regime(axis: Any, panel: Panel, regime: str, marks: Marks) -> None:
     best = frontier(points)
     far = 2 * max(p.ns.high for p in panel.points)
     x, y = [p.ns.median for p in best], [p.digits for p in best]
-    # All of a double's digits where they are in reach, else what there is.
+    # All of a double's digits if they are in reach, else the range of the points.
     best_digits = max(p.digits for p in panel.points)
     top, floor = (DIGITS + 0.8, -0.5) if best_digits > 8 else (1.1 * best_digits + 0.2, -0.1)
     axis.step([x[0], *x, far], [floor, *y, y[-1]], where="post", color=BLUE, lw=1.2, alpha=0.6)
@@ -184,7 +184,7 @@ def _code(engine: str) -> dict[str, Any]:
 
 
 def codes_figure(runs: Sequence[Convergence]) -> Figure:
-    """Draw the error of every flow against the seconds of a run, a line per code, each point with its resolution."""
+    """Draw the error of every flow against the seconds of a run: a line per code, each point with its resolution."""
     with matplotlib.rc_context(STYLE):
         cases = list(codes.compared(runs))
         figure = Figure(figsize=(3.2 * len(cases) + 1.6, 3.1), layout="constrained")
@@ -280,7 +280,7 @@ def _panel_figures(chart: Chart, others: Sequence[Chart]) -> Iterator[tuple[str,
 def methods(section: Section) -> list[tuple[list[str], str]]:
     """Return the methods of a section and what they are; those with the same description together.
 
-    What LAMMPS does by a method of the reference is not listed again.
+    LAMMPS' versions of methods of the reference are not listed again.
     """
     points = [point for panel in section.panels for point in panel.points]
     own = {point.method for point in points if point.engine != LAMMPS}
@@ -298,7 +298,7 @@ def _of_others(panel: Panel, others: Sequence[Chart]) -> list[tuple[str, Panel]]
 
 def _facts(chart: Chart, others: Sequence[Chart]) -> list[tuple[str, str]]:
     (_, lammps), (_, processor), took = chart.facts
-    further = f", and beside it, measured afterwards: {', '.join(other.label for other in others)}" if others else ""
+    further = f", and in addition, measured afterwards: {', '.join(other.label for other in others)}" if others else ""
     return [
         ("LAMMPS", f"{lammps}{further}"),
         *([("PySPH", chart.engine["pysph"])] if "pysph" in chart.engine else []),
@@ -308,7 +308,7 @@ def _facts(chart: Chart, others: Sequence[Chart]) -> list[tuple[str, str]]:
 
 
 def _busy(chart: Chart) -> str:
-    """Warn of a machine that did other things meanwhile; empty if a core was free for what is timed."""
+    """Warn that the machine was loaded during timing; empty if a core was free."""
     load, cores = float(chart.machine["load"]), int(chart.machine["cores"])
     if load <= max(1, cores - 1):
         return ""

@@ -18,8 +18,8 @@ from lammps_cases.records.measure import ConfidenceInterval, Timing, verdict
 from lammps_cases.studies.flows.solve import Convergence
 
 LAMMPS = "LAMMPS"
-ONE_BIT = 2.0  # factor between two worst errors below which neither method is the better one
-ONE_PER_CENT = 1.01  # the same for errors of discretisation, which are no matter of chance
+ONE_BIT = 2.0  # factor between two worst errors below which neither method is better
+ONE_PER_CENT = 1.01  # the same for errors of discretisation, which are deterministic
 DIGITS = 15.95  # of a double; an error of 0 is drawn there
 
 
@@ -32,10 +32,10 @@ class MethodPoint:
     quantity : what is computed, as ``pressure of tait/water``
     regime : the conditions, as ``|rho/rho0 - 1| from 1e-6 to 1e-5``
     method : name of the method; LAMMPS' own begins with ``LAMMPS``
-    error : the largest error found, dimensionless, relative to what the panel names
+    error : the largest error found, dimensionless, relative to the scale of the panel
     ns : nanoseconds per particle (or per particle and step): median and its interval
     compiling : seconds that the first call took beyond the others
-    reason : what it is and why one would take it, in a line
+    reason : what it is and why to use it, in a line
     dominated_by : a method that is as accurate and measurably faster, or as fast and more accurate
     like : methods whose times do not differ measurably from this one's
     """
@@ -52,20 +52,20 @@ class MethodPoint:
 
     @property
     def digits(self) -> float:
-        """Correct decimal digits, -log10 of the error; 0 where nothing is right."""
+        """Correct decimal digits, -log10 of the error; at least 0."""
         if not math.isfinite(self.error):
             return 0.0
         return min(max(-math.log10(self.error), 0.0), DIGITS) if self.error > 0 else DIGITS
 
     @property
     def engine(self) -> str:
-        """Whose method it is."""
+        """The engine of the method."""
         return LAMMPS if self.method.startswith(LAMMPS) else "reference"
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """Interval of a variable in which two methods change places: the better one below it, then the one above it."""
+    """Interval of a variable in which the better of two methods changes: the one below it, then the one above."""
 
     quantity: str
     methods: tuple[str, str]
@@ -124,7 +124,7 @@ def bisected(below: Callable[[float], bool], low: float, high: float, ratio: flo
     Parameters
     ----------
     below : function
-        Returns whether a number lies below the one sought.
+        Returns whether a number lies below the wanted one.
     low, high : float
         Positive numbers around it.
     ratio : float
@@ -172,7 +172,7 @@ def compared(
     ----------
     same : float
         Factor within which errors count as the same: one bit for rounding errors, by which the search for a worst case
-        may miss; `ONE_PER_CENT` for errors of discretisation.
+        may fall short; `ONE_PER_CENT` for errors of discretisation.
     """
     marked = []
     for one in points:
@@ -227,7 +227,7 @@ DOCUMENT = Document("chart", Chart)
 
 
 def sections(folder: Path) -> Parts[Section]:
-    """Return ``sections.jsonl``: sections as they come."""
+    """Return the journal ``sections.jsonl`` of finished sections."""
     return Parts(folder / "sections.jsonl", Section)
 
 

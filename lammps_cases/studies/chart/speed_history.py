@@ -1,4 +1,4 @@
-"""Measurements kept, one line of JSON each, and two of them compared."""
+"""Kept measurements, one line of JSON each, and the comparison of two."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class SpeedEntry:
 
 @dataclass(frozen=True)
 class SpeedChange:
-    """Change of one ratio from one entry to another: the factor by which it grew, and the answer that this gives."""
+    """Change of one ratio from one entry to another: the factor of growth, and the resulting answer."""
 
     scene: str
     peer: str
@@ -48,7 +48,7 @@ def read(path: Path) -> list[SpeedEntry]:
     Raises
     ------
     InputError
-        No such file, or a line that is no entry.
+        No such file, or a line that is not an entry.
     """
     entries = []
     try:
@@ -83,7 +83,7 @@ def changes(before: SpeedEntry, after: SpeedEntry) -> list[SpeedChange]:
     """Return the changes of the ratios that both entries have.
 
     Every entry measured its peer in the same run, so that another machine changes both sides. The interval of the
-    factor takes the worst of both intervals; one that holds 1 says nothing.
+    factor combines the extremes of both intervals; one that holds 1 is inconclusive.
     """
     old = {(ratio.scene, ratio.peer): ratio.ratio for ratio in before.ratios}
     rows = []

@@ -1,1 +1,1 @@
-"""Flows of which others know a solution, an experiment or a table, on the reference and on LAMMPS; see `flow`."""
+"""Flows with a known solution, experiment or table, on the reference and on LAMMPS; see `flow`."""

@@ -1,7 +1,7 @@
 """The flows by name.
 
-`FLOWS` have closed solutions and show the order of convergence; `VALIDATIONS` are compared with what others have
-measured, computed or solved, which is informative and never a verdict.
+`FLOWS` have closed solutions and show the order of convergence; `VALIDATIONS` are compared with published
+measurements, computations or solutions, which is informative and never a verdict.
 """
 
 from __future__ import annotations

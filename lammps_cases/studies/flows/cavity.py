@@ -3,10 +3,10 @@ r"""Square cavities: driven by a lid (Ghia, Ghia & Shin 1982), and heated from t
 The lid is a belt of solid particles that runs on through the box, over the walls, so that it has no end. Walls are as
 thick between the fluid and the edge of the box as its cutoff, and more. The Reynolds number is 100.
 
-RHEO has no buoyancy. In Boussinesq's approximation it is a force :math:`m g\beta(T-T_0)`, which fix addforce makes of
-an atom-style variable and the temperature that compute rheo/property/atom gives. Side walls keep their temperature by
-a specific heat a million times the fluid's; floor and roof conduct nothing, as harmonic/means has it of a pair of
-which one does not. No shift: it moves energies by their gradient, which knows nothing of specific heats.
+RHEO has no buoyancy. In Boussinesq's approximation it is a force :math:`m g\beta(T-T_0)`, applied by fix addforce with
+an atom-style variable and the temperature from compute rheo/property/atom. Side walls keep their temperature by
+a specific heat a million times the fluid's; floor and roof conduct nothing, as harmonic/means gives for a pair with
+one insulator. No shift, which moves energies by their gradient, independent of specific heats.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ from lammps_cases.studies.flows.flow import (
 
 REYNOLDS, MACH = 100.0, 0.1
 SIDE = 4  # spacings of a wall
-SETTLING, READINGS = 10, 4  # times that the lid needs for its length; the last of them are averaged over
-ARTIFICIAL, DAMPING = 0.1, 0.2  # artificial viscosity; density diffusion over h c: with less a particle may escape
+SETTLING, READINGS = 10, 4  # times in which the lid moves by its length; the last ones are averaged
+ARTIFICIAL, DAMPING = 0.1, 0.2  # artificial viscosity; density diffusion over h c: with less, particles may escape
 
 
 def _driven(n: int, options: Options) -> Start:
@@ -89,7 +89,7 @@ def _along(n: int, options: Options, snapshots: Sequence[Snapshot], axis: int, a
 
 
 def _u(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
-    """Return u on the vertical line through the centre, as far as there are particles; the walls have their own."""
+    """Return u on the vertical line through the centre, as far as there are particles; walls have their own values."""
     at = _between(n)
     return curve(np.array([0.0, *at, 1.0]), np.array([0.0, *_along(n, options, snapshots, 1, at), 1.0]))
 
@@ -101,7 +101,7 @@ def _v(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
 
 
 def _between(n: int) -> FloatArray:
-    """Return places that particles surround: the outermost rows lie half a spacing from the walls, or are moved."""
+    """Return positions surrounded by particles: the outermost rows lie half a spacing from the walls, or are moved."""
     return np.linspace(1 / n, 1 - 1 / n, 2 * n - 3)
 
 
@@ -147,7 +147,7 @@ VALIDATIONS = (CAVITY, STORED)
 
 
 RAYLEIGH, PRANDTL = 1e4, 0.71
-FASTEST = 20.0  # speeds are in units of diffusivity over side; sound has ten times the fastest
+FASTEST = 20.0  # speeds are in units of diffusivity over side; that of sound is ten times the fastest
 MEAN = 1.5  # of the temperatures 1 and 2 of the walls
 HEAVY, NOTHING = 1e6, 1e-12  # specific heat of the side walls, conductivity of floor and roof, over those of the fluid
 TIMES = (0.2, 0.225, 0.25)  # in units of side squared over diffusivity, from rest; averaged over

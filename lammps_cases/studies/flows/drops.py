@@ -1,4 +1,4 @@
-r"""Fluid in empty space, and two phases: a square that rotates, a drop that a central force lets swing, a bubble.
+r"""Fluid in empty space, and two phases: a rotating square, a drop oscillating in a central force, a bubble.
 
 The drop: a disc of radius R is stretched at the rate :math:`A_0` while every particle is pulled to the middle by
 :math:`-B^2\mathbf r`. It stays an ellipse, :math:`\dot a=Aa`, :math:`\dot A=(A^2+B^2)(b^2-a^2)/(b^2+a^2)`,
@@ -61,7 +61,7 @@ def patch_pressure(x_nc: FloatArray, side: float, terms: int = 40) -> FloatArray
 
 
 def _inviscid(sound: float, options: Options) -> dict[str, Any]:
-    """Return the scene of a fluid with no viscosity but what keeps it smooth."""
+    """Return the scene of a fluid whose only viscosity is that which keeps it smooth."""
     return {"types": [fluid(cs=sound, viscosity=0.0)], "pair": smooth(options, ARTIFICIAL, DAMPING, sound)}
 
 
@@ -83,7 +83,7 @@ def _patch(n: int, options: Options) -> Start:
 
 
 def _kept(n: int, options: Options, snapshots: Sequence[Snapshot], angular: bool) -> Curve:
-    """Return the angular momentum or the kinetic energy over the first one, at angles turned by the square."""
+    """Return the angular momentum or the kinetic energy over its initial value, at angles of the square's rotation."""
     begin = _patch(n, options).atoms
     assert begin.v_nc is not None
 
@@ -141,7 +141,7 @@ def _ellipse(times: FloatArray) -> FloatArray:
         rate, a = state
         return [(rate**2 + 1) * (1 / a**2 - a**2) / (1 / a**2 + a**2), rate * a]
 
-    least = 100 * np.finfo(float).eps  # the smallest that scipy takes
+    least = 100 * np.finfo(float).eps  # the smallest that scipy accepts
     solved = solve_ivp(rates, (0, times[-1]), [STRETCH, 1.0], "DOP853", times, rtol=least, atol=least)
     return np.asarray(solved.y[1])
 
@@ -188,7 +188,7 @@ def _axis(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
 
 
 def _period(times: Sequence[float], axis: Sequence[float]) -> float:
-    """Return the period times B of an axis: of the oscillation that fits its logarithm best."""
+    """Return the period times B of an axis, of the oscillation that fits its logarithm best."""
     _, omega = waves.damped_oscillation(np.log(np.array(axis)), times[1] - times[0])
     return 2 * math.pi / float(omega)
 
@@ -203,8 +203,8 @@ AXIS = FlowPanel(
 )
 DROP = Flow(
     "oscillating-drop",
-    f"A round drop, stretched at {STRETCH:g} B, swings under a force −B² r to its middle, which fix addforce "
-    f"makes of atom-style variables. c = {DROP_SOUND:g} B R, artificial viscosity {ARTIFICIAL:g}, rho/damp "
+    f"A round drop, stretched at {STRETCH:g} B, swings under a force −B² r to its middle, given by fix addforce "
+    f"with atom-style variables. c = {DROP_SOUND:g} B R, artificial viscosity {ARTIFICIAL:g}, rho/damp "
     f"{DAMPING:g} h c. About 1 % of error stays as the spacing falls; with c = 25 B R noise makes it larger.",
     AXIS.known[0].source,
     (16, 22, 30),

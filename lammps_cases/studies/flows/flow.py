@@ -1,8 +1,8 @@
-r"""What a flow with a closed solution is: a start, what is measured of it, and the order that theory expects.
+r"""A flow with a closed solution: its start, its measures, and the order expected by theory.
 
-All flows take particles at spacing 1 with mass rho0, so that volumes are 1, laid by hand (`start`); the box grows with
-the resolution N (particles per wavelength, height or diameter). Viscosity and time grow with N as well: Reynolds and
-Mach numbers stay, what changes is the spacing in units of the flow.
+All flows have particles at spacing 1 with mass rho0, so that volumes are 1, at explicit positions (`start`); the box
+grows with the resolution N (particles per wavelength, height or diameter). Viscosity and time grow with N as well:
+Reynolds and Mach numbers are constant, and only the spacing in units of the flow changes.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from lammps_cases.scene.casefile import Case
 
 @dataclass(frozen=True)
 class Options:
-    """How a flow is solved.
+    """Options of the solution of a flow.
 
     Attributes
     ----------
     kernel, zmin, rho_sum : arguments of fix rheo
     cut : cutoff of the kernel (spacings)
     dt_fraction : time step over the flow's own limit of stability, `lammps_cases.studies.flows.flow.time_step`
-    extra : further options, which each flow names in ``about``
+    extra : further options, listed in ``about`` of each flow
     """
 
     kernel: KernelStyle = "quintic"
@@ -64,12 +64,12 @@ class Options:
 
 @dataclass(frozen=True)
 class Body:
-    """A force on every fluid particle that depends on where it is, or on its temperature.
+    """A force on every fluid particle that depends on its position or temperature.
 
     Attributes
     ----------
     formulas : its components for LAMMPS, as formulas of atom-style variables; the temperature is c_warm
-    force : the same for the reference, (n, d), of masses (n,), positions (n, d) and temperatures (n,), if there are any
+    force : the same for the reference, (n, d), of masses (n,), positions (n, d) and, if any, temperatures (n,)
     warm : whether it depends on the temperature
     """
 
@@ -120,7 +120,7 @@ def relative(error_n: FloatArray, scale_n: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.square(error_n)) / np.mean(np.square(scale_n))))
 
 
-# --- what others know
+# --- published results
 
 Curve = tuple[tuple[float, ...], tuple[float, ...]]  # x, y
 Read = Callable[[int, Options, Sequence[Snapshot]], Curve]
@@ -129,7 +129,7 @@ Measures = Callable[[int, Options, Sequence[Snapshot]], dict[str, float]]
 
 @dataclass(frozen=True)
 class ReferenceCurve:
-    """What others know of a curve: points of an experiment or a table, drawn as marks, or a solution, as a line."""
+    """A published curve: points of an experiment or a table, drawn as marks, or a solution, as a line."""
 
     label: str
     x: tuple[float, ...]
@@ -139,7 +139,7 @@ class ReferenceCurve:
     marks: bool = True
 
     def misfit(self, curve: Curve) -> float:
-        """Return the root mean square of what a curve misses it by, over its own: where points are known, or run."""
+        """Return the RMS deviation of a curve from it over its own RMS: where points are known, or run."""
         x, y = curve
         if self.marks:
             return relative(np.interp(self.x, x, y) - np.array(self.y), np.array(self.y))
@@ -169,7 +169,7 @@ def curve(x: FloatArray, y: FloatArray) -> Curve:
 
 @dataclass(frozen=True)
 class FlowPanel:
-    """A picture of a flow: what others know, the first of them what errors are taken against, and how a run is read."""
+    """A picture of a flow: published curves, the first as the reference for errors, and how to read a run."""
 
     name: str
     x: str
@@ -184,8 +184,8 @@ class FlowQuantity:
 
     Attributes
     ----------
-    published : what it should be, None: nobody knows
-    absent : text in place of the number of a run that has none
+    published : its right value, None: unknown
+    absent : text in place of the number for a run without one
     """
 
     name: str
@@ -196,7 +196,7 @@ class FlowQuantity:
 
 
 def misfits(panels: Sequence[FlowPanel]) -> Measures:
-    """Return the measures of a flow that is held against the first known curve of each panel."""
+    """Return the measures of a flow that is compared with the first known curve of each panel."""
 
     def measures(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
         return {panel.name: panel.known[0].misfit(panel.read(n, options, snapshots)) for panel in panels}
@@ -206,22 +206,22 @@ def misfits(panels: Sequence[FlowPanel]) -> Measures:
 
 @dataclass(frozen=True)
 class Flow:
-    """A flow of which others know something: a closed solution, an experiment, a table.
+    """A flow with a closed solution, an experiment, or a table.
 
     Attributes
     ----------
     name, about : what it is, and its further options
-    solution : where what is known comes from
+    solution : source of the known results
     resolutions : particles per wavelength, height or diameter; at least three
-    expected : the order that theory expects, and why
+    expected : the order expected by theory, and why
     start : particles and scene of a resolution
     measures : relative errors of snapshots by name, the headline first
     options : those that show the convergence
-    quick : resolutions that are cheap, where the others are not
+    quick : cheap resolutions, where the others are not
     title : of its section in a validation
     panels, quantities : what a validation compares
-    findings : those of LAMMPS that change it, each tried alone on the reference
-    left_out : what a validation does not compare, and why
+    findings : findings of LAMMPS that change it, each tried alone on the reference
+    left_out : what a validation omits, and why
     """
 
     name: str
@@ -247,17 +247,17 @@ def rows(first: int, last: int, width: int) -> FloatArray:
 
 
 def fluid(**values: float | str) -> dict[str, float | str]:
-    """Return the keys of an atom type of mass, density and speed of sound 1, but for the values given."""
+    """Return the keys of an atom type: mass, density and speed of sound are 1 unless given."""
     return {"mass": 1.0, "rho0": 1.0, "cs": 1.0, **values}
 
 
 def under(background: float) -> list[dict[str, Any]]:
-    """Return the entries of the linear equation of state under a background pressure."""
+    """Return the entries of the linear equation of state with a background pressure."""
     return [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": background}]
 
 
 def forces(held: str = "2", gravity: tuple[float, float] | None = None) -> list[dict[str, Any]]:
-    """Return the gravity of a scene, if it has one, and the force 0 that holds the solids of some types."""
+    """Return the gravity of a scene, if any, and the force 0 that holds the solids of some types."""
     pull = [] if gravity is None else [{"style": "gravity", "vector": gravity}]
     return [*pull, {"style": "setforce", "vector": (0.0, 0.0), "types": held}]
 
@@ -300,7 +300,7 @@ def start(
     periodic: tuple[bool, bool] = (True, True),
     body: Body | None = None,
 ) -> Start:
-    """Return the start of a flow in the plane, particles at unit spacing more or less.
+    """Return the start of a flow in the plane, particles at about unit spacing.
 
     Parameters
     ----------
@@ -348,12 +348,12 @@ def start(
 def _scene(
     scene: Mapping[str, Any], options: Options, steps: tuple[int, ...], timestep: float, with_energy: bool
 ) -> Scene:
-    """Return the scene of a flow, but for its particles."""
+    """Return the scene of a flow without its particles."""
     rheo = {"kernel": options.kernel, "cut": options.cut, "zmin": options.zmin, "rho_sum": options.rho_sum}
     return Scene.model_validate(
         {
             "dimension": 2,
-            "positions": {"lattice": "sq", "spacing": 1.0, "cells": (1, 1)},  # a scene must have some
+            "positions": {"lattice": "sq", "spacing": 1.0, "cells": (1, 1)},  # a scene must have particles
             "pressure": ({"types": "*", "style": "linear"},),
             "rho": None if options.rho_sum else {"ratio": (1.0, 1.0)},
             "energy": {"constant": 1.0} if with_energy else None,

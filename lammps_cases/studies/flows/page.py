@@ -1,6 +1,6 @@
 """A validation on disk: ``validate.json``, ``curves.csv``, the page and its pictures.
 
-``runs.jsonl`` holds the runs as they come, from which an interrupted validation is resumed.
+``runs.jsonl`` is the journal of runs, from which an interrupted validation is resumed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ASSETS = Path(__file__).parent / "assets"
 
 
 def called(side: str) -> str:
-    """Return what a side is called in tables and legends."""
+    """Return the name of a side in tables and legends."""
     return {UNIT: "LAMMPS, particles 0.75 apart"}.get(
         side, side if side in (REFERENCE, LAMMPS) else f"reference with {side}"
     )
@@ -41,7 +41,7 @@ def called(side: str) -> str:
 
 @dataclass(frozen=True)
 class Lost:
-    """LAMMPS lost particles: the last step with all of them; findings with which the reference has lost some, when."""
+    """LAMMPS lost particles: the last step with all of them; findings with which the reference loses some, and when."""
 
     step: int
     findings: tuple[str, ...] = ()
@@ -55,8 +55,8 @@ class FlowRecord:
     Attributes
     ----------
     side : reference, LAMMPS, LAMMPS in another unit of length; or the id of the finding that the reference had
-    message : of LAMMPS, if it failed; then there is nothing else
-    lost : why, if it lost particles; of the coarsest resolution alone
+    message : of LAMMPS, if it failed; then all else is empty
+    lost : the reason, if it lost particles; only at the coarsest resolution
     """
 
     __pydantic_config__ = INFINITE
@@ -76,7 +76,7 @@ class FlowRecord:
 
 @dataclass(frozen=True)
 class Validated(Study):
-    """All that was run."""
+    """All runs of a validation."""
 
     runs: tuple[FlowRecord, ...]
     schema: str = SCHEMAS["validate"]
@@ -104,7 +104,7 @@ DOCUMENT = Document("validate", Validated)
 
 
 def runs(folder: Path) -> Parts[FlowRecord]:
-    """Return ``runs.jsonl``: runs as they come."""
+    """Return the journal ``runs.jsonl`` of finished runs."""
     return Parts(folder / "runs.jsonl", FlowRecord)
 
 
@@ -163,9 +163,9 @@ class Effect:
 
 
 def effects(validated: Validated, of: Flow) -> Iterator[Effect]:
-    """Yield what LAMMPS, and each of its findings alone, makes of the quantities of a flow, at its finest resolution.
+    """Yield the effects of LAMMPS, and of each finding alone, on the quantities of a flow at its finest resolution.
 
-    Of a side that stopped, at the finest at which it did not.
+    For a side that stopped, at the finest resolution at which it did not.
     """
     for side in validated.sides(of.name):
         run = next((run for run in reversed(validated.of(of.name, side)) if not run.message), None)
@@ -187,7 +187,7 @@ def effects(validated: Validated, of: Flow) -> Iterator[Effect]:
 
 
 def change(theirs: float, ours: float) -> str:
-    """Return how far a number is from another, to a tenth of a per cent at most; empty for numbers without a ratio."""
+    """Return the difference of two numbers, to a tenth of a per cent at most; empty for numbers without a ratio."""
     ratio = theirs / ours if ours else math.nan
     if not math.isfinite(ratio):
         return ""
@@ -198,7 +198,7 @@ def change(theirs: float, ours: float) -> str:
 
 
 def order(value: float) -> str:
-    """Return an order of convergence as tables have it; empty for none."""
+    """Format an order of convergence for tables; empty for None."""
     return f"{round(value, 1) + 0.0:.1f}" if math.isfinite(value) else ""
 
 
@@ -210,7 +210,7 @@ def stops(validated: Validated, of: Flow) -> Iterator[str]:
 
 
 def stopped(validated: Validated, flow: str, side: str) -> str:
-    """Return why a side has no numbers: of LAMMPS the findings with which the reference loses particles too."""
+    """Return why a side has no numbers: for LAMMPS the findings with which the reference loses particles too."""
     *_, last = runs = validated.of(flow, side)
     run = next((run for run in runs if run.lost), last)
     if not run.lost:
@@ -259,7 +259,7 @@ def _draw_side(axis: Any, validated: Validated, flow: str, side: str, panel: Flo
 
 
 def _label(side: str, n: int) -> str:
-    """Return a side and its resolution, in lines of a legend."""
+    """Return a side and its resolution as lines of a legend."""
     return textwrap.fill(f"{called(side)}, N\u00a0=\u00a0{n}", 22, break_on_hyphens=False)
 
 

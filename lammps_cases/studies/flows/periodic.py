@@ -1,11 +1,11 @@
-r"""Flows in a periodic box: waves of shear, heat and sound, vortices of Taylor and Green.
+r"""Flows in a periodic box: waves of shear, heat and sound, Taylor-Green vortices.
 
 Waves run along strips that are `STRIP` particles wide. The reproducing kernel RK1 is the default. At a cutoff of 3
 spacings the plain quintic's sums over a lattice miss their integrals by a constant, 8e-4 for the viscosity, at which
 the convergence ends; RK1's first moments are exact, and on a lattice the second with them. Option ``growth`` g lets the
 cutoff grow as (N/16)^g instead: the sums become exact, but the smoothing falls more slowly, with N^(2g - 2).
 
-Sound is a matter of the time step too. A force is evaluated with densities that have taken half of a step's change, so
+Sound also depends on the time step. A force is evaluated with densities that have taken half of a step's change, so
 that the pressure lags behind by half a step, :math:`\ddot f=-c^2k^2f(t-\Delta t/2)`. To first order that is
 :math:`-c^2k^2(f-\tfrac12\Delta t\dot f)`: without viscosity the amplitude grows at the rate :math:`c^2k^2\Delta t/4`,
 and waves of any length grow unless :math:`\Delta t<2\nu/c^2`. Where viscosity limits the step, this error falls with
@@ -27,8 +27,8 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.particles import entries
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, fluid, relative, rows, start, time_step
 
-STRIP = 8  # particles across, where nothing depends on that direction
-FIRST = 16  # resolution at which the cutoff begins to grow, where it does
+STRIP = 8  # particles across, a direction on which nothing depends
+FIRST = 16  # resolution at which the cutoff begins to grow, if it does
 RK1 = Options(kernel="RK1")
 QUICK = (16, 24, 32)
 DIFFUSION = 0.05  # viscosity or diffusivity over sound speed times wavelength: it limits the time step, not sound
@@ -77,7 +77,7 @@ def _diffusion_errors(
 
 # --- shear wave
 
-MOVED = 1e-4  # spacings that a particle moves while the wave decays: the lattice stays one
+MOVED = 1e-4  # spacings that a particle moves while the wave decays: the lattice persists
 
 
 def _shear(n: int) -> tuple[float, float, float]:
@@ -160,7 +160,7 @@ HEAT = Flow(
 
 # --- sound
 
-COMPRESSED = 1e-4  # amplitude: what is not linear in it is smaller still, and volumes stay 1
+COMPRESSED = 1e-4  # amplitude: nonlinear terms are negligible, and volumes stay 1
 STATE = 1.05  # mean density over rho0, so that the laws differ in their speeds of sound
 ATTENUATION = 0.05  # as `DIFFUSION`; the wave falls by exp(-1) in a period
 READINGS = 8  # in one period
@@ -228,7 +228,7 @@ SOUNDS = tuple(
 )
 
 
-# --- vortices of Taylor and Green
+# --- Taylor-Green vortices
 
 REYNOLDS = 1.0  # of the wavelength: particles move by a hundredth of it, and shear by 8 %
 MACH = 0.1
@@ -268,7 +268,7 @@ def _vortex_measures(n: int, options: Options, snapshots: Sequence[Snapshot]) ->
     (k, nu, a, _), shot = _vortex(n, options), snapshots[-1]
     u_n, v_n, _ = waves.taylor_green(shot.x_nc[:, 0], shot.x_nc[:, 1], shot.time, k, nu, a)
     exact_nc = np.stack([u_n, v_n], axis=1)
-    # Energy of the particles against that of the solution where they are: neither depends on how evenly they lie.
+    # Energy of the particles against that of the solution at their positions: independent of their distribution.
     decay = np.log(np.sum(exact_nc**2) / np.sum(shot.v_nc**2)) / (2 * shot.time)
     return {"rate": abs(float(decay) / (2 * nu * k**2)), "profile": relative(shot.v_nc - exact_nc, exact_nc)}
 
@@ -279,7 +279,7 @@ VORTICES = Flow(
     f"Re/2N, at most {MACH:g}. Options disorder (spacings), shift (yes), artificial-visc, rho-damp (over h c): none.",
     "exact for an incompressible fluid; eos_ref.analytic.waves.taylor_green",
     (16, 24, 32, 48),
-    SECOND + "; the square of the Mach number falls alike",
+    SECOND + "; the square of the Mach number falls at the same order",
     _vortex_start,
     _vortex_measures,
     RK1,

@@ -1,4 +1,4 @@
-"""Run validations: every flow at its resolutions on the reference and on LAMMPS, and what each finding does to it."""
+"""Run validations: every flow at its resolutions on the reference and on LAMMPS, and the effect of each finding."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from lammps_cases.studies.flows.solve import FlowResult, ReferenceFlow, by_refer
 
 LIMIT = 3600.0  # seconds for one run
 SPACING = 0.75  # between particles, in another unit of length
-STRIDE = 10  # steps between looks
-PATIENCE = 1.25  # times as many steps as LAMMPS took are given to the reference
+STRIDE = 10  # steps between snapshots
+PATIENCE = 1.25  # the reference may take this many times the steps of LAMMPS
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def validate(
     engine: str = "env",
     progress: Progress = SILENT,
 ) -> Validated:
-    """Run validations, and write document and page after each of them; runs that the folder has are not done again.
+    """Run validations, and write document and page after each; runs in the folder are not repeated.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def _back(shot: Snapshot, scale: Scale) -> Snapshot:
 
 
 def _key(task: FlowTask, start: Start, about: dict[str, Any]) -> str:
-    """Hash all that a run depends on: sources, start, side, and LAMMPS' account of itself."""
+    """Hash all that a run depends on: sources, start, side, and LAMMPS' description."""
     a, lammps = start.atoms, repr(sorted(about.items())) if task.side.startswith(LAMMPS) else ""
     arrays = (a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.low_c, a.high_c)
     problem = start.case.scene.model_dump_json(), start.steps, start.timestep, start.body.formulas if start.body else ()
@@ -135,7 +135,7 @@ def _key(task: FlowTask, start: Start, about: dict[str, Any]) -> str:
 
 @functools.cache
 def _sources() -> str:
-    """Hash the code that decides what is run and what is read off it, with the reference and its libraries."""
+    """Hash the code that determines runs and their reading, with the reference and its libraries."""
     digest = hashlib.sha256(store.context().encode())
     package = Path(__file__).parents[2]
     for room in ("scene", "setup", "engine", "studies/flows"):
@@ -145,7 +145,7 @@ def _sources() -> str:
 
 
 def _solved(task: FlowTask, start: Start) -> FlowResult:
-    """Run a task; particles of the reference that are lost become the message, as those of LAMMPS do."""
+    """Run a task; a loss of particles becomes the message, in the reference as in LAMMPS."""
     try:
         return task.solve(start)
     except InputError as error:
@@ -175,9 +175,9 @@ def _run(task: FlowTask, start: Start) -> FlowRecord:
 
 
 def explain(start: Start, lammps: Callable[[Start], FlowResult], findings: Sequence[Finding]) -> Lost:
-    """Return the last step that LAMMPS has all particles at, and the first findings with which the reference has not.
+    """Return LAMMPS' last step with all particles, and the first findings with which the reference loses some.
 
-    They are tried each alone, then all together.
+    Findings are tried each alone, then all together.
     """
     looks = range(STRIDE, start.steps[-1] + 1, STRIDE)
     step = lammps(replace(start, steps=tuple(looks))).steps
@@ -195,7 +195,7 @@ def _sets(findings: Sequence[Finding]) -> Iterator[tuple[Finding, ...]]:
 
 
 def last_with_all(start: Start, findings: Sequence[Finding], steps: int) -> int | None:
-    """Return the last step that the reference with findings has all particles at; None if it keeps them."""
+    """Return the last step at which the reference with findings has all particles; None if it keeps them."""
     stages: list[Any] = [entry.model_variant.stages for entry in findings if entry.model_variant]
     run = ReferenceFlow(start, type("Together", tuple(stages), {}) if stages else None)
     with np.errstate(all="ignore"):
@@ -207,7 +207,7 @@ def last_with_all(start: Start, findings: Sequence[Finding], steps: int) -> int 
 
 
 def gone(start: Start, shot: Snapshot) -> bool:
-    """Return whether a particle is beyond the box, where it ends, or nowhere."""
+    """Return whether a particle is beyond an open face of the box, or not at a finite position."""
     d = shot.x_nc.shape[1]
     fixed_c = ~np.array(start.atoms.periodic[:d])
     low_c, high_c = np.array(start.atoms.low_c)[:d][fixed_c], np.array(start.atoms.high_c)[:d][fixed_c]

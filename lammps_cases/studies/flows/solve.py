@@ -41,7 +41,7 @@ class FlowRun(Protocol):
 
 
 class Driven(Simulation):
-    """A simulation whose fluid feels a `Body`."""
+    """A simulation whose fluid is subject to a `Body` force."""
 
     body: Body
 
@@ -52,11 +52,11 @@ class Driven(Simulation):
 
 
 class ReferenceFlow:
-    """A flow on the reference; by default on the compiled one. Classes of surfaces are evaluated if ``surface``."""
+    """A flow on the reference, by default compiled. Classes of surfaces are evaluated if ``surface``."""
 
     def __init__(self, start: Start, evaluator: MakeEvaluator | None = None, surface: bool = False) -> None:
         self.start, self.step = start, 0
-        wanted: tuple[str, ...] = ()  # what a step needs
+        wanted: tuple[str, ...] = ()  # fields that a step needs
         if surface:
             model = reference_side.model(start.case.scene, start.atoms, start.case.where)
             wanted = (*quantities.needed_to_step(model), "surface")
@@ -89,7 +89,7 @@ class ReferenceFlow:
 
 
 class LostAtoms(EngineRefused):
-    """Atoms that LAMMPS lost without an error; ``ids`` are theirs."""
+    """Atoms that LAMMPS lost without an error, by their ``ids``."""
 
     def __init__(self, ids: IntArray, natoms: int) -> None:
         super().__init__(f"LAMMPS lost {ids.size} of {natoms} atoms, first id {ids[0]}")
@@ -97,7 +97,7 @@ class LostAtoms(EngineRefused):
 
 
 class LammpsFlow:
-    """A flow in a session of LAMMPS, which has it until another begins.
+    """A flow in a session of LAMMPS, held there until another begins.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class LammpsFlow:
         LAMMPS' error, when made or in any method.
     """
 
-    finite = True  # whether positions and velocities must be
+    finite = True  # whether positions and velocities must be finite
 
     def __init__(self, start: Start, session: Session, scene: Scene | None = None, order: Plan | None = None) -> None:
         scene = scene or start.case.scene
@@ -190,7 +190,7 @@ ENGINES: tuple[Engine, ...] = ("reference", "lammps")
 class FlowResult:
     """Outcome of a flow: snapshots, processor time of its steps, particles, steps taken.
 
-    Of one that failed also the error, and whether particles were lost.
+    For a failed run also the error, and whether particles were lost.
     """
 
     snapshots: tuple[Snapshot, ...]
@@ -243,7 +243,7 @@ def solve(site: str | None, start: Start) -> FlowResult:
 
 
 def in_worker(start: Start, workers: Workers, time_limit: float = 600.0) -> FlowResult:
-    """Run a flow on LAMMPS in a process of its own, whose death becomes the message."""
+    """Run a flow on LAMMPS in a separate process, whose death becomes the message."""
     outcome = workers.outcome(workers.call(solve, start, time_limit=time_limit))
     return FlowResult((), np.nan, len(start.atoms), 0, outcome.message) if isinstance(outcome, Failure) else outcome
 
@@ -306,11 +306,11 @@ def converge(
     resolutions : sequence of int, optional
         The flow's own by default.
     repeats : int
-        Times that every run is timed, in turns; the median counts.
+        Number of timings of every run, in turns; the median counts.
     site : str, optional
         Folder of another LAMMPS, see `lammps_cases.engine.installations`.
     others : mapping, optional
-        Further codes by name: what solves a flow at a resolution.
+        Further codes by name: functions that solve a flow at a resolution.
     """
     chosen, options = tuple(resolutions) or flow.resolutions, options or flow.options
     results: dict[str, list[FlowResult]] = {name: [] for name in (*engines, *others)}

@@ -1,4 +1,4 @@
-"""Discontinuities: a free surface that moves, the interface of two fluids, a shock tube of two gases.
+"""Discontinuities: a moving free surface, the interface of two fluids, a shock tube of two gases.
 
 Particles of the tube keep their energies.
 """
@@ -40,7 +40,7 @@ SPEED = 1.0  # on the surface, at first
 
 
 def disc(n: int) -> FloatArray:
-    """Return the sites of a square lattice in a circle of n spacings across, around 0."""
+    """Return the sites of a square lattice in a circle around 0, n spacings across."""
     half = n // 2 + 1
     x_nc = rows(-half, half, 2 * half) - np.array([half, 0])
     return np.asarray(x_nc[(x_nc**2).sum(axis=1) < n**2 / 4])
@@ -176,7 +176,7 @@ GAMMA = 1.4
 DENSE = Gas(1.0, 0.0, 1.0)
 THIN_SOUND = 0.9
 TIME = 0.16  # times length over speed of sound: the rarefactions meet in the middle at 0.25
-SHOCK_SPREAD = 1.5  # widest spacing that the dense gas expands to: the cutoff is in units of that
+SHOCK_SPREAD = 1.5  # widest spacing after expansion of the dense gas: unit of the cutoff
 
 
 def problem(options: Options) -> Riemann:
@@ -185,7 +185,7 @@ def problem(options: Options) -> Riemann:
     Raises
     ------
     InputError
-        A thin gas of the higher pressure.
+        The thin gas has the higher pressure.
     """
     thin = Gas(options.number("thin", 0.5), 0.0, THIN_SOUND)
     if not thin.pressure < DENSE.pressure:
@@ -260,7 +260,7 @@ def folded(n: int, snapshot: Snapshot) -> tuple[FloatArray, FloatArray]:
 def _tube_errors(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
     """Return mean absolute errors over the speed of the contact and the first difference of densities.
 
-    The same from the solution that forces without volumes have.
+    Also those from the solution with forces that lack the volume.
     """
     gases, last = problem(options), snapshots[-1]
     x_n, velocity_n = folded(n, last)

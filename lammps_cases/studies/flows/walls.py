@@ -1,9 +1,9 @@
-r"""Flows between walls of solid particles: plane flow, Newtonian and not, and a tank in which nothing should move.
+r"""Flows between walls of solid particles: plane flow, Newtonian or not, and a tank in which nothing should move.
 
-A solid particle is held by fix setforce 0 and lies where the next row of fluid would, so the wall is half a spacing
-from the last row of fluid.
+A solid particle is held by fix setforce 0 and lies in place of the next row of fluid, so that the wall is half a
+spacing from the last row of fluid.
 
-Of fluids whose viscosity depends on the rate of strain there are closed forms: a force :math:`\rho g` along plates at
+Fluids whose viscosity depends on the rate of strain have closed forms: a force :math:`\rho g` along plates at
 rest makes the stress :math:`\tau=\rho g|y|`, y from the middle; fix rheo/viscosity power makes
 :math:`\tau=\eta\dot\gamma` up to :math:`\dot\gamma_0`, :math:`\tau=\tau_0+K\dot\gamma^n` beyond.
 """
@@ -50,12 +50,12 @@ WIDTH = 8  # of a strip along the walls, periodic
 
 NU = 1.0
 MACH = 0.05
-TIMES = (0.05, 0.1, 0.15, 0.2)  # in units of n^2/nu: in the end the slowest mode has come down to 14 %
+TIMES = (0.05, 0.1, 0.15, 0.2)  # in units of n^2/nu: at the end the slowest mode has decayed to 14 %
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What moves the fluid: the speed that gravity would give its middle in the end, and that of the upper plate.
+    """The drive of the fluid: the final speed of its middle by gravity, and that of the upper plate.
 
     Both in units of Reynolds number x nu / n; ``reconstruct``: with interface/reconstruct.
     """
@@ -149,13 +149,13 @@ COUETTE_STORED = _channel_flow(
 # --- tank
 
 COMPRESSION = 0.02  # weight of the column over rho0 c^2
-RESTS = 2.0  # in times n/c that sound takes through the column: a wave from a false start has its largest pressure
+RESTS = 2.0  # in times n/c of sound through the column: a wave from a false start has its largest pressure
 SPREAD = 0.01  # kinematic viscosity over c n
 
 
 @dataclass(frozen=True)
 class TankColumn:
-    """A tank of n rows: law, gravity, places and densities of the rows from the bottom up, height."""
+    """A tank of n rows: law, gravity, positions and densities of the rows from the bottom up, height."""
 
     law: EOS
     gravity: float
@@ -177,7 +177,7 @@ def _tank(n: int, options: Options) -> Start:
     tank, layers, nu = _column(n, options), math.ceil(options.cut), SPREAD * n
     x_nc = rows(-layers, n, WIDTH)
     below = layers * WIDTH
-    # Walls have the density of the bottom, and must be spaced as that density says.
+    # Walls have the density of the bottom, and the spacing of that density.
     x_nc[:below, 1] /= tank.law.density(tank.gravity * n)
     x_nc[below:, 1] = np.repeat(tank.y_n, WIDTH)
     rho_n = np.concatenate([np.ones(below), np.repeat(tank.rho_n, WIDTH)])
@@ -242,7 +242,7 @@ SETTLING = 1.0  # time, in n^2 over the viscosity of a Newtonian fluid as fast
 
 @dataclass(frozen=True)
 class PowerFluid:
-    r"""A law of fix rheo/viscosity power in a gap of n spacings, and the force that drives it.
+    r"""A law of fix rheo/viscosity power in a gap of n spacings, and the driving force.
 
     :math:`\tau_0=\eta\dot\gamma_0-K\dot\gamma_0^n` is the yield stress.
     """
@@ -305,7 +305,7 @@ def ideal_bingham(fluid_: PowerFluid, y_n: FloatArray) -> FloatArray:
 
 
 def _power_channel(n: int, options: Options, of: Callable[[int], PowerFluid]) -> Start:
-    """Return the closed form between plates whose type has the viscosity that the fluid has there.
+    """Return the closed form between plates whose type has the fluid's viscosity there.
 
     With the law of the fluid a solid, in which nothing shears, drags as stiffly as fluid at rest: option ``wall``.
     """
@@ -351,7 +351,7 @@ def _middle(n: int, options: Options, snapshots: Sequence[Snapshot]) -> float:
 
 
 def _known(of: Callable[[int], PowerFluid], label: str) -> ReferenceCurve:
-    """Return the closed form, over the unit of speed; it depends on n by the units alone."""
+    """Return the closed form over the unit of speed, which depends on n only by the units."""
     y = np.linspace(0, 1, 201)
     return line(label, y, of(FINE).velocity(y * FINE) / (REYNOLDS / FINE), "the law integrated over the gap")
 
@@ -370,7 +370,7 @@ def _of_channel(
     return Flow(
         name,
         about + " It begins with the closed form and runs until it has its own. Option: wall (constant: walls have the "
-        "viscosity of the fluid beside them; law: that of the fluid).",
+        "viscosity of the adjacent fluid; law: that of the fluid).",
         known.source,
         resolutions,
         "2: kernel smoothing, and velocities of walls extrapolated linearly",
@@ -403,8 +403,8 @@ BINGHAM = _of_channel(
     "bingham",
     "Bingham plug",
     f"A fluid with a yield stress, whose middle {PLUG:.0%} of the gap moves as a plug. fix rheo/viscosity power has a "
-    f"fluid of {STIFF:g} times the viscosity below the yield stress; its closed form is the one that errors are taken "
-    "against, the rigid plug is drawn beside it.",
+    f"fluid of {STIFF:g} times the viscosity below the yield stress, and errors are taken against its closed form; the "
+    "rigid plug is drawn for comparison.",
     bingham,
     (8, 12, 16),
     (line("rigid plug", _Y, ideal_bingham(bingham(FINE), _Y * FINE) / (REYNOLDS / FINE), "Bingham's plug, rigid"),),

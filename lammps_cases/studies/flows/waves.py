@@ -1,4 +1,4 @@
-r"""Free surfaces under gravity: a standing wave that viscosity damps, and a column that collapses between walls.
+r"""Free surfaces under gravity: a standing wave damped by viscosity, and a column that collapses between walls.
 
 For a wave in deep water Lighthill has the amplitude fall at the rate :math:`2\nu k^2`, for which the surface must be
 free of stress: the dissipation is :math:`2\rho\nu\int\mathbf D:\mathbf D`. The viscous force of pair rheo is that of
@@ -6,7 +6,7 @@ Morris, :math:`\nu\nabla^2\mathbf v` with :math:`\partial_n\mathbf v=0` where th
 :math:`\rho\nu\int|\nabla\mathbf v|^2`, half as much in a potential flow, so that the rate is :math:`\nu k^2`.
 
 The column is that of the experiments of Martin & Moyce (1952). Its speeds are in units of :math:`\sqrt{gH}`, H the
-height of the column; the fastest fluid has two of them, sound twenty.
+height of the column; the fastest fluid has speed 2, sound 20.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ TIMES = tuple(2 * math.pi / OMEGA * PERIODS * (k + 1) / READINGS for k in range(
 
 
 def _mode(x_nc: FloatArray, depth: float) -> FloatArray:
-    """Return the velocities of the potential flow at the moment when the surface is flat, over their largest."""
+    """Return the velocities of the potential flow when the surface is flat, over their largest."""
     k = K / depth
     x_n, y_n = k * x_nc[:, 0], k * x_nc[:, 1]
     return np.stack([-np.cosh(y_n) * np.sin(x_n), np.sinh(y_n) * np.cos(x_n)], axis=1) / math.sinh(K)
@@ -88,7 +88,7 @@ def _wave(n: int, options: Options) -> Start:
 
 
 def _amplitude(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
-    """Return how much of the velocities is that of the mode, over the first one, at times in periods."""
+    """Return the amplitude of the mode in the velocities, over its initial value, at times in periods."""
     begin = _wave(n, options)
     wet_n = begin.atoms.type_n == 1
     mode_nc = _mode(begin.atoms.x_nc[wet_n], n)
@@ -128,7 +128,7 @@ WAVE = Flow(
     f"A standing wave two depths long, slope {SLOPE:g}, Re = {REYNOLDS:g}, over a wall without slip (which adds "
     "less than 1 % to the decay). Morris' form of the viscous force, which pair rheo documents, leaves a free "
     "surface with another condition than no stress and dissipates half as much there as Lighthill's theory has it "
-    "(Colagrossi et al., Phys. Rev. E 84, 026705, 2011): its own rate is drawn beside.",
+    "(Colagrossi et al., Phys. Rev. E 84, 026705, 2011): its own rate is drawn as well.",
     MODE.known[0].source,
     (12, 16, 24),
     "none: the decay goes to that of Morris' force, half of Lighthill's, as the spacing falls",
@@ -169,7 +169,7 @@ class Tank:
 
 
 def _start(n: int, options: Options, tank: Tank) -> Start:
-    """Return the column in hydrostatic equilibrium with a wall that is gone; n spacings high."""
+    """Return the column, n spacings high, in hydrostatic equilibrium with a removed wall."""
     layers, g = math.ceil(options.cut), 1.0 / n
     length, top = round(tank.length * n), round(tank.height * n)
     x_nc = rows(-layers, top, length + 2 * layers) - np.array([layers, 0.0])
@@ -210,7 +210,7 @@ def _front(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
     """Return the front over the width of the column, at times in units of the root of width over 2 g."""
     wet_n = _start(n, options, NARROW).atoms.type_n == 1
     width = NARROW.width * n
-    # The foremost particle may be a drop: the front has one in two hundred ahead of it.
+    # The foremost particle may be a drop: the front is behind one particle in two hundred.
     ahead = max(1, int(wet_n.sum()) // 200)
     return (
         tuple(2 * shot.time / n for shot in snapshots),
@@ -232,7 +232,7 @@ FRONT = FlowPanel(
 
 
 def _arrival(n: int, options: Options, snapshots: Sequence[Snapshot]) -> float:
-    """Return the time at which the front has run to three widths."""
+    """Return the time at which the front has reached three widths."""
     times, fronts = _front(n, options, snapshots)
     return float(np.interp(3.0, fronts, times))
 

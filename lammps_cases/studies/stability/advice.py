@@ -1,4 +1,4 @@
-"""The margin of a scene or a deck to instability: by the measured atlas, and by theory."""
+"""The margin of a scene or a deck to instability, by the measured atlas and by theory."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eos_ref.syntax.fixes import SurfaceDetection
 from lammps_cases.studies.stability.kinds import moment_matrices
 from lammps_cases.studies.stability.limits import Curve, Limits, Numbers, Tension, numbers, pressures, read
 
-NEAR = 0.8  # of a limit: from here on it is a warning
+NEAR = 0.8  # of a limit, from which on it is a warning
 MARGIN = 0.05  # of a threshold of surface/detection within which a class is uncertain
 DIGITS = 1e12  # condition number that leaves fewer than four digits of a double
 MOST = 20_000  # particles up to which matrices and surfaces are examined
@@ -28,7 +28,7 @@ L = TypeVar("L", Curve, Tension)
 
 @dataclass(frozen=True)
 class Advice:
-    """One line, and whether it is a warning; of lines on one subject that with the largest measure is the worst."""
+    """One line, and whether it is a warning; of lines on one subject the one with the largest measure is the worst."""
 
     text: str
     warns: bool = False
@@ -110,7 +110,7 @@ def _nearest(limits: Limits, step: Numbers) -> tuple[float, str] | None:
 
 
 def _of_lammps(measured: Iterable[L]) -> dict[tuple[str, str], L]:
-    """Return the limits by map and layer: those of LAMMPS, on which a deck runs, before those of the reference."""
+    """Return the limits by map and layer: those of LAMMPS, which runs a deck, before those of the reference."""
     return {(one.map, one.layer): one for one in sorted(measured, key=lambda one: one.engine == "lammps")}
 
 
@@ -185,7 +185,7 @@ def _neighbourhoods(model: Model, box: Box, state: State) -> Iterable[Advice]:
     evaluator = ArrayEvaluator(model, box, state.type_n, state.solid_n)
     try:
         evaluator.move(state.x_nc)
-    except InputError:  # particles far from the box, which the next step will lose
+    except InputError:  # particles far from the box, lost in the next step
         return
     rho_n = np.asarray(state.rho_n, float)
     if model.corrects_gradients:

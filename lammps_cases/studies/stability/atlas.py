@@ -1,4 +1,4 @@
-"""The atlas: boundaries of all maps on both engines, bisected in parallel and resumed where they were left."""
+"""The atlas: boundaries of all maps on both engines, bisected in parallel and resumable."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from lammps_cases.studies.stability.model import (
 from lammps_cases.studies.stability.probe import Examined, Examiner, PendingCell
 
 JOBS = 2
-# Sources, besides the reference, that decide how a cell ends: from its start to what is observed of it.
+# Sources, in addition to the reference, that determine how a cell ends, from start to observation.
 SOURCES = (
     *("setup/commands.py", "engine/session.py", "engine/reading.py", "setup/plan.py", "setup/reference_side.py"),
     "studies/flows/solve.py",
@@ -55,7 +55,7 @@ def measure(
     limit: float = probe.LIMIT,
     progress: Progress = SILENT,
 ) -> Atlas:
-    """Run maps, and write the atlas; cells that the folder has are not run again.
+    """Run maps, and write the atlas; cells in the folder are not run again.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def measure(
     out : Path
         Folder: ``cells.jsonl`` grows with every cell, ``atlas.json`` and ``cells.csv`` are written at the end.
     command : str
-        Command that the atlas names.
+        Command recorded in the atlas.
     quick : bool
         Whether only the quick lines of the maps are run.
     engines : sequence of {"reference", "lammps"}
@@ -72,7 +72,7 @@ def measure(
     jobs : int
         Worker processes.
     limit : float
-        Seconds after which a cell hangs.
+        Seconds after which a cell counts as hanging.
     progress : Progress
         Advances with every cell.
 
@@ -80,7 +80,7 @@ def measure(
     ------
     EngineMissing
     InputError
-        A map whose scene cannot be made.
+        The scene of a map cannot be made.
     """
     begin, before = time.perf_counter(), machine()
     out.mkdir(parents=True, exist_ok=True)
@@ -111,7 +111,7 @@ def _lines(maps: Sequence[StabilityMap], engines: Sequence[Engine], quick: bool)
 
 
 def cell_key(of: StabilityMap, cell: MapCell, side: Engine, *, about: dict[str, str], limit: float) -> str:
-    """Hash all that a cell's end depends on: start, watch, sources, LAMMPS' account of itself, and the time limit."""
+    """Hash all that a cell's end depends on: start, watch, sources, LAMMPS' description, and the time limit."""
     start, watch = of.start(cell), of.watch(cell)
     a = start.atoms
     arrays = (a.id_n, a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.mass_n, a.low_c, a.high_c)
@@ -122,7 +122,7 @@ def cell_key(of: StabilityMap, cell: MapCell, side: Engine, *, about: dict[str, 
 
 @functools.cache
 def sources() -> str:
-    """Hash the code that decides how a cell ends, with the reference, its libraries and the processor."""
+    """Hash the code that determines how a cell ends, with the reference, its libraries and the processor."""
     digest = hashlib.sha256(store.context().encode())
     package = Path(__file__).parents[2]
     for path in [*(package / name for name in SOURCES), *sorted((package / "scene").glob("*.py"))]:
@@ -151,7 +151,7 @@ class Survey:
     examiner : Examiner
         Runs cells.
     key : callable
-        Makes the key of a cell: of equal keys one is run.
+        Makes the key of a cell; cells with equal keys are run once.
     out : Path
         Folder of the atlas, which may hold cells of earlier surveys.
     """
@@ -170,7 +170,7 @@ class Survey:
         self.results: dict[MapLine, _Open] = {}
 
     def run(self, at_once: int) -> dict[MapLine, _Open]:
-        """Run the cells of all lines, ``at_once`` lines at a time; the result does not depend on which ends first."""
+        """Run the cells of all lines, ``at_once`` lines at a time; the result does not depend on their order."""
         waiting, opened = list(reversed(self.lines)), list[_Open]()
         while waiting or opened:
             while waiting and len(opened) < at_once:
@@ -195,7 +195,7 @@ class Survey:
                     one.pending[x] = key, self.examiner.ask(of, cell, one.line.engine)
 
     def _collect(self, opened: Iterable[_Open]) -> None:
-        """Wait for a cell, and take in all that have come."""
+        """Wait for a cell, and process all that are finished."""
         futures: set[Future[Examined]] = {pending.future for one in opened for _, pending in one.pending.values()}
         wait(futures, return_when=FIRST_COMPLETED)
         for one in opened:
@@ -231,7 +231,7 @@ def map_record(of: StabilityMap, quick: bool, results: dict[MapLine, _Open], eng
     return MapRecord(*head, seconds, tuple(cells), tuple(edges), tuple(agreements))
 
 
-# --- one line: which places are run, where the kind changes, whether two engines agree
+# --- one line: the places that are run, changes of kind, agreement of two engines
 
 Ends = Mapping[float, Kind]  # of the cells of a line, by x
 
@@ -246,7 +246,7 @@ def places(axis: Axis, coarse: int) -> list[float]:
 
 
 def wanted(of: StabilityMap, ends: Ends) -> list[float]:
-    """Return the places to be run next: the coarse ones, then those between neighbours of different kind; then none."""
+    """Return the places to run next: the coarse ones, then those between neighbours of different kind, then none."""
     missing = [x for x in places(of.x, of.coarse) if x not in ends]
     if missing:
         return missing
@@ -277,7 +277,7 @@ def agreement(of: StabilityMap, layer: str, y: float, reference: Ends, lammps: E
     theirs = boundaries(MapLine(of.id, layer, y, "lammps"), lammps)
     kinds = sequence(reference), sequence(lammps)
     same = kinds[0] == kinds[1] and all(
-        # Neighbouring intervals of bisection share an end to rounding.
+        # Neighbouring intervals of bisection share an end up to rounding.
         of.x.coordinate(max(a.low, b.low)) - of.x.coordinate(min(a.high, b.high)) <= of.x.width
         for a, b in zip(ours, theirs, strict=True)
     )

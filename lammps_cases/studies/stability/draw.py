@@ -34,7 +34,7 @@ from lammps_cases.studies.stability.model import (
     Theory,
 )
 
-# Colours of Okabe & Ito (2008), which the colour-blind tell apart, and a shape of its own for every kind.
+# Colours of Okabe & Ito (2008), which colour-blind readers can distinguish, and a separate shape for every kind.
 MARKS: dict[Kind, tuple[str, str]] = {
     "stable": ("#c9d3dc", "o"),
     "lost digits": ("#009e73", "d"),
@@ -122,7 +122,7 @@ def _scale(axis: Any, drawn: MapRecord) -> None:
 
 
 def _heights(drawn: MapRecord) -> Axis:
-    """Return the vertical axis as far as lines were run; all of it for a single line."""
+    """Return the range of the vertical axis in which lines were run; all of it for a single line."""
     low, high = min(drawn.lines), max(drawn.lines)
     return drawn.y if low == high else replace(drawn.y, low=low, high=high)
 
@@ -144,7 +144,7 @@ def _draw_cells(axis: Any, ran: Sequence[CellRun], link: Link, name: str) -> Non
         colour, shape = MARKS[kind]
         style = {"c": colour, "marker": shape, "linewidths": 0.7, "edgecolors": EDGE, "zorder": 3}
         marks = axis.scatter([c.x for c in cells], [c.y for c in cells], s=26 if kind == "stable" else 44, **style)
-        # A single address would be drawn as none: one more than the cells keeps them one by one.
+        # A single address would be dropped: one more than the cells keeps one per cell.
         marks.set_urls([*(link(c) for c in cells), ""])
         marks.set_gid(f"{name}-{k}")
 

@@ -1,4 +1,4 @@
-"""Detectors: what is wrong with the particles of a run, the worst first, with the atom and the number that show it."""
+"""Detectors of failures of the particles of a run, the worst first, with the atom and the number that show them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lammps_cases.studies.flows.flow import Snapshot, Start
 from lammps_cases.studies.stability.model import FailureCriteria, Kind
 
 VANISHING = 0.01  # of rho0
-ON_TOP = 0.01  # spacings: particles nearer than this lie on top of each other
+ON_TOP = 0.01  # spacings: nearer particles lie on top of each other
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def subject(start: Start) -> Subject:
         eos = scene.eos()
         model = reference_side.model(scene, atoms, start.case.where) if scene.interacts else None
     except InputError:
-        pass  # an engine that accepts it all the same is still watched for the rest
+        pass  # an engine that accepts it anyway is still watched for the rest
     return Subject(
         atoms.id_n,
         atoms.type_n,
@@ -92,7 +92,7 @@ def wrapped(box: Box, x_nc: FloatArray) -> FloatArray:
 def moment_matrices(evaluator: ArrayEvaluator, rho_n: FloatArray) -> tuple[FloatArray, BoolArray, BoolArray]:
     """Return the moment matrices of all particles (n, b, b), which have a Cholesky factor, and which are used (zmin).
 
-    Positions are those that the evaluator was moved to, densities are given, whichever engine made them.
+    Positions are those of the evaluator, densities are given, from either engine.
     """
     _, rows = evaluator.moments(rho_n)
     size = len(rows)
@@ -113,7 +113,7 @@ def first(of: Subject, watch: FailureCriteria, look: Snapshot, energy: float | N
         Kinetic energy that the scene can supply; None: not known yet, so that its growth is not watched.
     """
     found = FailureDetectors(of, watch, look, energy)
-    # From the worst on, as in `KINDS`: a later one may rely on what an earlier one has found to be sound.
+    # From the worst on, as in `KINDS`: a detector may rely on the earlier ones.
     detectors = (
         found.lost,
         found.non_finite,
@@ -173,7 +173,7 @@ class FailureDetectors:
         return self._worst("overflow", np.isinf(worst_n), worst_n)
 
     def negative_density(self) -> ParticleFailure | None:
-        """Detect a negative density; those that a law alone is given are no failure."""
+        """Detect a negative density; for a law alone it is not a failure."""
         rho_n = self.look.rho_n
         return self._worst("negative density", rho_n < 0, rho_n) if self.of.moves else None
 
@@ -204,12 +204,12 @@ class FailureDetectors:
         )
 
     def too_close(self) -> ParticleFailure | None:
-        """Detect two particles, not both solid, much nearer than they began; the value is distance over spacing."""
+        """Detect two particles, not both solid, much nearer than at the start; the value is distance over spacing."""
         of, x_nc, closest = self.of, self.look.x_nc, self.watch.closest
         if closest is None:
             return None
         i, j, shift_pc = directed_pairs(x_nc, of.box, max(closest, ON_TOP) * of.spacing)
-        # Each pair once: both of its particles get the same distance, and the first by id is named.
+        # Each pair once: both of its particles get the same distance, and the lower id is named.
         once = (i <= j) & ~(of.solid_n[i] & of.solid_n[j])
         i, j, shift_pc = i[once], j[once], shift_pc[once]
         r_p = np.sqrt(np.square(x_nc[i] - (x_nc[j] + shift_pc)).sum(axis=1)) / of.spacing

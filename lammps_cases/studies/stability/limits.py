@@ -1,4 +1,4 @@
-"""Measured limits of the time step and of tension, small enough to ship; advice is based on them."""
+"""Measured limits of the time step and of tension, small enough to ship, as the basis of advice."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ class Numbers:
 
     @property
     def fraction(self) -> float:
-        """Time step over the lesser of both."""
+        """Time step over the smaller of both."""
         return max(self.acoustic, self.viscous)
 
     @property
     def ratio(self) -> float:
-        """nu/hc, which does not depend on the time step: from 1/2 on viscosity limits it."""
+        """nu/hc, independent of the time step: from 1/2 on viscosity limits the step."""
         return self.nu / (self.c * self.h) if self.c > 0 else math.inf
 
 
@@ -118,7 +118,7 @@ class Curve:
 class Tension:
     """Interval of the mean pressure over rho0 c^2 in which particles begin to clump, with shift or without.
 
-    Of the lines of a layer, the one with the weakest tension.
+    Taken from the line of a layer with the weakest tension.
     """
 
     map: str
@@ -156,7 +156,7 @@ def _curves(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) ->
             by_layer[b.map, b.layer, b.engine].append((point, b.above))
     curves = []
     for layer, points in sorted(by_layer.items(), key=lambda item: item[0]):
-        # Lines that differ in something else than their ratio: the lowest limit counts.
+        # Lines that differ in something other than their ratio: the lowest limit counts.
         lowest: dict[float, tuple[LimitPoint, Kind]] = {}
         for point, kind in sorted(points, key=lambda pair: pair[0].low):
             lowest.setdefault(float(f"{point.ratio:.4g}"), (point, kind))
@@ -173,7 +173,7 @@ def _ends(boundary: Boundary, maps: Mapping[str, StabilityMap]) -> tuple[Start, 
 
 
 def _point(*ends: Start) -> LimitPoint | None:
-    """Return the limit between two starts that differ in nothing but the time step."""
+    """Return the limit between two starts that differ only in the time step."""
     if not _same(*ends) or ends[0].timestep == ends[1].timestep:
         return None
     low, high = (numbers(*_reference(start), start.timestep) for start in ends)
@@ -198,7 +198,7 @@ def _tensions(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) 
 
 
 def pressures(model: Model, state: State) -> FloatArray:
-    """Return the pressure over rho0 c^2 of all fluid particles but those of an ideal gas, which has no rho0."""
+    """Return the pressure over rho0 c^2 of all fluid particles, except of an ideal gas, which has no rho0."""
     rho_n = np.asarray(state.rho_n, float)
     parts = [np.zeros(0)]
     for t, law in enumerate(model.eos, 1):

@@ -1,4 +1,4 @@
-"""Parts of a stability map: cells that are run, how they end, the boundaries between different ends; an atlas on disk.
+"""Parts of a stability map: cells, how they end, the boundaries between different endings; an atlas on disk.
 
 Its files are ``atlas.json``, ``cells.csv``, ``cells.jsonl``, and the particles before each failure in ``states``.
 """
@@ -21,16 +21,16 @@ from lammps_cases.studies.flows.flow import Start
 
 Engine = Literal["reference", "lammps"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
-# How a run ends, from sound to worst; `stable` is no failure.
+# How a run ends, from sound to worst; `stable` is not a failure.
 Kind = Literal[
     "stable",
-    "lost digits",  # fewer correct digits of the pressure than a map asks for
-    "misclassified surface",  # a surface particle taken for bulk, or bulk for surface
+    "lost digits",  # fewer correct digits of the pressure than a map requires
+    "misclassified surface",  # a surface particle classified as bulk, or bulk as surface
     "ill-conditioned matrix",  # moment matrix with a condition number that leaves fewer than four digits
     "failed matrix",  # no Cholesky factor
     "loss of hyperbolicity",  # dP/drho <= 0
     "negative pressure",  # a tension that the law should not give (only where a map watches for it)
-    "clumping",  # particles much closer than they began: tensile or pairing instability
+    "clumping",  # particles much closer than at the start: tensile or pairing instability
     "overlap",  # particles on top of each other
     "energy growth",  # kinetic energy beyond what the scene can supply
     "wall penetration",  # fluid behind the face of a wall
@@ -48,7 +48,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 @dataclass(frozen=True)
 class Axis:
-    """A parameter: from ``low`` to ``high``, resolved to ``width`` (of its logarithm to base 10 if ``log``)."""
+    """A parameter from ``low`` to ``high``, resolved to ``width`` (of its logarithm to base 10 if ``log``)."""
 
     name: str
     low: float
@@ -103,19 +103,19 @@ class MapCell:
 
     @property
     def anchor(self) -> str:
-        """Name that can stand in an address or be a file's, different for every cell."""
+        """Unique name of the cell for addresses and files."""
         return re.sub(r"[^A-Za-z0-9.+-]", lambda m: "__" if m[0] == ":" else f"_{ord(m[0]):x}_", self.name)
 
 
 @dataclass(frozen=True)
 class FailureCriteria:
-    """Failures that a run is watched for, besides NaN, lost particles, errors, crashes and hangs.
+    """Failures that a run is watched for, in addition to NaN, lost particles, errors, crashes and hangs.
 
     Attributes
     ----------
-    every : steps between two looks; a failure is then located to the step by running the stretch again
+    every : steps between two observations; a failure is then located to the step by running the stretch again
     growth : kinetic energy over ``energy`` beyond which it has grown; None: not watched
-    energy : kinetic energy that the scene can supply (energy); None: the largest of the first look and the start
+    energy : kinetic energy that the scene can supply (energy); None: the largest of the first observation and the start
     closest : distance over the spacing below which two particles clump; None: not watched
     hyperbolic : whether a density at which dP/drho <= 0 is a failure
     pressure : whether a negative pressure is a failure
@@ -139,14 +139,14 @@ class FailureCriteria:
 
 @dataclass(frozen=True)
 class CellOutcome:
-    """How one engine ended in a cell.
+    """The outcome of one engine in a cell.
 
     Attributes
     ----------
     step, atom, value : where the failure was first seen (step, id), and the number that shows it
     message : text of the engine
     seconds : wall time
-    steps : number of steps asked for
+    steps : number of steps requested
     """
 
     kind: Kind
@@ -223,7 +223,7 @@ class StabilityMap:
     Attributes
     ----------
     lines : values of y on which boundaries are bisected along x
-    start, watch : initial state of a cell, and the failures that it is watched for
+    start, watch : initial state of a cell, and the failures to watch for
     coarse : number of places along x that are run first; bisection follows between neighbours of different kind
     tags : ``quick`` maps make the one-minute atlas, ``long`` ones run only by name or tag
     quick_lines : lines of the quick atlas; none: the first and the last
@@ -260,7 +260,7 @@ class StabilityMap:
 
 @dataclass(frozen=True)
 class MapRecord:
-    """A map as it was run: its cells with their wall time (s), boundaries, and the engines' agreement."""
+    """A map after its run: its cells with their wall time (s), boundaries, and the engines' agreement."""
 
     id: str
     title: str
@@ -309,7 +309,7 @@ def document(atlas: Atlas) -> dict[str, Any]:
 
 
 def cells(folder: Path) -> Parts[CellRun]:
-    """Return ``cells.jsonl``: cells as they come."""
+    """Return the journal ``cells.jsonl`` of finished cells."""
     return Parts(folder / "cells.jsonl", CellRun)
 
 
@@ -322,7 +322,7 @@ def state_file(folder: Path, cell: MapCell, engine: Engine) -> Path:
 
 
 def write_state(folder: Path, cell: MapCell, engine: Engine, before: dict[str, Any] | None) -> None:
-    """Keep the particles before a failure; without one, remove an older file of the cell."""
+    """Keep the particles before a failure; without a failure, remove an older file of the cell."""
     file = state_file(folder, cell, engine)
     if before is None:
         file.unlink(missing_ok=True)

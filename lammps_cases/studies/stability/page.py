@@ -1,4 +1,4 @@
-"""The page of an atlas: every map with its pictures, every cell with its numbers and how to run it again."""
+"""The page of an atlas: every map with its pictures, every cell with its numbers and the command to run it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ ASSETS = Path(__file__).parent / "assets"
 
 @dataclass(frozen=True)
 class Shot:
-    """A picture of particles: its data as an address, and what it shows."""
+    """A picture of particles: its data as an address, and its caption."""
 
     data: str
     caption: str
@@ -53,7 +53,7 @@ WHO: dict[Engine, str] = {"lammps": "LAMMPS", "reference": "reference"}
 
 @dataclass(frozen=True)
 class CellView:
-    """A cell as the page shows it: how it ended on each engine, the path of its deck, its particles."""
+    """A cell on the page: how it ended on each engine, the path of its deck, its particles."""
 
     cell: MapCell
     outcomes: dict[Engine, CellOutcome]
@@ -68,7 +68,7 @@ class CellView:
 
 @dataclass(frozen=True)
 class MapView:
-    """A map as the page shows it."""
+    """A map on the page."""
 
     record: MapRecord
     picture: Markup
@@ -76,14 +76,14 @@ class MapView:
 
     @property
     def kinds(self) -> dict[Kind, tuple[int, int]]:
-        """How often each kind ended a run, on LAMMPS and on the reference."""
+        """Number of runs ended by each kind, on LAMMPS and on the reference."""
         ends = Counter((run.engine, run.outcome.kind) for run in self.record.cells)
         counts: dict[Kind, tuple[int, int]] = {k: (ends["lammps", k], ends["reference", k]) for k in model.KINDS}
         return {kind: count for kind, count in counts.items() if any(count)}
 
     @property
     def agreement(self) -> str:
-        """On how many lines the engines agree."""
+        """Number of lines on which the engines agree."""
         lines = self.record.agreement
         return f"{sum(line.verdict == 'same' for line in lines)} of {len(lines)} lines" if lines else "not compared"
 
@@ -140,7 +140,7 @@ def informative_cells(record: MapRecord) -> set[MapCell]:
 
 
 def write_deck(of: StabilityMap, cell: MapCell, folder: Path) -> str:
-    """Write the deck of a cell; return its path from the page, or nothing where no deck can express it."""
+    """Write the deck of a cell; return its path from the page, empty if no deck can express it."""
     start, watch = of.start(cell), of.watch(cell)
     scene = watched(start.case.scene, watch)
     note = (f"{of.title}: {cell.name}", cell.command)
@@ -188,14 +188,14 @@ def shot(state: Mapping[str, Any], who: str) -> Shot:
     )
 
 
-# --- a cell as a deck of its own; numbers are written as the shortest text that reads back as the same double
+# --- a cell as a deck; numbers are written as the shortest text that reads back as the same double
 
 # Keyword of LAMMPS' command set for each per-atom array of a job.
 _SET = {"rho": "rheo/rho", "esph": "sph/e"}
 
 
 def deck(start: Start, note: Sequence[str] = (), every: int = 10) -> str:
-    """Return the deck that runs what the engine runs for a start, bit for bit, with thermo output and a dump.
+    """Return the deck that reproduces the engine's run from a start, bit for bit, with thermo output and a dump.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def _check(deck_job: Job) -> None:
 
 
 def _atoms(deck_job: Job) -> Iterable[str]:
-    """Yield atoms in the order of their ids, and their properties; those that all share are set once."""
+    """Yield atoms in the order of their ids, and their properties; those shared by all are set once."""
     for t, (x, y, z) in zip(deck_job.type_n.tolist(), deck_job.x_nc.tolist(), strict=True):
         # With remap an atom on the upper face of a periodic box is not left out.
         yield f"create_atoms {t} single {x!r} {y!r} {z!r} remap yes"
@@ -250,7 +250,7 @@ def _atoms(deck_job: Job) -> Iterable[str]:
     if deck_job.v_nc is not None:
         given |= {f"v{axis}": deck_job.v_nc[:, k] for k, axis in enumerate("xyz")}
     given |= {_SET[name]: np.asarray(values_n, float) for name, values_n in deck_job.per_atom.items()}
-    # A zero with a sign is set atom by atom.
+    # A signed zero is set atom by atom.
     shared = {
         name
         for name, values_n in given.items()
@@ -281,7 +281,7 @@ def _output(deck_job: Job, every: int) -> Iterable[str]:
             label = name if math.prod(shape) == 1 else f"{name}[{k + 1}]"
             names["c_q" if single else f"c_q[{place}]"] = label
     yield f"dump frames all custom {every} frames.dump {' '.join([*columns, *names])}"
-    # As many digits as make a double.
+    # All digits of a double.
     yield "dump_modify frames sort id format float %.17g " + " ".join(
         f"colname {column} {label}" for column, label in names.items()
     )

@@ -1,4 +1,4 @@
-"""One cell of a map on one engine: run in stretches, observed after each, the failing stretch again step by step."""
+"""One cell of a map on one engine: run in stretches, observed after each; the failing stretch is repeated by steps."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from lammps_cases.studies.stability.kinds import ParticleFailure, Subject
 from lammps_cases.studies.stability.model import CellOutcome, Engine, FailureCriteria, Kind, MapCell, StabilityMap
 from lammps_cases.studies.stability.runs import ReferenceRun, Stopped, open_run
 
-LIMIT = 30.0  # seconds that a cell may take
+LIMIT = 30.0  # seconds for a cell
 Note = Callable[[Snapshot], None]
 
 
 @dataclass(frozen=True)
 class Examined:
-    """How a cell ended, and the particles before the failure; None for a stable run, and for a law alone.
+    """How a cell ended, and the particles before the failure; None for a stable run and for a law alone.
 
-    ``before`` holds arrays by id: step, x, v, rho, pressure, id, type, low, high, and the ids that are failing.
+    ``before`` holds arrays by id: step, x, v, rho, pressure, id, type, low, high, and the failing ids.
     """
 
     outcome: CellOutcome
@@ -56,15 +56,15 @@ def follow(
     Parameters
     ----------
     make : callable
-        Sets the run up; once more to repeat its last stretch, to the same bits.
+        Sets up the run; called again to repeat its last stretch, with the same bits.
     of : Subject
     watch : FailureCriteria
     steps : int
         Steps taken at most.
     note : callable
-        Called with every sound observation, before the run goes on.
+        Called with every sound observation, before the run continues.
     single : int
-        From this step on every step is observed.
+        Step from which on every step is observed.
     """
     return _Followed(make, of, watch, note).to_failure(steps, single)
 
@@ -108,7 +108,7 @@ class _Followed:
         return kinds.first(self.of, self.watch, look, self.energy)
 
     def _advance(self, steps: int) -> tuple[ParticleFailure | None, str]:
-        """Take steps; return what is wrong after them, and the engine's message. If nothing is, observe."""
+        """Take steps; return the failure after them, and the engine's message. Without a failure, observe."""
         self.stretches.append(steps)
         try:
             self.run.advance(steps)
@@ -121,7 +121,7 @@ class _Followed:
         return failure, ""
 
     def _failure_of_stopped(self) -> ParticleFailure | None:
-        """Return the failure of a reference that stopped in the middle of a step: it can still be observed."""
+        """Return the failure of a reference that stopped in the middle of a step and can still be observed."""
         if not isinstance(self.run, ReferenceRun):
             return None
         watch = replace(self.watch, surface={}, condition=None, closest=None)
@@ -135,7 +135,7 @@ class _Followed:
             for steps in self.stretches[:-1]:
                 self.run.advance(steps)
         except Stopped as stop:
-            # Uninitialised memory (a finding) makes LAMMPS end differently the second time.
+            # With uninitialised memory (a finding) LAMMPS may end differently the second time.
             return self._failed(first, end, f"{first_message} (run again, it ended earlier: {stop.message})")
         while self.last.step < end:
             step = self.last.step + 1
@@ -227,13 +227,13 @@ class Examiner:
     def settle(self, pending: PendingCell) -> Examined:
         """Wait for a cell.
 
-        A worker that dies becomes a `crash`, after the last sound observation; the last stretch is run again, step by
-        step, to find the step. One that does not end becomes a `hang`.
+        The death of a worker becomes a `crash`, after the last sound observation; the last stretch is repeated step by
+        step to find the step. A worker that does not end becomes a `hang`.
 
         Raises
         ------
         RuntimeError
-            A mistake of this project's own.
+            A fault of this project.
         """
         try:
             outcome = self.workers.outcome(pending.future)
@@ -264,7 +264,7 @@ class Examiner:
 
 
 def _failure_message(side: Engine, failure: Failure) -> str:
-    """Return the message of a worker's failure, which speaks of LAMMPS whatever the worker ran."""
+    """Return the message of a worker's failure, which names LAMMPS even if the worker ran the reference."""
     return failure.message if side == "lammps" else failure.message.replace("LAMMPS", "the reference")
 
 
@@ -278,14 +278,14 @@ def _died(pending: PendingCell, kind: Kind, message: str, seconds: float) -> Exa
 
 
 def _last_observation(trace: Path) -> tuple[Snapshot, float] | None:
-    """Return the last observation of a worker that died, and the seconds until then; None if it made none."""
+    """Return the last observation of a dead worker, and the seconds until then; None without one."""
     content = trace.read_bytes() if trace.exists() else b""
     return pickle.loads(content) if content else None
 
 
 @contextlib.contextmanager
 def examiner(workers: Workers, limit: float = LIMIT) -> Iterator[Examiner]:
-    """Give an examiner to a block, with a folder for its traces."""
+    """Yield an examiner, with a folder for its traces."""
     with tempfile.TemporaryDirectory(prefix="eos-ref-stability-") as folder:
         workers.check_shared(Path(folder))
         yield Examiner(workers, Path(folder), limit)

@@ -1,4 +1,4 @@
-"""Runs of one engine that are observed between steps, in which whatever ends them is `Stopped`."""
+"""Runs of one engine, observed between steps; any early end raises `Stopped`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from lammps_cases.studies.stability.model import Engine, FailureCriteria, Kind
 
 
 class Stopped(RuntimeError):
-    """A run that its engine ended: the kind of failure, the engine's message, and the atom (id) if one is known."""
+    """A run ended by its engine: the kind of failure, the engine's message, and the atom (id) if known."""
 
     def __init__(self, kind: Kind, message: str, atom: int | None = None) -> None:
         self.kind, self.message, self.atom = kind, one_line(message), atom
@@ -48,7 +48,7 @@ def watched(scene: Scene, watch: FailureCriteria) -> Scene:
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """Stop a run by what the reference refuses in a block."""
+    """Stop a run if the reference refuses something in a block."""
     try:
         yield
     except InputError as error:
@@ -79,7 +79,7 @@ class LawRun:
 
 
 class ReferenceRun(ReferenceFlow):
-    """The reference, by default with compiled sums, in float32 for particles of such; what it refuses stops the run."""
+    """The reference, by default with compiled sums, in float32 for such particles; its refusals stop the run."""
 
     def __init__(self, start: Start, watch: FailureCriteria, evaluator: MakeEvaluator | None = None) -> None:
         with _refusals():
@@ -97,14 +97,14 @@ class ReferenceRun(ReferenceFlow):
         try:
             super().advance(steps)
         except InputError as error:
-            # Positions that are not finite, or far from the box: an observation shows the former.
+            # Positions are not finite, or far from the box: an observation shows the former.
             lost = bool(np.isfinite(self.simulation.state.x_nc).all()) and error.what == "position"
             raise Stopped("lost particles" if lost else "non-finite", str(error)) from None
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise Stopped("error", f"{type(error).__name__}: {error}") from None
 
 
-# --- the reference in float32: the same stages, of arrays half as long
+# --- the reference in float32: the same stages, with arrays of half the size
 
 
 class Single(ArrayEvaluator):
@@ -145,7 +145,7 @@ def single_simulation(scene: Scene, atoms: Atoms, fields: Iterable[str] = (), wh
 # --- LAMMPS
 
 
-# Words in LAMMPS' errors that belong to a kind of their own.
+# Words in LAMMPS' errors that identify a kind.
 SAYINGS: tuple[tuple[str, Kind], ...] = (
     ("Lost atoms", "lost particles"),
     ("lost", "lost particles"),
@@ -187,7 +187,7 @@ class LammpsRun(LammpsFlow):
 
 
 def _planned(scene: Scene) -> Plan:
-    """Return the plan of a scene, also of one that the reference refuses."""
+    """Return the plan of a scene, even if the reference refuses it."""
     try:
         return plan(scene)
     except InputError as error:
@@ -196,7 +196,7 @@ def _planned(scene: Scene) -> Plan:
 
 @contextmanager
 def _errors() -> Iterator[None]:
-    """Stop a run by an error of LAMMPS in a block; any other is this project's own."""
+    """Stop a run by an error of LAMMPS in a block; any other error is this project's."""
     try:
         yield
     except LostAtoms as error:

@@ -1,1 +1,1 @@
-"""Other codes, run as programs of their own when they are installed: only their times come back."""
+"""Other codes, run as separate programs if installed; only their times are used."""

@@ -1,7 +1,7 @@
-"""One of PySPH's own examples, run to its end: its fluid particles at some times, and the seconds of one core.
+"""One of PySPH's own examples, run to the end: its fluid particles at some times, and the seconds of one core.
 
 ``PYTHON lammps_cases/studies/chart/peers/pysph_flow.py EXAMPLE SCHEME N TIME...`` runs under a Python that has
-PySPH (pip install pysph) and needs nothing of this package. Options but for the resolution are the example's own. The
+PySPH (pip install pysph) and needs nothing of this package. Options except the resolution are the example's own. The
 last line that it prints is one JSON document: particles, steps, seconds of processor time that the steps took, and for
 every time the fluid's x, y, u, v. Lengths are in units of the edge of the box or the height of the column, speeds in
 those of the fastest vortex, of the lid, or of the root of gravity times height.
@@ -20,7 +20,7 @@ LAYERS = 4  # of the tank's walls, as in the example
 
 
 class PeerFlow(NamedTuple):
-    """An application, its options, its units of length and speed, and where its origin lies in its own lengths."""
+    """An application, its options, its units of length and speed, and its origin in its own lengths."""
 
     app: Any
     options: list[str]
@@ -46,8 +46,8 @@ def cavity(n: int) -> PeerFlow:
 def dam_break(n: int) -> PeerFlow:
     """Return a column n particles high.
 
-    The example gives particles the mass and smoothing length of its own spacing whatever ``--dx`` says, its column has
-    a row too many, and its tank ends where the experiment goes on: particles are laid here, each in a cell of its own.
+    The example gives particles the mass and smoothing length of its own spacing whatever ``--dx``, its column has
+    a surplus row, and its tank is shorter than the experiment's: here particles are laid, each in its own cell.
     """
     import numpy as np
     from pysph.base.utils import get_particle_array

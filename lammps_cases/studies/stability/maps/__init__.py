@@ -1,4 +1,4 @@
-"""The maps of the atlas by name, tag and cell; where the engines are expected to differ on them, and why."""
+"""The maps of the atlas by name, tag and cell; expected differences of the engines, and their reasons."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def of_cell(by_id: Mapping[str, StabilityMap], cell: MapCell) -> StabilityMap:
     Raises
     ------
     InputError
-        There is no such map, or it has no such layer, or the place lies outside.
+        No such map, no such layer, or a place outside.
     """
     if cell.map not in by_id:
         raise unknown("map", cell.map, by_id)
@@ -77,14 +77,14 @@ def of_cell(by_id: Mapping[str, StabilityMap], cell: MapCell) -> StabilityMap:
 
 @dataclass(frozen=True)
 class ExpectedDifference:
-    """The reason why the engines differ; ``finding``: id of a ledger entry, empty where no statement is broken."""
+    """The reason why the engines differ; ``finding``: id of a ledger entry, empty if no statement is broken."""
 
     finding: str
     why: str
 
 
 def expected_difference(line: Agreement | MapCell) -> ExpectedDifference | None:
-    """Return the known reason why the engines differ on a line, or in a cell, if any."""
+    """Return the known reason, if any, why the engines differ on a line or in a cell."""
     for entry in LEDGER:
         for where in entry.expected_in_maps:
             if where.map == line.map and where.layer in (None, line.layer):
@@ -94,5 +94,5 @@ def expected_difference(line: Agreement | MapCell) -> ExpectedDifference | None:
 
 
 def unexplained(lines: list[Agreement]) -> list[Agreement]:
-    """Return the lines that differ for no expected reason."""
+    """Return the lines that differ without an expected reason."""
     return [line for line in lines if expected_difference(line) is None]

@@ -1,7 +1,7 @@
-"""Every equation of state over its parameters and density: where it has no value, no sound, or the wrong sign.
+"""Every equation of state over its parameters and density: where it has no value, no speed of sound, or a wrong sign.
 
-A cell is one particle without neighbours, to which the law is applied once. rho0 and cs are not 1, so that no factor
-hides.
+A cell is one particle without neighbours, to which the law is applied once. rho0 and cs are not 1, so that wrong
+factors show.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ OVERFLOW = StabilityMap(
 
 
 def _zero(gamma: float) -> float:
-    """Return rho/rho0 below which Tait's law has no real value, or falls; NaN where it goes on."""
+    """Return rho/rho0 below which Tait's law has no real value, or falls; NaN without such a limit."""
     return math.nan if gamma > 0 and gamma % 2 == 1 else 0.0
 
 
@@ -148,7 +148,7 @@ ENERGY = StabilityMap(
     theory=(Theory("e = 0", lambda y: 0.0),),
 )
 
-DIGITS = 8  # decimal digits of the pressure that must be left
+DIGITS = 8  # decimal digits of the pressure that must remain
 
 
 def _limit(ratio: float) -> float:

@@ -1,12 +1,12 @@
-r"""Neighbours that are too few: moment matrices of the reproducing kernels, and free surfaces.
+r"""Too few neighbours: moment matrices of the reproducing kernels, and free surfaces.
 
 The matrix of a particle is :math:`\mathbf M_i=\sum_jV_jW_{ij}\mathbf H\mathbf H^T` over its neighbours, without itself:
-it has at most as many independent rows as there are neighbours, 1, 3 and 6 of which RK0, RK1 and RK2 need in two
-dimensions. Layers named after a kernel ask for the matrix (its condition number) at the positions given; those with
-``run`` show what happens to an engine that uses it, over some steps.
+it has at most as many independent rows as neighbours; RK0, RK1 and RK2 need 1, 3 and 6 of these in two
+dimensions. Layers named after a kernel evaluate the matrix (its condition number) at the given positions; those with
+``run`` show how an engine that uses it behaves over some steps.
 
-A density that is summed over neighbours falls towards a free surface, and the law makes a tension of it,
-:math:`P=c^2(\rho-\rho_0)<0`: the surface is drawn in and particles clump there, which densities by continuity spare.
+A density summed over neighbours falls towards a free surface, so that the law gives a tension,
+:math:`P=c^2(\rho-\rho_0)<0`: the surface is drawn in and particles clump there. Densities by continuity avoid this.
 
 Detection counts neighbours or takes the divergence of position. Seen as a continuum, with a particle per unit of area
 and f the share of the circle of the cutoff that lies in the fluid, a particle has :math:`\pi r_c^2f-1` neighbours.
@@ -98,7 +98,7 @@ LATTICE = StabilityMap(
 
 
 def neighbours(cut: float) -> tuple[int, int, int]:
-    """Return how many neighbours a corner, an edge and the bulk of a square lattice have within a cutoff."""
+    """Return the numbers of neighbours of a corner, an edge and the bulk of a square lattice within a cutoff."""
     reach = range(-math.ceil(cut), math.ceil(cut) + 1)
     near = [(a, b) for a in reach for b in reach if 0 < a * a + b * b < cut * cut]
     corner, edge = (sum(a >= 0 and b >= 0 for a, b in near), sum(b >= 0 for _, b in near))
@@ -115,7 +115,7 @@ ZMIN = StabilityMap(
     id="matrices-zmin",
     title="Moment matrices at free surfaces: zmin",
     about="A square of particles with corners and edges, without disorder. x: zmin, rounded down. Below zmin "
-    f"neighbours LAMMPS uses uninitialised memory (finding {STALE_GRADIENT_BELOW_ZMIN.id}): what becomes of a run "
+    f"neighbours LAMMPS uses uninitialised memory (finding {STALE_GRADIENT_BELOW_ZMIN.id}): the fate of a run "
     "there depends on what its process did before.",
     x=Axis("zmin", 0.0, 12.0, 0.5),
     y=Axis("cut/spacing", 1.05, 3.0, 0.1),
@@ -247,7 +247,7 @@ CUT = 3.0
 ALL = math.pi * CUT**2 - 1  # neighbours in the bulk, as a continuum
 DEEP = math.ceil(CUT)  # rows that a circle around the next one reaches
 LAYERS = 9
-STILL = 0.01  # a time step; nothing moves by itself
+STILL = 0.01  # a time step, in which nothing moves
 
 
 def share(height: float) -> float:
@@ -258,7 +258,7 @@ def share(height: float) -> float:
 
 def share_of_bulk(depth: float) -> float:
     """Return the neighbours of a particle ``depth`` below the surface (above, if negative) over those in the bulk."""
-    own = 1 if depth >= 0 else 0  # one that flies above is no part of the fluid
+    own = 1 if depth >= 0 else 0  # a particle flying above is not part of the fluid
     return (math.pi * CUT**2 * share(depth) - own) / ALL
 
 
@@ -285,7 +285,7 @@ def _threshold(cell: MapCell) -> Start:
 
 
 def _expected_classes(cell: MapCell) -> FailureCriteria:
-    """Expect surface in the outermost rows, bulk beyond the cutoff from it; the others may be either."""
+    """Expect surface in the outermost rows, bulk beyond the cutoff from it; others may be either."""
     row_n = np.arange(LAYERS * WIDTH) // WIDTH
     outer_n, deep_n = np.isin(row_n, (0, LAYERS - 1)), (row_n >= DEEP) & (row_n < LAYERS - DEEP)
     return FailureCriteria(every=1, surface={int(k) + 1: int(outer_n[k]) for k in np.flatnonzero(outer_n | deep_n)})

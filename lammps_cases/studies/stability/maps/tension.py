@@ -1,4 +1,4 @@
-r"""Fluids without walls: tensile instability, by which particles gather in pairs; two fluids next to each other.
+r"""Fluids without walls: tensile instability, by which particles form pairs; two adjacent fluids.
 
 A uniform pressure P in :math:`\mathbf F_i=-\sum_jV_iV_j(P_i+P_j)\nabla W_{ij}` acts on a displacement
 :math:`\mathbf u\,e^{i\mathbf k\cdot\mathbf x}` of a lattice as on springs of stiffness proportional to P,
@@ -16,9 +16,9 @@ Particles lie on a triangular lattice, which pressure leaves as it is, one per u
 are 1 until particles move, and that LAMMPS' forces lack the volume does not hide all else.
 
 Of two fluids, a summed density mixes both across the interface: :math:`\sum_jm_jW_{ij}` is about the mean of the two,
-so that the heavy fluid comes under the tension :math:`c^2(\rho_h-\rho_l)/2` and the light one under a pressure like it.
-With self/mass the density is :math:`m_i\sum_jW_{ij}`, which is right on both sides; LAMMPS does not have the keyword,
-so its side ends in an error. By continuity the densities stay right and the time step is what fails: a light particle
+so that the heavy fluid is under the tension :math:`c^2(\rho_h-\rho_l)/2` and the light one under a similar pressure.
+With self/mass the density is :math:`m_i\sum_jW_{ij}`, which is right on both sides; LAMMPS lacks the keyword,
+so its side ends in an error. By continuity the densities stay right and the time step fails: a light particle
 among heavy ones has the kinematic viscosity :math:`\nu(1+r)/2` by arithmetic means, r the density ratio.
 """
 
@@ -41,7 +41,7 @@ EDGE = math.sqrt(2 / math.sqrt(3))  # of triangles that have a particle per unit
 DISORDER = 0.05  # largest displacement along an axis (spacings)
 NU = 0.1  # kinematic viscosity: waves of sound grow with the time step unless dt < 2 nu/c^2
 DT, STEPS = 0.1, 400
-CLOSEST = 0.5  # spacings: half of the way to the next particle
+CLOSEST = 0.5  # spacings: half of the distance to the next particle
 
 
 def triangles(width: int, height: int) -> tuple[FloatArray, tuple[float, float]]:

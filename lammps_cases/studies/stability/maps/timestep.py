@@ -1,9 +1,9 @@
-r"""Maps of the time step, and of single precision: where a flow fails in float32 that is stable in float64.
+r"""Maps of the time step and of single precision, where flows fail in float32 that are stable in float64.
 
 The scene of the time step is a square lattice of particles at rest density, whose velocities are noise of all
-wavelengths: the shortest waves fail by viscosity, those of about five spacings by sound. Velocities are small against
-the speed of sound, but for the map against the Mach number, so that the growth of the kinetic energy can be computed
-(`growth`).
+wavelengths: the shortest waves fail by viscosity, those of about five spacings by sound. Except in the map
+over the Mach number, velocities are small against the speed of sound, so that the growth of the kinetic energy can be
+computed (`growth`).
 
 The scheme, linearised around the lattice. With :math:`\mathbf d` and :math:`l` the kernel's first and second
 derivative for a wave :math:`\mathbf k` (of the continuum :math:`\mathbf k` and :math:`k^2`), a step takes half-step
@@ -16,7 +16,7 @@ limit) and :math:`d^2c^2\Delta t<2\nu l` (amplification of sound; :math:`\Delta 
 the criterion of Morris, Fox & Zhu (1997), :math:`\min(h/4c,h^2/8\nu)`, in whose units the step is given.
 
 LAMMPS computes in float64 alone, so that the layer float32 is the reference's: positions, velocities and densities are
-stored as float32, and all that follows from them is float32 too, but for the neighbour search and the differences of
+stored as float32, and all that follows from them is float32 too, except the neighbour search and the differences of
 positions, which are exact and then rounded (`lammps_cases.studies.stability.runs.Single`).
 """
 
@@ -40,7 +40,7 @@ from lammps_cases.studies.flows.flow import Options, Start, fluid, rows, start, 
 from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 EDGE = 10  # spacings
-STEPS, EVERY = 200, 20  # of a run, and between two looks
+STEPS, EVERY = 200, 20  # of a run, and between two observations
 TENFOLD = 10.0  # growth of the kinetic energy that counts as failure
 SLOW = 1e-4  # Mach number at which particles stay on their lattice
 CUT = 3.0
@@ -155,7 +155,7 @@ def sound_limit(ratio: float, cut: float) -> float:
 
 
 def growth(fraction: float, ratio: float, cut: float, every: int = EVERY, looks: int = STEPS // EVERY) -> FloatArray:
-    r"""Return the kinetic energy at every look over that of the start, for small velocities.
+    r"""Return the kinetic energy at every observation over that of the start, for small velocities.
 
     Whole steps begin and end halfway between half-step velocities: :math:`u_0=(1-\tfrac12\nu l\Delta t)v_0`,
     :math:`v_n=\tfrac12(u_{n-1}+u_n)`.
@@ -179,12 +179,12 @@ def growth(fraction: float, ratio: float, cut: float, every: int = EVERY, looks:
 
 @functools.cache
 def growth_limit(ratio: float, cut: float) -> float:
-    """Return the lowest fraction, to 1 %, at which the energy of the linearised scheme is tenfold at a look."""
-    # Waves swing between motion and compression, so that the energy at a look may fall again beyond this limit.
+    """Return the lowest fraction, to 1 %, at which the linearised scheme's energy is tenfold at an observation."""
+    # Waves oscillate between motion and compression, so that the observed energy may fall again beyond this limit.
     fraction = min(viscous_limit(ratio, cut), sound_limit(ratio, cut))
     fraction = max(fraction, FRACTION.low)
     while fraction < FRACTION.high:
-        if not (growth(fraction, ratio, cut) <= TENFOLD).all():  # NaN comes after overflow
+        if not (growth(fraction, ratio, cut) <= TENFOLD).all():  # NaN follows overflow
             return fraction
         fraction *= 1.01
     return math.nan
@@ -279,7 +279,7 @@ def _shear_wave(cell: MapCell, viscosity: float, offset: float, fraction: float,
 def _precision_start(
     cell: MapCell, scene: dict[str, Any], options: Options, dt: float, steps: int, offset: float = 0.0, **fields: Any
 ) -> Start:
-    """Return a periodic box with some fields, whose numbers the layer float32 rounds."""
+    """Return a periodic box with some fields, rounded in the layer float32."""
     low_c, high_c = (offset, offset), (offset + SMALL, offset + SMALL)
     x_nc, name = rows(0, SMALL, SMALL) + np.array(low_c), f"{cell.map}-{cell.layer}"
     double = start(name, scene, x_nc, high_c, low_c, options=options, times=(steps * dt,), timestep=dt, **fields)
@@ -287,7 +287,7 @@ def _precision_start(
 
 
 def single(given: Start) -> Start:
-    """Return a start whose positions, velocities and densities are float32: the reference goes on in that type."""
+    """Return a start whose positions, velocities and densities are float32: the reference continues in that type."""
     a = given.atoms
     arrays: dict[str, Any] = {"x_nc": a.x_nc, "v_nc": a.v_nc, "rho_n": a.rho_n}
     short = {name: array.astype(np.float32) for name, array in arrays.items() if array is not None}
@@ -301,7 +301,7 @@ ORIGIN = StabilityMap(
     x=Axis("offset/spacing", 10.0, 1e16, 0.2, log=True),
     y=Axis("Mach number", 0.01, 0.3, 0.1, log=True),
     lines=(0.03, 0.3),
-    # A whole offset: the places half a spacing from it are the first to be lost.
+    # A whole offset: positions half a spacing from it lose digits first.
     start=lambda cell: _shear_wave(cell, 0.1, float(math.floor(cell.x)), 0.2, 60),
     watch=lambda cell: FailureCriteria(every=10, growth=2.0, energy=SMALL**2 * FLOW_SPEED**2 / 4, closest=0.3),
     layers=("float64", "float32"),
@@ -330,7 +330,7 @@ PRECISION_STEP = StabilityMap(
 
 
 def _squeezed(cell: MapCell) -> Start:
-    """Return a wave of compression so weak that its densities are few roundings from rho0."""
+    """Return a wave of compression so weak that its densities are a few roundings from rho0."""
     cs, options = 10.0, Options(dt_fraction=0.2)
     rho_n = 1.0 + cell.x * np.cos(2 * np.pi * rows(0, SMALL, SMALL)[:, 0] / SMALL)
     scene = {"types": [fluid(cs=cs, viscosity=cell.y)], "pressure": [{"types": "*", "style": "tait/water"}]}

@@ -2,11 +2,11 @@ r"""Walls of solid particles: under the impact of fluid, and below a column at r
 
 Impact: the speed from which fluid passes through. A block of fluid lies on the wall and moves towards it. Without
 interface/reconstruct a solid particle keeps its own density and so, at rho0, has no pressure whatever its law: only the
-pressure of the fluid itself holds the fluid back. With it the pressure of the fluid is extended into the wall and
+pressure of the fluid itself holds the fluid back. With it the pressure of the fluid is extrapolated into the wall and
 turned into a density by the law of the wall, so that its stiffness counts; solids deep in their own phase repel too.
 All masses are rho0 and the spacing is 1, so that volumes are 1 until the fluid is compressed.
 
-Whole flows: particles at spacing 1 with m = rho0, so that volumes are 1 but for the compression; c = 1; walls of three
+Whole flows: particles at spacing 1 with m = rho0, so that volumes are 1 except for compression; c = 1; walls of three
 rows, with interface/reconstruct. Time steps are given over :math:`\min(h/4(c+U),\,h^2/8\nu)` (Morris, Fox & Zhu,
 J. Comput. Phys. 136, 214 (1997)), h = cut/3 and U the largest speed of the scene. Penetration: fluid passes the centres
 of the first row of the floor.
@@ -48,7 +48,7 @@ def _impact(cell: MapCell, layers: int = 3, artificial_visc: float = 0.0, sound:
         (BLOCK_WIDTH, 3.0 * ROWS),
         (0.0, -layers - BELOW),
         options=Options(),
-        # The block falls by half of its height, or sound crosses it and comes back.
+        # The block falls by half of its height, or sound crosses it and returns.
         times=[max(ROWS / (2 * cell.x), 2.0 * ROWS)],
         timestep=min(time_step(Options(), faster + cell.x, BLOCK_NU), 2 * BLOCK_NU / faster**2),
         type_n=np.where(fluid_n, 1, 2),
@@ -111,7 +111,7 @@ DAMPED: Mapping[str, float] = {"artificial_visc": 0.1, "rho_damp": 0.1}
 
 
 def _every(cell: MapCell) -> int:
-    """Return the steps between observations where x is the time step: beyond the limit particles scatter soon."""
+    """Return the steps between observations where x is the time step: beyond the limit particles soon scatter."""
     return max(1, round(10 / cell.x))
 
 
@@ -172,7 +172,7 @@ def _column(cell: MapCell) -> Start:
 
 
 def _falls_by_its_weight(cell: MapCell) -> FailureCriteria:
-    """Watch for twice the energy of the wave that the sudden weight sets off, which moves the fluid at g H/c."""
+    """Watch for twice the energy of the wave excited by the sudden weight, which moves the fluid at g H/c."""
     return FailureCriteria(
         every=_every(cell), growth=2.0, energy=0.5 * WIDTH * TALL * COMPRESSION**2, behind=(1, FLOOR)
     )
@@ -198,7 +198,7 @@ COLUMN = StabilityMap(
 
 DAM = 10  # height and width of the fluid
 SPAN = 22  # of the tank
-RIM = 6  # by which the walls are higher than the dam
+RIM = 6  # height of the walls above the dam
 NU = 0.02
 
 
@@ -222,7 +222,7 @@ def _dam(cell: MapCell) -> Start:
 
 
 def _falls_from_the_dam(cell: MapCell) -> FailureCriteria:
-    """Watch for more than the potential energy over the floor, m g H/2, and a fifth of it for the compression."""
+    """Watch for more than the potential energy over the floor, m g H/2, and a fifth of it for compression."""
     return FailureCriteria(every=10, growth=1.2, energy=DAM**2 * cell.x**2 / 4, behind=(1, FLOOR))
 
 
@@ -268,7 +268,7 @@ def _drop(cell: MapCell) -> Start:
 
 
 def _falls_as_a_drop(cell: MapCell) -> FailureCriteria:
-    r"""Watch for more than the first kinetic energy and the gain on the way down, :math:`g` times gap and diameter."""
+    r"""Watch for more than the initial kinetic energy and the gain of the fall, :math:`g` times gap and diameter."""
     first = 0.5 * len(_disc()) * cell.y**2
     return FailureCriteria(
         every=_every(cell), growth=1.0, energy=first * (1 + (GAP + ACROSS) / ACROSS), behind=(1, FLOOR)

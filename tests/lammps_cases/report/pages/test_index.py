@@ -87,7 +87,7 @@ def test_the_headline_is_that_of_the_last_whole_run(reports: Path) -> None:
     assert re.findall(r">(all|some) cases</a></th>", runs) == ["all", "all", "some"]
     shown = re.sub("<[^>]*>", " ", html)  # addresses hold the time of day, which may be 19.09
     assert "9.0" not in shown and "2026-02-01 12:00" in runs
-    assert "what becomes of bad input" in html
+    assert "reactions to bad input" in html
 
 
 def test_another_page_comes_into_the_bar_of_all_and_changes_nothing_else(reports: Path) -> None:

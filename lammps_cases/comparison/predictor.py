@@ -1,8 +1,7 @@
 """Predictions of the reference for a scene, computed once: within a case, and from run to run.
 
 A prediction follows from the problem (model, box, particles, time step, fields, steps), the variant, the seed of the
-moved runs, and what `lammps_cases.comparison.store` adds to that: only these decide whether one is found
-again.
+moved runs, and what `lammps_cases.comparison.store` adds to that: only these decide whether one is found again.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ class Prediction:
 
 
 def visit(sim: Simulation, steps: Sequence[int], dt: float, stops: Sequence[ProblemStop] = ()) -> Iterator[int]:
-    """Run a simulation, halting at each of the steps (0: the first evaluation), at a stop after the restart."""
+    """Run a simulation, halting at each of the steps (0: the first evaluation), at a stop once the next run has begun."""
     sim.setup()
     done, stop_at = 0, {stop.step: stop for stop in stops if stop.step <= steps[-1]}
     for step in sorted({*steps, *stop_at}):
@@ -116,9 +116,7 @@ def widening(
         with stage("bounds"):
             count_rounded(len(problem.state.x_nc))
             errors = halt.sim.rounded(bounding)
-            sizes.add(
-                errors
-            )  # of step 0 in any case: later all particles may be frozen, without forces and their errors
+            sizes.add(errors)  # of step 0 in any case: later all particles may be frozen, without erring forces
             if step in steps:
                 values.append(halt.fields)
                 own.append({field: _output_error(errors, field, halt.fields[field], step) for field in fields})

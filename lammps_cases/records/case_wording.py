@@ -14,8 +14,8 @@ from lammps_cases.records.wording import INSIDE, counted, listed, one_line
 def message(case: CaseRecord, findings: bool = True) -> str:
     """Describe what happened in a case: the blame, and how LAMMPS ended it if not with numbers.
 
-    Without ``findings`` those that explain its numbers, listed elsewhere, are left out. A record that
-    holds no facts keeps the message it has.
+    Without ``findings`` those that explain its numbers, listed elsewhere, are left out. A record without facts keeps
+    its message.
     """
     if case.verdict in INSIDE:
         return ""

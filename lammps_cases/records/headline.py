@@ -1,8 +1,7 @@
 """The headline over everything that is judged: the only place that decides its state and its words.
 
 `PASS` (green): no difference at all. `KNOWN BUGS` (amber): every difference is a known finding. `FAIL` (red):
-something is new, unexplained, missing or broken, or a known finding is one that ``--fail-on`` rejects. A run
-that
+something is new, unexplained, missing or broken, or a known finding is one that ``--fail-on`` rejects. A run that
 compared nothing is `EMPTY`.
 """
 

@@ -212,9 +212,7 @@ class TriageGroup(Record):
     cases: list[str]
     verdict: Verdict
     twin: str = ""
-    stage: str = Field(
-        "", description="of the first field outside its bound, beyond the findings that a case shows"
-    )
+    stage: str = Field("", description="of the first field outside its bound, beyond the findings that a case shows")
     field: str = ""
     step: int | None = Field(None, description="the first at which a case of the group is red")
     text: str = Field("", description="how the cases ended, where they have no numbers")

@@ -38,9 +38,8 @@ Marks = dict[str, tuple[str, str]]  # colour and shape of a method
 def panel_figure(panel: Panel, others: Sequence[tuple[str, Panel]] = (), marks: Marks | None = None) -> Figure:
     """Draw correct digits against time, one plot per regime: the frontier drawn, dominated methods hollow.
 
-    ``marks`` may have more methods than the panel.
-    ``others`` are the same panel measured with other engines, by their versions: LAMMPS' points and the frontier of
-    these are drawn.
+    ``marks`` may have more methods than the panel. ``others`` are the same panel measured with other engines, by their
+    versions: LAMMPS' points and the frontier of these are drawn.
     """
     with matplotlib.rc_context(STYLE):
         regimes = panel.regimes

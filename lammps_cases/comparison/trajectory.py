@@ -51,7 +51,7 @@ class Prediction:
 
 
 def visit(sim: Simulation, steps: Sequence[int], dt: float, stops: Sequence[ProblemStop] = ()) -> Iterator[int]:
-    """Run a simulation, halting at each of the steps (0: the first evaluation), at a stop once the next run has begun."""
+    """Run a simulation, halting at each step given (0: the first evaluation), at a stop once the next run has begun."""
     sim.setup()
     done, stop_at = 0, {stop.step: stop for stop in stops if stop.step <= steps[-1]}
     for step in sorted({*steps, *stop_at}):

@@ -58,7 +58,7 @@ class FindingText:
     cause: str = ""
     upstream: str = "unreported"
     scene: str = ""
-    numbers: Mapping[str, str] = field(default_factory=dict)
+    numbers: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
 _KEYS = {each.name: each.default is MISSING and each.name != "numbers" for each in fields(FindingText)}

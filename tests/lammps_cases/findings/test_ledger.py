@@ -282,3 +282,8 @@ def test_accepting_into_the_own_baselines_writes_what_follows_from_them(
     for folder, times in (("other", 0), ("own", 1), ("own", 1)):  # accepted again, nothing is another
         out = eos_ref_command("accept", tmp_path, "--reason", "made", "--baselines", tmp_path / folder)
         assert (out.code, len(published)) == (0, times), out.err
+
+
+def test_findings_are_keys() -> None:
+    """Audits and verdicts collect them in dictionaries and sets."""
+    assert len(set(LEDGER)) == len(LEDGER)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,8 +46,7 @@ SHOWN_BY = Path(__file__).with_name("shown_by.json")
 
 def ledger_of(subjects: Iterable[Sequence[Finding]]) -> tuple[Finding, ...]:
     """Return the findings of all subjects in the order of the ledger, by which variants are tried and named."""
-    entries = sorted((entry for entries in subjects for entry in entries), key=lambda entry: entry.number)
-    return tuple(replace(entry, engines=entry.engines or SEEN_ON.get(entry.id, ())) for entry in entries)
+    return tuple(sorted((entry for entries in subjects for entry in entries), key=lambda entry: entry.number))
 
 
 _SUBJECTS = (

@@ -13,7 +13,7 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import EosState
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.document import FindingText
-from lammps_cases.findings.engines import nearest, since
+from lammps_cases.findings.engines import SEEN_ON, nearest, since
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.case_parts import Ended, Verdict
 from lammps_cases.records.run_record import CaseRecord
@@ -116,6 +116,10 @@ class Finding(FindingText):
     differing: str = ""
     acts: Callable[[DeckRun], str | bool] = lambda setting: False
     expected_in_maps: tuple[MapDifference, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.engines:
+            object.__setattr__(self, "engines", SEEN_ON.get(self.id, ()))
 
     @property
     def model_variant(self) -> Variant | None:

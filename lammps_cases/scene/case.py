@@ -247,9 +247,8 @@ class Scene(SceneModel):
     def _check_replaced(self) -> None:
         if not (self.rho0 and self.cs):
             raise BrokenRule("stops: replaced needs rho0 and cs, in whose place others come", *STOPS)
-        if (
-            self.rheo.interface_reconstruct or self.rheo.rho_sum
-        ):  # the evaluation with the replaced values leaves other densities
+        # The evaluation with the replaced values leaves other densities.
+        if self.rheo.interface_reconstruct or self.rheo.rho_sum:
             raise BrokenRule("stops: replaced goes with neither interface_reconstruct nor rho_sum", *STOPS)
 
     def _check_stretch(self, stretch: Stretch) -> None:

@@ -14,7 +14,7 @@ from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
 SCREEN = 40  # lines
-OF_FULL = ("modelled by the reference", "told to LAMMPS", "LAMMPS commands:", "evaluated by")
+OF_FULL = ("modelled by the reference", "given to LAMMPS", "LAMMPS commands:", "evaluated by")
 
 
 # One of a law, the one of most types, the twin and the walls that take most rules, one that LAMMPS is to refuse.

@@ -120,7 +120,7 @@ def test_a_worker_that_goes_is_not_asked_for_a_folder_and_one_that_may_not_see_i
         workers.check_shared(tmp_path)
         workers.check_shared(Unanswered(tmp_path))
         for folder in (Hidden(tmp_path), tmp_path / "none"):
-            with pytest.raises(InputError, match=r"workers must see .*; there is none for, found 'tcp://"):
+            with pytest.raises(InputError, match=r"workers must see .*; it is missing for, found 'tcp://"):
                 workers.check_shared(folder)
 
 

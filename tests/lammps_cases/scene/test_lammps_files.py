@@ -142,7 +142,7 @@ GOOD = DATA.replace(" 0 0 0\n", "\n")
         (_edited("0 4 xlo", "4 0 xlo"), "box: needs low < high"),
         (_edited("3 2 1", "2 2 1"), "id: must differ from particle to particle"),
         (_edited("1 1 0 1.0", "1 1 0 one"), "column rho: must hold numbers"),
-        (_edited("1 1 0 1.0", "\u1000 1 0 1.0"), "Atoms: must be ASCII but for comments"),
+        (_edited("1 1 0 1.0", "\u1000 1 0 1.0"), "Atoms: must be ASCII except in comments"),
         (_edited("3 2 1", "3 2 0"), "phase: of type 2 must be that of the particles of the file, found 'fluid'"),
         (lambda text: text + "\nVelocities\n\n1 0 0 0\n", "Velocities: must hold those of the particles of Atoms"),
     ],

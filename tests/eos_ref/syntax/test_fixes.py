@@ -130,7 +130,7 @@ def test_bad_pressure_commands(text: str, message: str) -> None:
     [
         ("1 linear", {}, "atom type 2: needs an equation of state"),
         ("1 linear * background 3", {}, "atom type 2: needs an equation of state in addition to the background"),
-        ("* background 3", {}, "atom type 1: needs an equation of state besides"),
+        ("* background 3", {}, "atom type 1: needs an equation of state in addition to the background"),
         ("3 linear", {}, "type range: must lie within the atom types 1 to 2, found '3'"),
         ("* linear 3* tait/water", {}, "must lie within the atom types 1 to 2"),
         ("* tait/general 0", {}, r"gamma of tait/general: must not be 0.*\(deck, atom type 1\)"),

@@ -19,7 +19,7 @@ TIMES = (0.01, 0.1, 1.0, 3.0)  # from a thin layer at the walls to 5 % from the 
 
 
 def residual(flow: Callable[..., Any], t: Any, gravity: Any, nu: Any) -> float:
-    """What is left of du/dt = nu d2u/dy2 + g, over the largest term."""
+    """Residual of du/dt = nu d2u/dy2 + g, over the largest term."""
     y_n, d = WIDTH * np.linspace(LONG(0.05), LONG(0.95), 19), WIDTH * LONG(1e-4)
     dt = min(t, WIDTH**2 / (np.pi**2 * NU)) * LONG(1e-4)  # of the age of the flow, or the life of its slowest mode
     u_t = (flow(y_n, t + dt) - flow(y_n, t - dt)) / (2 * dt)
@@ -37,7 +37,7 @@ def test_diffusion(drive: dict[str, Any], t: float) -> None:
 
 
 @pytest.mark.parametrize(("nu", "gravity"), [(1.05, 1.0), (1.0, 1.02)])
-def test_diffusion_sees(nu: float, gravity: float) -> None:
+def test_diffusion_detects_wrong_solutions(nu: float, gravity: float) -> None:
     def flow(y_n: Any, t: Any) -> Any:
         return plane_start_up(y_n, t, WIDTH, nu * NU, gravity)
 
@@ -87,7 +87,7 @@ def test_pressure_carries_the_weight(law: EOS) -> None:
 
 
 @laws
-def test_column_holds_its_mass(law: EOS) -> None:
+def test_column_has_its_mass(law: EOS) -> None:
     """Mass above a depth is the integral of the density; places and densities agree with the law.
 
     Depths and densities are good to some eps, times the condition number c^2/(g z) of the depth of a density.

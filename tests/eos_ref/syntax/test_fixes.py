@@ -1,4 +1,4 @@
-"""The two fix commands: all that the manual's syntax accepts, and one clear line for everything else."""
+"""The two fix commands: everything that the manual's syntax accepts, and a clear one-line message otherwise."""
 
 from __future__ import annotations
 
@@ -142,14 +142,14 @@ def test_bad_pressure_commands(text: str, message: str) -> None:
         ("* linear", {"rho0": (math.nan, 1.0)}, r"rho0: must be a finite number.*atom type 1"),
     ],
 )
-def test_entries_that_do_not_resolve(text: str, arguments: dict[str, Any], message: str) -> None:
+def test_unresolvable_entries_are_refused(text: str, arguments: dict[str, Any], message: str) -> None:
     entries = parse_fix_rheo_pressure(PRESSURE + text)
     with pytest.raises(InputError, match=message) as caught:
         resolve(entries, 2, where="deck", **arguments)
     assert "\n" not in str(caught.value)
 
 
-def test_hand_made_entries_are_checked() -> None:
+def test_entries_made_in_python_are_checked() -> None:
     with pytest.raises(InputError, match="needs the argument P_b"):
         resolve([PressureEntry("*", "linear"), PressureEntry("*", "background")], 1)
     with pytest.raises(InputError, match="pressure style"):
@@ -290,7 +290,7 @@ def test_bad_rheo_commands(text: str, message: str) -> None:
 
 
 @pytest.mark.parametrize("ntypes", [None, 3])
-def test_a_wrong_number_of_values_needs_the_number_of_types(ntypes: int | None) -> None:
+def test_wrong_number_of_values_is_refused(ntypes: int | None) -> None:
     assert parse_fix_rheo(RHEO + "density 1 2 3", ntypes).rho0 == (1.0, 2.0, 3.0)
     with pytest.raises(InputError, match=r"needs one value per atom type \((N|3)\)"):
         parse_fix_rheo(RHEO + "density", ntypes)
@@ -340,13 +340,13 @@ settings_of_rheo = st.builds(
 
 @settings(deadline=None, derandomize=True)
 @given(st.lists(entries, min_size=1, max_size=6), gaps)
-def test_any_entries_survive_the_text(written: list[PressureEntry], gap: str) -> None:
+def test_any_entries_survive_a_round_trip(written: list[PressureEntry], gap: str) -> None:
     words = PRESSURE.split()
     for entry in written:
         words += [entry.types, entry.style] + ([] if entry.value is None else [repr(entry.value)])
     read = parse_fix_rheo_pressure(gap.join(words))
     assert read == tuple(written)
-    # and what they come to, told again in the simplest way: the last law and the last background of each type
+    # and their result, computed in the simplest way: the last law and the last background of each type
     whole = (PressureEntry("*", "linear"), *read)
     for t, law in enumerate(resolve(whole, NTYPES).laws, 1):
         mine = [e for e in whole if covers(e.types, t)]
@@ -363,7 +363,7 @@ def covers(types: str, t: int) -> bool:
 
 
 def rheo_text(fix: FixRheo, gap: str, order: int) -> str:
-    """The command, its keywords in an order of chance."""
+    """The command, its keywords in random order."""
     keywords: list[list[str]] = []
     if fix.thermal:
         keywords.append(["thermal"])
@@ -391,7 +391,7 @@ def rheo_text(fix: FixRheo, gap: str, order: int) -> str:
 
 @settings(deadline=None, derandomize=True)
 @given(settings_of_rheo, gaps, st.integers(0, 10**6))
-def test_any_settings_survive_the_text(fix: FixRheo, gap: str, order: int) -> None:
+def test_any_settings_survive_a_round_trip(fix: FixRheo, gap: str, order: int) -> None:
     text = rheo_text(fix, gap, order)
     assert parse_fix_rheo(text, NTYPES) == fix
     assert parse_fix_rheo(text) == fix

@@ -1,4 +1,4 @@
-"""The audit of fields other than the pressure: real LAMMPS runs decks of the tests; faults are planted on either side."""
+"""The audit of fields other than the pressure: test decks on real LAMMPS, with faults planted on either side."""
 
 from __future__ import annotations
 

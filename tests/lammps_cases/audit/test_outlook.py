@@ -105,7 +105,7 @@ def test_neighbour_lists_are_read_for_findings_that_depend_on_them() -> None:
 
 @pytest.mark.lammps
 def test_finding_hidden_by_other_forces_is_detected(tmp_path: Path) -> None:
-    """The total f cannot be compared, as an unknown force adds to it; the effect of the finding on pair forces is known.
+    """The total f cannot be compared, as an unknown force adds to it; the effect of the finding on pairs is known.
 
     Forces are multiplied by density over mass, 1.01 over 0.01.
     """

@@ -1,4 +1,4 @@
-"""Known bugs that affect a deck although no field shows them: through its units or masses, or in fields not compared."""
+"""Known bugs that affect a deck although no field shows them: through units or masses, or in fields not compared."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Changes of the source are located by syntax tree; applied in a process, they take effect everywhere and are undone."""
+"""Changes of the source are located by syntax tree, take effect everywhere in a process, and are undone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Input perturbed by the rounding of a unit conversion: only converted values move, and by no more than the rounding."""
+"""Input perturbed by the rounding of a unit conversion: only converted values move, at most by the rounding."""
 
 from __future__ import annotations
 

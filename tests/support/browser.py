@@ -1,4 +1,4 @@
-"""Chromium without a window, led over its pipes (--remote-debugging-pipe): pages are opened, asked, clicked, drawn."""
+"""Headless Chromium, controlled through pipes (--remote-debugging-pipe): open, query, click and draw pages."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Browser:
         return answer["result"].get("value")
 
     def wait(self, expression: str, seconds: float = 30.0) -> Any:
-        """Return the value of an expression when it is true."""
+        """Wait until an expression is true; return its value."""
         end = time.monotonic() + seconds
         while not (found := self.value(expression)):
             assert time.monotonic() < end, f"not true: {expression}; {self.complaints}"
@@ -79,7 +79,7 @@ class Browser:
             self.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=1)
 
     def picture(self, path: Path, whole: bool = False) -> None:
-        """Write what the window shows, or the whole page, as PNG."""
+        """Write the visible part, or the whole page, as PNG."""
         data = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=whole)["data"]
         path.write_bytes(base64.b64decode(data))
 
@@ -105,7 +105,7 @@ class Browser:
 
 @contextmanager
 def browser(profile: Path) -> Iterator[Browser]:
-    """Open a browser with a profile of its own."""
+    """Open a browser with a separate profile."""
     (theirs, write), (read, mine) = os.pipe(), os.pipe()
 
     def wire() -> None:  # the browser reads from descriptor 3 and writes to 4

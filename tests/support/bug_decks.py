@@ -45,11 +45,11 @@ def finding_of(name: str) -> Finding:
 
 
 def said_in(name: str, manual: Manual) -> bool:
-    """Whether a version of the manual says what a finding contradicts."""
+    """Whether a version of the manual has the statement that a finding contradicts."""
     shown = demonstrations().get(name) or report._probe(finding_of(name))
     return shown is None or shown.made_in(manual)
 
 
 def manual_for(name: str) -> Manual:
-    """The first version of the manual that says what a finding contradicts."""
+    """The first version of the manual with the statement that a finding contradicts."""
     return next(manual for manual in MANUALS if said_in(name, manual))

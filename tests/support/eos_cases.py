@@ -42,7 +42,7 @@ TAIT = {name: law for name, law in LAWS.items() if law.style.startswith("tait")}
 
 
 def whole(law: EOS) -> bool:
-    """Whether the power of the law is a whole number (or there is none)."""
+    """Whether the power of the law is a whole number, or the law has no power."""
     return law.style != "tait/general" or float(law.gamma).is_integer()
 
 
@@ -178,7 +178,7 @@ def violations(
 ) -> list[str]:
     """Compare ``pressure(rho, e)`` with the exact pressure of ``law``; one line for each density outside the bound.
 
-    A value beyond the largest float must be infinite with the right sign, or within the bound of it.
+    A value beyond the largest float must be infinite with the right sign, or within its bound.
     """
     rho = densities(law) if rho_n is None else np.asarray(rho_n)
     e = energies(law, np.asarray(rho, float)) if e_n is None else np.asarray(e_n)

@@ -133,8 +133,8 @@ def scene(
     """A disordered block of unit spacing with random velocities, densities, types and, if wanted, energies.
 
     ``solids``: the lowest two layers along y are solid; with ``walls`` they are interface/reconstruct's; ``droplet``:
-    all particles but one. ``margin``
-    widens the box beyond the block on its open sides, for free surfaces. Edges are shorter than two cutoffs by default.
+    all particles but one. ``margin`` widens the box beyond the block on its open sides, for free surfaces. Edges are
+    shorter than two cutoffs by default.
     """
     cells = cells or ((6, 5) if dimension == 2 else (3, 4, 2))
     x_nc = lattice(cells, disorder, seed)
@@ -273,7 +273,7 @@ def bounded(built: Scene, accelerations_nc: Any = None) -> dict[str, tuple[Any, 
 
 
 def assert_same(found: dict[str, tuple[Any, Any]], expected: dict[str, tuple[Any, Any]], slack: float = 1.0) -> None:
-    """Fields with bounds agree within the sum of both bounds."""
+    """Fail unless fields agree within the sum of both bounds."""
     assert found.keys() == expected.keys()
     for name, (a, error_a) in found.items():
         b, error_b = expected[name]

@@ -1,4 +1,4 @@
-"""Everything a law goes through, asked of the stiffened gas that `test_new_law` adds to a copy of the packages."""
+"""Every use of a law, run for the stiffened gas that `test_new_law` adds to a copy of the packages."""
 
 from __future__ import annotations
 

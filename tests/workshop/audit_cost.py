@@ -22,7 +22,7 @@ from lammps_cases.engine.session import Session
 
 
 class _FirstRun(DeckWatch):
-    """Times the first run and ends the deck with it."""
+    """Times the first run and ends the deck after it."""
 
     audited = True
     spent = 0.0

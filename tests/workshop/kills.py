@@ -36,7 +36,7 @@ class Kills:
 
     Attributes
     ----------
-    counts : what was killed, and what came of it
+    counts : what was killed, and the outcome
     """
 
     def __init__(self, folder: Path, seed: int) -> None:
@@ -78,7 +78,7 @@ class Kills:
             )
 
     def _options(self) -> list[str]:
-        """Return how many LAMMPS there are at a time, and where."""
+        """Return the number of concurrent LAMMPS processes, and where they run."""
         return ["--jobs", "2"]
 
     def _killed(self, process: subprocess.Popen[bytes]) -> bool:
@@ -119,7 +119,7 @@ class Kills:
             time.sleep(0.005)
 
     def _finish(self, process: subprocess.Popen[bytes]) -> None:
-        """Wait for the end of a run that nobody kills."""
+        """Wait for the end of a run that is not killed."""
         code = process.wait(PATIENCE)
         assert code == 0, (code, _wrong(self.folder / "printed"))
         self._await_end()
@@ -141,7 +141,7 @@ class Kills:
         return found
 
     def _check(self) -> None:
-        """Hold the report against that of an undisturbed run, and look for what is left behind."""
+        """Compare the report with that of an undisturbed run, and look for leftovers."""
         scratch = Path(tempfile.mkdtemp(dir=self.folder))
         assert report(self.out, scratch) == self.expected, "not the report of an undisturbed run"
         subprocess.run(["rm", "-rf", str(scratch)], check=True)
@@ -156,7 +156,7 @@ class Kills:
 
 
 def _wrong(printed: Path) -> str:
-    """Return what a run says that did not end well."""
+    """Return the messages of a run that did not end well."""
     try:
         cases = json.loads(printed.read_text())["cases"]
     except (ValueError, KeyError):
@@ -211,7 +211,7 @@ class DaskKills(Kills):
         else:
             self._cluster.scheduler.kill()
             code = process.wait(PATIENCE)
-            # Done before, nothing to connect with yet, or gone meanwhile.
+            # Already done, not yet connectable, or gone in between.
             assert code in (0, 2, 3), (code, _wrong(self.folder / "printed"))
             assert code != 2 or "scheduler" in (self.folder / "printed").read_text()
             self._await_end()
@@ -220,7 +220,7 @@ class DaskKills(Kills):
 
 
 def campaign(kills: int, runs: Kills) -> Counter[str]:
-    """Kill runs so often; return what came of it."""
+    """Kill runs so often; return the outcome."""
     while (done := sum(count for what, count in runs.counts.items() if what.startswith("kills of "))) < kills:
         runs.round(min(runs.random.randint(1, 6), kills - done))
         print(dict(runs.counts), file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""docs/examples.md holds what was measured, and says it in words."""
+"""docs/examples.md contains the measurements, in the table and in the text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lammps_cases.audit import budgets
 from tests.workshop import examples_table as measured
 
 
-def test_the_document_has_what_was_measured() -> None:
+def test_document_contains_the_measurements() -> None:
     text = measured.PAGE.read_text(encoding="utf-8")
     rows = json.loads(measured.FILE.read_text())
     assert measured.page(text, rows) == text

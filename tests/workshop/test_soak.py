@@ -36,7 +36,7 @@ def test_soak(where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def check(folder: Path) -> None:
-    """Hold a campaign against what is promised of long ones."""
+    """Compare a campaign with the limits promised for long ones."""
     run, samples = read_run(folder / "report"), soak.samples(folder)
     assert len(run.cases) == samples[-1].cases == CASES and all(case.as_expected for case in run.cases)
     opened = min(

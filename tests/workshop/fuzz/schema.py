@@ -114,7 +114,7 @@ def taken(content: Any, node: Node | None = None, place: str = "", optional: boo
 
 
 def branch_of(content: Any, node: Node) -> Node:
-    """Return the alternative of a node that a content is of."""
+    """Return the alternative of a node that matches a content."""
     return next((each for each in branches(node) if _fits(content, each)), node)
 
 

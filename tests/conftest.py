@@ -30,7 +30,7 @@ BASE: dict[str, Any] = {
 }
 
 
-if containment.means() == "none":  # the project's own decks are audited nevertheless
+if containment.means() == "none":  # the project's decks are audited nevertheless
     os.environ[TRUST] = "1"
 
 ROOT = Path(__file__).parents[1]

@@ -157,7 +157,7 @@ def test_architecture_lists_every_room() -> None:
         assert named == rooms, package
 
 
-def test_a_run_of_all_cases_leaves_out_seven() -> None:
+def test_run_of_all_cases_skips_seven() -> None:
     text = (ROOT / "docs" / "verdicts.md").read_text(encoding="utf-8")
     assert "The seven cases tagged `long`" in text
     cases = casefile.load()

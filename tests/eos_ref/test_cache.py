@@ -10,7 +10,7 @@ import pytest
 from eos_ref.cache import cache_folder
 
 
-def test_a_folder_in_the_users_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder_in_the_users_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert cache_folder("numba/one") == tmp_path / "eos-ref" / "numba" / "one"
     assert cache_folder("numba/one").is_dir(), "one that is there is taken again"

@@ -23,7 +23,7 @@ class Done:
     code: int = 0
     out: str = ""
     outputs: dict[str, str] = field(default_factory=dict)
-    used: dict[str, dict[str, str]] = field(default_factory=dict)  # actions of others, with what they were given
+    used: dict[str, dict[str, str]] = field(default_factory=dict)  # other actions, with their inputs
     summary: str = ""
 
 

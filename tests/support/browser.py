@@ -45,7 +45,7 @@ class Browser:
         self.resize(width, height)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.ask("Emulation.setEmulatedMedia", features=[scheme])
-        self.ask("Page.navigate", url="about:blank")  # an address that differs in its hash alone loads nothing
+        self.ask("Page.navigate", url="about:blank")  # an address that differs only in its fragment loads nothing
         self.ask("Page.navigate", url=url)
 
     def resize(self, width: int, height: int = 900) -> None:
@@ -95,7 +95,7 @@ class Browser:
     def _hear(self, event: dict[str, Any]) -> None:
         parameters = event.get("params", {})
         if event.get("method") == "Runtime.exceptionThrown":
-            details = parameters["exceptionDetails"]  # an uncaught one of a script that is a file has its text alone
+            details = parameters["exceptionDetails"]  # an uncaught error of a script file has only its text
             self.complaints.append(details.get("exception", {}).get("description", details["text"]))
         elif event.get("method") == "Log.entryAdded" and parameters["entry"]["level"] == "error":
             self.complaints.append(parameters["entry"]["text"])

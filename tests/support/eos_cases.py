@@ -20,7 +20,7 @@ from eos_ref import EOS
 
 BITS = 400  # (rho/rho0)^gamma - 1 loses at most 52 + 7 bits (gamma = 0.01): more than any float can show remain
 EPS = 2.0**-52
-RHO0, CS = 997.3, 13.7  # neither is 1, nor a power of two: no product is exact by luck
+RHO0, CS = 997.3, 13.7  # neither is 1, nor a power of two: no product is exact by chance
 SCALE = RHO0 * CS**2
 BACKGROUNDS = (0.0, 0.31 * SCALE, -0.31 * SCALE)
 FloatArray = npt.NDArray[np.float64]

@@ -193,7 +193,7 @@ MELTING = (Thermal(0.7, 1.5, 0.3, 1.1), Thermal(0.25, 2.25))
 _OPEN = {"periodic": (False, True), "margin": 3.0}
 _OPEN_3D = {"periodic": (False, True, False), "margin": 3.0}
 
-# Scenes that between them reach every formula; each is built in 2D and in 3D.
+# Scenes that together reach every formula; each is built in 2D and in 3D.
 RECIPES: dict[str, dict[str, Any]] = {
     "quintic": {"artificial": 0.75, "damp": 0.125},
     "RK0": {"kernel": "RK0", "artificial": 0.75, "damp": 0.125},

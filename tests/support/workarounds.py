@@ -54,7 +54,7 @@ UNITS = tuple({"units": units} for units in ("lj", "si", "cgs", "micro", "nano")
 QUINTIC: dict[str, Any] = {"rheo": {"kernel": "quintic"}}
 OTHER_VOLUMES = {"types": [{"mass": 1.2, "rho0": 0.5, "cs": 2.0}] * 2, "rho": {"constant": 0.9, "per_type": None}}
 CONTINUED = Scene(({"evolve": {"stops": None}},), ("force-per-volume",))
-# Without a run after read_restart nothing is removed, however often and wherever fixes are defined and removed.
+# Without a run after read_restart nothing is removed, independent of where fixes are defined and removed.
 STAYS = (
     "write read pair define remove define others",
     "write read pair rheo remove_rheo define others",

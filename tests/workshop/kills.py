@@ -28,7 +28,7 @@ from tests.support.resumed import report
 NAMES = ("near-rho0", "ranges", "units.si", "refused.range-two-stars")
 COMMAND = [sys.executable, "-m", "lammps_cases.cli.main", "run", *NAMES, "--json"]
 PATIENCE = 120.0  # seconds that a run may take on a busy machine
-GONE = 20.0  # seconds after which no process of a killed run may be there
+GONE = 20.0  # seconds after which no process of a killed run may exist
 
 
 class Kills:
@@ -70,7 +70,7 @@ class Kills:
 
     def _started(self, resume: bool) -> subprocess.Popen[bytes]:
         options = [*self._options(), *(["--resume"] if resume else [])]
-        fresh = ["--fresh"] if self.random.random() < 0.5 else []  # everything is judged, or looked up
+        fresh = ["--fresh"] if self.random.random() < 0.5 else []  # everything is judged again, or looked up
         words = [*COMMAND, "--out", str(self.out), *options, *fresh]
         with (self.folder / "printed").open("wb") as printed:
             return subprocess.Popen(

@@ -167,7 +167,7 @@ def outcome(library: Library, site: Site, reaching: Sequence[str], quick: Collec
         if cases and (red := library.red(*cases)):
             return f"caught by {by}", red
     if changed := library.changed(set(reaching)):
-        library.plant(None)  # numbers from memory that nothing has written are others in every run
+        library.plant(None)  # numbers from uninitialised memory differ in every run
         again = sorted({case for case, _ in changed})
         changed -= set() if library.red(*again) else library.changed(set(again))
     return (

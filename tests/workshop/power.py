@@ -39,7 +39,7 @@ def _measured(given: Namespace) -> int:
     patterns = [name for name in given.names if name not in SECTIONS]
     only_faults = patterns or given.family or given.sample
     sections = [name for name in given.names if name in SECTIONS] or (["faults"] if only_faults else SECTIONS)
-    collect.select(collect.faults(), patterns)  # a typo is refused before anything kept is forgotten
+    collect.select(collect.faults(), patterns)  # a typo is refused before any stored result is deleted
     with record.planted(given.out).resumed(not given.fresh), Bar() as bar:
         power = collect.collect(given, sections, patterns, bar)
         record.write(power, given.out)

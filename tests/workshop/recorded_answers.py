@@ -217,7 +217,7 @@ def alive() -> None:
         reach = [test for test in tests if function in test.functions]
         reach.sort(key=lambda test: (module not in test.modules, test.seconds))
         found[mutant] = tried(mutant, reach[:MOST]) if reach else "no tests"
-        Path(judge.ANSWERED.name).write_text(json.dumps(found))  # also if it is ended before
+        Path(judge.ANSWERED.name).write_text(json.dumps(found))  # also if it is terminated before
     print(f"{len(found)} mutants alive on {len(tests)} answers: {dict(collections.Counter(found.values()))}")
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scontrol")
 ENDED = {"COMPLETED", "FAILED", "CANCELLED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY"}
 PATIENCE = 60.0  # seconds that anything may take
-PAUSE = 0.1  # seconds between two looks
+PAUSE = 0.1  # seconds between two polls
 CONFIGURATION = """
 ClusterName=eos-ref
 SlurmctldHost={host}(127.0.0.1)

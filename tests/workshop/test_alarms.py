@@ -102,7 +102,7 @@ def test_faults_hidden_in_ordinary_runs_are_named() -> None:
     assert [(a.case, a.finding) for a in found["ranks"].alarms] == [("cross-type.scale.2d", "cross-type-normal")]
     (walls,) = found["rebuilt"].alarms
     assert (walls.case, walls.finding) == ("walls-moving.free.rk1", "walls-after-rebuild")
-    assert "beside" in walls.message  # the step at which more is wrong than the findings of the scene explain
+    assert "beside" in walls.message  # the step at which the findings of the scene do not explain everything
     assert found["ranks"].false == found["rebuilt"].false == 0
 
 
@@ -155,7 +155,7 @@ def test_older_machine_is_green_and_recomputes_everything(monkeypatch: pytest.Mo
     assert there["NUMBA_CPU_NAME"] == "generic"
     assert there["GLIBC_TUNABLES"].startswith("glibc.cpu.hwcaps=")
     assert here[VARIABLE] == os.environ[VARIABLE]
-    assert there[VARIABLE] != here[VARIABLE]  # nothing that was predicted on this machine is found on the other
+    assert there[VARIABLE] != here[VARIABLE]  # predictions of this machine are not reused on the other
 
 
 def test_command_without_a_report_is_an_error() -> None:

@@ -24,7 +24,7 @@ from tests.workshop.fuzz.fit import fitted
 from tests.workshop.fuzz.hunt import ChoiceCounts, argued
 
 SCENES = 600  # as many as `every choice` needs: the rarest comes once in a hundred
-REJECTED = 0.02  # share of attempts that may be no scene
+REJECTED = 0.02  # share of attempts that may be invalid
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_scenes_are_small_and_their_steps_short(drawn: list[DrawnScene]) -> None
     assert len(steps) > SCENES / 2 and max(steps) <= 20
 
 
-def test_a_step_suits_the_numbers_of_a_twin_too() -> None:
+def test_time_step_suits_the_numbers_of_a_twin() -> None:
     """A force that lacks a volume lacks a factor of 1e-6 in lj and of 1 in micro, and particles leave the box."""
     scene: dict[str, Any] = {
         "units": "micro",

@@ -15,7 +15,7 @@ def test_document_contains_the_measurements() -> None:
     assert measured.page(text, rows[1:]) != text
     by_run = {row["run"]: row["away"] for row in rows if row["deck"] == "taylor-green"}
     log = next(away for run, away in by_run.items() if run.startswith("log of"))
-    # What the document says in words, of the numbers as the table shows them.
+    # The statements of the document on the numbers in the table.
     assert budgets.percent(by_run[budgets.LAMMPS]) == budgets.percent(by_run["as it is"]) == budgets.percent(log)
     adds = {row["run"]: row["adds"] for row in rows if row["deck"] == "taylor-green"}
     assert adds["no artificial viscosity"] > by_run["as it is"] > 0 > adds["no density diffusion"]

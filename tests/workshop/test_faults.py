@@ -38,7 +38,7 @@ CASES = {case.name: case for case in casefile.load()}
 NAMES = ("ranges.background-override", "ideal-gas.beside-tait", "strain.thinning.2d", "power-status.divergence")
 REFUSED = "refused.no-fix-rheo"
 LAW, GAS, FLUID, SURFACE = NAMES
-# fault: the case that sees it first, the verdict, the field it names
+# fault: the case that detects it first, the verdict, the field it names
 SEEN: dict[str, tuple[str, str, str] | None] = {
     "told.cs-off": (LAW, "differs", "pressure_used"),
     "told.range-ends-early": (LAW, "differs", "pressure_used"),
@@ -141,7 +141,7 @@ def test_mistakes_of_the_engine_are_not_planted() -> None:
 
 
 @pytest.mark.slow
-def test_a_sample_is_the_same_each_time() -> None:
+def test_sample_is_reproducible() -> None:
     drawn = [fault.id for fault in collect.select(collect.faults(), (), sample=7)]
     assert drawn == [fault.id for fault in collect.select(collect.faults(), (), sample=7)]
     assert len(drawn) == 7

@@ -41,7 +41,7 @@ def test_red_scene_is_kept_as_a_case_and_can_be_drawn_alone(tmp_path: Path, monk
     assert (code, record["drawn"], record["verdicts"]) == (1, 1, {"differs": 1})
     (red,) = record["red"]
     assert (red["draw"], red["failure"]) == (number, "differs in f (stage pair)")
-    assert "must be red" in red["note"] and not red["small"]  # the fault is not LAMMPS', so that it is gone
+    assert "must be red" in red["note"] and not red["small"]  # the fault is not in LAMMPS, so it disappears
     (case,) = casefile.load((Path(red["file"]),))
     assert case.scene == draw(3, number).case.scene
     assert red["reproduce"] == f"eos-ref run --cases {red['file']} drawn-3-{number}"
@@ -101,7 +101,7 @@ def test_gap_applies_to_the_scenes_of_its_reason(changed: dict[str, Any], by: st
     ("change", "engine", "unbounded"),
     [
         ({}, "2025.7.22.2.0", True),
-        ({}, "2026.7.4", False),  # which is not known to have it
+        ({}, "2026.7.4", False),  # not known to have it
         ({"bound": 1e-9}, "2025.7.22.2.0", False),
     ],
 )

@@ -175,7 +175,10 @@ def test_quick_and_insensitive_cases_are_distinguished(measured: dict[str, Resol
     assert measured["cs"].quick is not None
     assert measured["cs"].quick.case == LAW
     assert measured["viscosity"].quick is None  # only the fluid has one
-    assert (measured["mass"].candidates, measured["mass"].sensitive) == (2, 1)  # no law but ideal/gas knows a mass
+    assert (measured["mass"].candidates, measured["mass"].sensitive) == (
+        2,
+        1,
+    )  # no law except ideal/gas depends on the mass
     assert (measured["cs"].candidates, measured["cs"].sensitive) == (2, 2)
 
 

@@ -17,7 +17,7 @@ from tests.workshop.slurm import PATIENCE, PAUSE, Slurm
 pytestmark = [pytest.mark.slurm, pytest.mark.lammps]
 
 SHARDS = 3
-# Laws, a case that LAMMPS refuses, neighbours, two ranks under a launcher of their own.
+# Laws, a case that LAMMPS refuses, neighbours, two ranks under a separate launcher.
 CASES = ("ranges", "near-rho0.linear", "refused.range-two-stars", "walls.stored.damped", "virials.rest.two-ranks")
 
 

@@ -64,7 +64,7 @@ def test_walls_and_start(drive: dict[str, Any]) -> None:
         at_walls = plane_start_up(ends_n, LONG(t), WIDTH, NU, **drive)
         np.testing.assert_allclose(at_walls, [0, drive.get("speed", 0)], rtol=0, atol=rounding(drive, t))
     assert not plane_start_up(inside_n, 0.0, WIDTH, NU, **drive).any()
-    early = LONG("1e-4")  # far from walls there is only the force yet
+    early = LONG("1e-4")  # far from walls only the force acts so far
     early_n = plane_start_up(inside_n, early, WIDTH, NU, **drive)
     np.testing.assert_allclose(early_n, drive.get("gravity", 0) * early, rtol=0, atol=rounding(drive, float(early)))
 
@@ -83,7 +83,7 @@ def test_pressure_carries_the_weight(law: EOS) -> None:
     pressure_n = weight_of_column(law, z_n, gravity) + law.rho0 * law.cs**2
     rounding_n = 4 * EPS * pressure_n / (d * slope_n) + 4 * np.finfo(float).eps  # densities are doubles
     assert (np.abs(slope_n / (rho_n * gravity) - 1) < truncation + rounding_n).all()
-    assert np.abs(slope_n / (1.02 * rho_n * gravity) - 1).min() > 0.01  # 2 % more gravity would be seen
+    assert np.abs(slope_n / (1.02 * rho_n * gravity) - 1).min() > 0.01  # 2 % more gravity would be detected
 
 
 @laws

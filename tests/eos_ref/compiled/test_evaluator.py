@@ -290,7 +290,7 @@ def test_matrix_without_a_factor_falls_back_to_the_spline() -> None:
     """Particles on a line have no gradient across it: RK1 gives up on them, one by one."""
     built = scene(2, kernel="RK1", one_type=True)
     x_nc = np.column_stack([np.arange(8) + 0.25, np.full(8, 2.0)])
-    x_nc[7] = [3.5, 4.0]  # sees the line, and is seen by its middle
+    x_nc[7] = [3.5, 4.0]  # a neighbour of the middle of the line
     box = Box((-9.0, -9.0), (19.0, 19.0), (False, False))
     evaluator = CompiledEvaluator(built.model, box, np.ones(8, int), np.zeros(8, bool))
     evaluator.move(x_nc)

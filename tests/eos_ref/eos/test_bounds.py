@@ -25,7 +25,7 @@ def power(x: float, g: float) -> float:
         return math.inf
 
 
-# The manual's formula as a programmer may write it: other orders, hoisted quotients, expanded brackets.
+# The manual's formula as a programmer might write it: other orders, hoisted quotients, expanded brackets.
 ORDERS: dict[str, list[Order]] = {
     "linear": [
         lambda law, rho, e: law.cs * law.cs * (rho - law.rho0),

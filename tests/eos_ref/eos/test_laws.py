@@ -184,7 +184,9 @@ def test_equivalent_laws(one: EOS, other: EOS) -> None:
     for rho in densities(one):
         a, b = rigorous.pressure(one, float(rho)), rigorous.pressure(other, float(rho))
         assert a.overlaps(b), f"rho={rho!r}: {a} and {b}"
-        assert abs(a - b) <= abs(b) * arb(2) ** -50, f"rho={rho!r}"  # and neither ball is so wide that all overlaps
+        assert abs(a - b) <= abs(b) * arb(2) ** -50, (
+            f"rho={rho!r}"
+        )  # and neither ball is so wide that it overlaps everything
 
 
 LAW_OF_STYLE = {

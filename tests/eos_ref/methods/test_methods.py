@@ -135,7 +135,7 @@ def test_coarser_table_is_worse() -> None:
 # --- the search
 
 
-def test_the_search_finds_worse_cases_than_samples() -> None:
+def test_search_finds_worse_cases_than_samples() -> None:
     law, regime = EOS("tait/general", 1.2345, 7.89, 1.4), Regime(1e-9, 1e-6)
     evaluate = named("textbook").function(law, *regime.ends(law))
     rho_n = regime.densities(law, SAMPLES)
@@ -145,7 +145,7 @@ def test_the_search_finds_worse_cases_than_samples() -> None:
     assert found.error == certain_error(evaluate, law, found.rho)
 
 
-def test_the_search_finds_a_fault_between_the_samples() -> None:
+def test_search_finds_a_fault_between_samples() -> None:
     """A method that is wrong within 1e-9 of one density; the nearest sample lies just outside."""
     law, regime = EOS("linear", 1.2345, 7.89), Regime(0.1, 0.2)
     wrong = 1.2345 * 1.15
@@ -155,7 +155,7 @@ def test_the_search_finds_a_fault_between_the_samples() -> None:
 
     samples = np.array([wrong + 1.1e-9, wrong + 1e-3])
     found = worst_case(evaluate, law, samples, lambda rho: regime.holds(law, rho))
-    # What the law itself rounds, some U over the excess of 0.15 (rho0), comes on top of the fault.
+    # The law's own roundings, some U over the excess of 0.15 (rho0), add to the fault.
     assert abs(found.error - 1e-6) < 64 * 2.0**-53 / 0.15
 
 

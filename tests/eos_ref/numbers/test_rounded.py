@@ -26,7 +26,7 @@ QUICK = settings(max_examples=150, deadline=None, derandomize=True)
 U = 2.0**-53
 number = st.floats(-1e6, 1e6).filter(lambda x: x == 0 or abs(x) > 1e-6)
 positive = st.floats(1e-6, 1e6)
-spread = st.floats(-1, 1)  # where inside its interval a number truly lies
+spread = st.floats(-1, 1)  # position of the true value inside its interval
 relative = st.sampled_from([0.0, 1e-15, 1e-9, 1e-3, 0.5])
 
 
@@ -326,7 +326,7 @@ def test_open_surface_leaves_dependent_fields_open() -> None:
     found = bounded(built)
     assert found["surface"][0][k] == 0
     assert found["surface"][1][k] >= 1
-    assert np.hypot(*found["surface/n"][1][k]) >= 1 - 1e-8  # a unit vector or none; 1e-10 softens it
+    assert np.hypot(*found["surface/n"][1][k]) >= 1 - 1e-8  # a unit vector or zero; 1e-10 softens it
     simulation = built.simulate()
     simulation.evaluate()
     e = simulation.evaluator

@@ -39,7 +39,7 @@ def laws(text: str, ntypes: int = 2, **per_type: Any) -> tuple[EOS, ...]:
         # every form of types
         ("*1 linear 2* tait/water", (EOS("linear"), EOS("tait/water"))),
         ("1*2 cubic 1", (EOS("cubic", parameter=1.0), EOS("cubic", parameter=1.0))),
-        # later entries override, whole: an argument of the earlier style is gone
+        # later entries override completely: an argument of the earlier style is dropped
         ("* cubic 3 2 linear", (EOS("cubic", parameter=3.0), EOS("linear"))),
         ("2 linear * tait/water", (EOS("tait/water"), EOS("tait/water"))),
         ("* cubic 3 * cubic 4", (EOS("cubic", parameter=4.0),) * 2),
@@ -176,7 +176,7 @@ PLAIN = FixRheo(3.0, "quintic", 0)
             "fix 1 all rheo 3.0 quintic 0 thermal density 0.1 0.1 speed/sound 10.0 1.0",
             replace(PLAIN, thermal=True, rho0=(0.1, 0.1), cs=(10.0, 1.0)),
         ),
-        # the second and third, as the syntax section wants them
+        # the second and third, as the syntax section requires
         (
             "fix 1 all rheo 3.0 RK1 10 shift surface/detection coordination 40 8",
             FixRheo(3.0, "RK1", 10, shift=Shift(), surface_detection=SurfaceDetection("coordination", 40.0, 8)),

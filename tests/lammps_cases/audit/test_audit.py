@@ -49,8 +49,8 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
 
 # --- healthy decks ---
 
-# Their densities lie on both sides of rho0 at random, of which the audit says rightly that such a tension would clump
-# in time; their masses, densities and speeds are odd numbers, so that none can be taken for another.
+# Their densities lie on both sides of rho0 at random, and the audit warns correctly that such a tension would clump
+# in time; their masses, densities and speeds are odd numbers, so that none can be confused with another.
 DELIBERATE = (
     "the tension at which particles clump",
     " times rho0 V = ",
@@ -232,7 +232,7 @@ def test_one_wrong_atom_is_named(monkeypatch: pytest.MonkeyPatch, kept: Callable
     monkeypatch.setattr(supervise, "ENTRY", _one_atom)
     result = audit_deck(DECKS / "in.plain", OF_PRESSURE)
     case = case_of(result)
-    assert int(result.arrays["step"]) == 20  # what is drawn is where it begins
+    assert int(result.arrays["step"]) == 20  # the picture shows where it starts
     healthy = audited("plain", kept("plain")).arrays
     assert int(healthy["step"]) == max(check.step for check in case.checks) == 40
     wrong_type = int(healthy["type"][healthy["id"] == 17][0])

@@ -96,7 +96,7 @@ def _calls(outside: str, lmp: Any) -> dict[str, str]:
         "datagram": lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM),
         "local socket": lambda: socket.socket(socket.AF_UNIX),
         "signal": lambda: os.kill(os.getppid(), signal.SIGTERM),
-        # and what it may do
+        # allowed calls
         "own file": lambda: Path("made").write_text("x"),
         "own folder": lambda: shutil.rmtree(tempfile.mkdtemp(dir=".")),
         "thread": lambda: threading.Thread(target=print).start(),
@@ -113,7 +113,7 @@ def _calls(outside: str, lmp: Any) -> dict[str, str]:
 
 
 ALLOWED = {"own file", "own folder", "thread", "clock"}
-# Of its own file system, and its own processes.
+# Calls on its own file system and processes.
 WITHIN_BUBBLEWRAP = {"symbolic link", "fifo", "shared memory", "signal", "environment of others"}
 
 
@@ -180,7 +180,7 @@ REACHING_OUT = [
     "dump e all custom 1 x.gz id",
     "dump d all atom 1 \u2018{outside}/made\u2019",
     "run 1",
-    "write_dump all atom {outside}/made",  # last: LAMMPS does not survive what follows a dump that it cannot write
+    "write_dump all atom {outside}/made",  # last: LAMMPS crashes after a dump that it cannot write
 ]
 
 
@@ -295,7 +295,7 @@ def test_mpi_starts_in_a_contained_process(ranks: int, means: str, tmp_path: Pat
 )
 def test_endless_decks_are_stopped(commands: str, place: str, deck: Path) -> None:
     deck.write_text(commands)
-    case = case_of(audit_deck(deck, AuditOptions(timeout=10.0)))  # that a busy machine reads the first command in
+    case = case_of(audit_deck(deck, AuditOptions(timeout=10.0)))  # within which a busy machine reads the first command
     assert case.verdict == "timeout" and case.message.startswith("stopped after 10 s") and place in case.message
 
 

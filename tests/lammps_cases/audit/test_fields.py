@@ -152,7 +152,7 @@ def _damage(field: str, sample: Any) -> None:
     def wrong(self: Any, n: int) -> Any:
         shown = right(self, n)
         calls.append(n)
-        if len(calls) > 1:  # from the second look on
+        if len(calls) > 1:  # from the second sample on
             row = self.lmp.numpy.extract_atom("id")[:n].tolist().index(17)
             values = shown[field].reshape(n, -1)
             values[row, -1] += 1 if field == "coordination" else 1e-9
@@ -276,7 +276,7 @@ def test_failure_of_the_second_lammps_is_reported(monkeypatch: pytest.MonkeyPatc
     case = case_of(audit_deck(DECKS / "in.overlay", AuditOptions(steps=1)))
     told = next(line for line in case.not_checked if line.startswith("f: "))
     assert "pair_style soft adds to it; of pair_style rheo alone" in told and "cannot be had (ERROR" in told
-    assert case.verdict == "explained" and case.findings == ["force-per-volume"]  # which no look at f contradicts
+    assert case.verdict == "explained" and case.findings == ["force-per-volume"]  # which no sample of f contradicts
 
 
 SUMMED_WRONG = ["coordination", "rho", "grad/v", "shift/v", "surface/r", "surface/n", "surface/divr", "f", "drho"]
@@ -291,8 +291,8 @@ def test_one_wrong_value_is_named(field: str, monkeypatch: pytest.MonkeyPatch) -
     assert f"{field} leaves its bound first at step 10 (run 1), atom 17: 1 of 75 atoms" in case.message or field == "f"
     bad = {(check.field, check.step) for check in case.checks if check.verdict == "differs"}
     assert bad == {(field, 10), (field, 20)}
-    assert int(result.arrays["step"]) == 10  # where it begins, not where the audit ends
-    if field == "f":  # without the finding, which takes all others out of their bounds as well
+    assert int(result.arrays["step"]) == 10  # where it starts, not where the audit ends
+    if field == "f":  # without the finding, which also moves all other ones out of their bounds
         assert "f leaves its bound first at step 10 (run 1)" in case.message
 
 

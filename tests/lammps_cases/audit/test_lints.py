@@ -51,7 +51,7 @@ def test_correct_deck_gives_no_warning(tmp_path: Path) -> None:
             ["type 1: speed of sound 1 is 4.58 times ", "type 1: rho is 1.2 times rho0 = 1 (median of 72 fluid "],
         ),
         ([(MASS, MASS.replace("1.0", "1.5"))], ["type 1: m = 1.5 is 1.5 times rho0 V = 0.9999"]),
-        # Masses that fit a density which is far from rho0 are not to blame as well.
+        # Masses that fit a density far from rho0 are not reported in addition.
         (
             [(RHO, RHO.replace("1.0", "1.5")), (MASS, MASS.replace("1.0", "1.5"))],
             ["type 1: speed of sound 1 is 2.39 times ", "type 1: rho is 1.5 times rho0 = 1 "],
@@ -83,7 +83,7 @@ def test_correct_deck_gives_no_warning(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_wrong_word_is_named(changes: list[tuple[str, str]], lines: list[str], tmp_path: Path) -> None:
+def test_wrong_word_is_named(changes: list[tuple[str, str]], lines: list[str], tmp_path: Path) -> None:
     found = case_of(tmp_path, *changes).warnings
     own = [line for line in found if "tension at which" not in line]
     assert len(own) == len(lines)

@@ -36,7 +36,7 @@ def test_shell_made_of_variables_is_refused(tmp_path: Path, monkeypatch: pytest.
 
 def test_shell_is_run_if_allowed(tmp_path: Path) -> None:
     case = case_of(audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path, trust=True, fields=PRESSURE)))
-    assert case.verdict == "refused"  # by LAMMPS, for want of fix rheo
+    assert case.verdict == "refused"  # by LAMMPS, without fix rheo
     assert (tmp_path / "touched").exists()
 
 
@@ -144,7 +144,7 @@ def test_control_and_unprintable_characters_are_escaped(tmp_path: Path) -> None:
     deck = tmp_path / "in.words"
     for words, told in (
         (b"foo \x1b[31mred\x07", r"Unknown command: foo \x1b[31mred\x07"),
-        (b"print $\xe9", "Substitution for illegal variable \ufffd"),  # of which LAMMPS quotes a byte
+        (b"print $\xe9", "Substitution for illegal variable \ufffd"),  # LAMMPS quotes one byte of it
     ):
         deck.write_bytes(b"units lj\n" + words + b"\n")
         case = case_of(audit_deck(deck))

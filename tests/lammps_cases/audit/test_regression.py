@@ -82,7 +82,7 @@ def test_another_engine_differs_only_by_a_finding(deck: Path, eos_ref_command: R
     assert code == 1
     assert "changed: in.deck f from step 0 (explained by force-per-volume, now pass): atom 1 at step 0: " in said
     assert "judged otherwise: in.deck (explained by force-per-volume, now pass)" in said
-    assert "within bounds: " in said and "grad/v from" not in said  # other bits, which are no fault of another program
+    assert "within bounds: " in said and "grad/v from" not in said  # other bits are not a fault of another program
 
     code, said, _ = eos_ref_command("compare", "env", OTHER, "--deck", deck, "--json")
     rows = {row["field"]: row for row in json.loads(said)["fields"]}

@@ -89,7 +89,7 @@ def test_images_without_masses_give_a_warning(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("verdict", "step", "said"), [("pass", 4, False), ("exact", 4, False), ("differs", 4, True), ("pass", 2, True)]
 )
-def test_a_field_inside_its_bound_contradicts_an_effect(verdict: Verdict, step: int, said: bool) -> None:
+def test_field_inside_its_bound_contradicts_an_effect(verdict: Verdict, step: int, said: bool) -> None:
     """Such as an effect on a force that another fix sets, if the same sample has the field."""
     effect = EffectRecord(
         finding="force-per-volume", field="f", run=1, step=4, particles=1, of=2, relative=0.1, factor=None

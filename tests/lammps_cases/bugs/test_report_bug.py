@@ -27,7 +27,7 @@ IDS = [entry.id for entry in LEDGER]
 BY_NUMBER = [name for name, one in demonstrations().items() if one.number]
 OF_TWO = [name for name, one in demonstrations().items() if one.other]
 WITH_HAND = [name for name, one in demonstrations().items() if one.hand]
-FAR = 1e3  # times the bound, by which a finding's number must miss
+FAR = 1e3  # times the bound: the least error of a finding's number
 
 
 def _having(entry: Finding) -> str:
@@ -57,7 +57,7 @@ def test_deck_fails_only_on_engines_with_the_finding(name: str, engine: str) -> 
     expected = "FAIL" if finding_of(name).listed(version_of(engine)) else "PASS"
     assert ending.verdict(made.deck) == expected, ending.output[-2000:]
     if made.number:
-        assert ending.code == 0, ending.error  # it is the number that fails, not the deck
+        assert ending.code == 0, ending.error  # the number fails, not the deck
         assert ending.printed("obtained") and ending.printed("expected")
 
 
@@ -69,7 +69,7 @@ def test_deck_of_a_crash_ends_without_an_error_of_lammps(name: str) -> None:
     assert ending.code
     assert "ERROR" not in ending.output
     signal = finding_of(name).engine_error
-    if signal == "SIG":  # memory is overwritten, and what that ends in is not the same everywhere
+    if signal == "SIG":  # memory is overwritten, with different effects on different machines
         assert ending.error.startswith("SIG")
     else:
         assert ending.error == {"SIGSEGV": "SIGSEGV", "SIGABRT": "Exception: stol"}[signal]
@@ -81,7 +81,7 @@ def test_number_is_wrong_by_this_finding_alone_and_by_far(name: str, tmp_path: P
     """On an engine that has it, its variant alone explains the scene, and the reference is far outside the bound."""
     entry, shown = finding_of(name), demonstrations()[name]
     if not any(entry.listed(version_of(engine)) for engine in ENGINES):
-        assert entry.engines == KNOWN[-1:]  # the newest LAMMPS is no wheel: `make engines` puts it to this test
+        assert entry.engines == KNOWN[-1:]  # the newest LAMMPS is not a wheel: `make engines` runs this test on it
         return
     case = case_of(name, entry.title, shown.scene)
     (record,) = campaign.run_cases([case], engine_of(_having(entry)), 1, tmp_path / "run").cases

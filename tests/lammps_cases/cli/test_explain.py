@@ -17,7 +17,7 @@ SCREEN = 40  # lines
 OF_FULL = ("modelled by the reference", "told to LAMMPS", "LAMMPS commands:", "evaluated by")
 
 
-# One of a law, the one of most types, the twin and the walls that take most rules, one that LAMMPS is to refuse.
+# One of a law, the one with most types, the twin and the walls with most rules, one that LAMMPS is to refuse.
 @pytest.mark.parametrize(
     "name",
     [

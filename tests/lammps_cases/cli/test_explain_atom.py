@@ -36,7 +36,7 @@ def test_sums_equal_the_fields(name: str, eos_ref_command: Callable[..., Outcome
     assert set(named) == ({"force", "heat"} if problem.model.thermal else {"force", "drho"})
     for name, field in named.items():
         exact = twin.fields[field]
-        bound = np.asarray(exact.error)[ATOM - 1]  # of both sides, which add in other orders
+        bound = np.asarray(exact.error)[ATOM - 1]  # of both sides, which add in different orders
         assert np.all(np.abs(np.asarray(sums[name]) - exact.value[ATOM - 1]) <= bound), name
 
 
@@ -56,7 +56,7 @@ def test_twin_shows_the_original(eos_ref_command: Callable[..., Outcome]) -> Non
     twin = prepare(case).twin
     assert twin is not None and document["run"] == "original"
     problem = problem_of(twin.scene, twin.atoms, case.where, (document["step"],))
-    own = pair_sums.terms(problem, document["step"], 5).particle  # its places lie on the grid of both runs
+    own = pair_sums.terms(problem, document["step"], 5).particle  # its positions lie on the grid of both runs
     assert document["particle"]["x"] == list(own.x)
     assert "twin" not in eos_ref_command("explain", "forces.all.quintic.2d", "--atom", "5").out
 

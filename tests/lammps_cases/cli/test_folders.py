@@ -38,7 +38,7 @@ def test_empty_folder_is_removed(
     for out in (tmp_path / "reports" / "new", kept):
         done = eos_ref_command(*words, "--out", out)
         assert done.code == 130, done.err
-    assert [path.name for path in tmp_path.iterdir()] == ["kept"]  # which there was
+    assert [path.name for path in tmp_path.iterdir()] == ["kept"]  # it existed before
 
 
 def test_written_files_stay(

@@ -76,7 +76,7 @@ def test_interrupted_chart_is_drawn_and_resumed(
     last.clear()
     assert eos_ref_command(*command, "--resume")[0] == 0
     assert (measured, titles()) == (["laws", "kernels"], ["title of laws", "title of kernels"])
-    assert eos_ref_command(*command, "--quick")[0] == 0  # other methods: nothing of the first is taken
+    assert eos_ref_command(*command, "--quick")[0] == 0  # other methods: nothing of the first is reused
     assert measured[2:] == ["laws", "kernels"]
     assert eos_ref_command(*command, "--fresh")[0] == 0
     assert measured[4:] == ["laws", "kernels"]

@@ -47,7 +47,7 @@ def tiny(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("stages", [ArrayEvaluator, ForcePerVolume])
 @pytest.mark.parametrize("name", CASES)
-def test_the_same_bits(name: str, stages: Any, tiny: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_give_the_same_bits(name: str, stages: Any, tiny: None, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = problem(name)
     assert blocks.in_blocks(stages, len(scene.state.x_nc)) is not stages
     found, precise = predict(scene, stages, seed=3), precise_setup(scene)

@@ -77,7 +77,7 @@ def test_field_without_values_differs() -> None:
     assert record.bound is record.worst_id is record.first_id is None
 
 
-def test_the_record_names_the_worst_atom_and_the_first_outside() -> None:
+def test_record_names_the_worst_atom_and_the_first_outside() -> None:
     lammps_n, bound_n = array(0.0, 3.0, 0.5, 8.0), array(1.0, 2.0, 1.0, 4.0)
     comparison = compared(lammps_n, np.zeros(4), bound_n)
     record = comparison.record
@@ -100,7 +100,7 @@ def test_counts_are_stored_as_floats() -> None:
     assert comparison.record.derivation == ""
 
 
-def test_the_first_atom_outside_has_the_lowest_id() -> None:
+def test_first_atom_outside_has_the_lowest_id() -> None:
     record = compare_field("f", "pair", np.array([7, 3, 5]), array(9.0, 9.0, 0.0), np.zeros(3), np.ones(3)).record
     assert (record.first_id, record.worst_id) == (3, 7)
 
@@ -113,7 +113,7 @@ def test_one_component_outside_puts_the_particle_outside() -> None:
     assert record.max_over_bound == rounded(1.5, 3)
 
 
-def test_a_vector_inside_in_all_components_passes() -> None:
+def test_vector_inside_in_all_components_passes() -> None:
     lammps_nc, bound_nc = np.array([[0.1, -0.2], [0.0, 0.3]]), np.full((2, 2), 0.3)
     assert compared(lammps_nc, np.zeros((2, 2)), bound_nc).record.verdict == "pass"
 
@@ -230,7 +230,7 @@ def test_record_of_a_pressure_has_the_derivation_of_its_bound_and_digits_lost() 
     assert (used.field, used.derivation, used.digits_lost) == ("used", laws[1], DigitsLost())
 
 
-# Digits are given in hundredths; what a pressure itself lacks, a hundred EPS at most, is nothing of a part 1e-9.
+# Digits are given in hundredths; a pressure's own error, a hundred EPS at most, is negligible against 1e-9.
 HUNDREDTH = 0.005 + 100 * EPS / 1e-9
 
 
@@ -266,7 +266,7 @@ def test_the_worst_atom_among_many_is_certified() -> None:
         (1.5, NAN, 99.0),
         (1.5, INF, 99.0),
         (1.0, 0.0, 0.0),
-        (1.0, 1e-300, 15.65),  # nothing is close to zero but zero
+        (1.0, 1e-300, 15.65),  # only zero is close to zero
     ],
 )
 def test_digits_lost_of_one_value(rho: float, value: float, lost: float) -> None:

@@ -55,7 +55,7 @@ def test_everything_moves_a_little(case_file: Callable[..., Path]) -> None:
     )
 
 
-def test_a_fraction_of_one_stays_one(case_file: Callable[..., Path]) -> None:
+def test_fraction_of_one_stays_one(case_file: Callable[..., Path]) -> None:
     shift = {"scale_cross_type": [1.0, 0.1, 0.3]}
     (case,) = casefile.load_file(case_file(**(SCENE | {"rheo": {"shift": shift}})))
     one = problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))

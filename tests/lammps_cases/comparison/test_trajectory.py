@@ -223,14 +223,14 @@ def test_lost_run_bounds_nothing(case_file: Write) -> None:
     assert np.isinf(last["f"]).all()
 
 
-def test_the_same_seed_gives_the_same_bounds_and_another_does_not(case_file: Write) -> None:
+def test_bounds_depend_on_the_seed_alone(case_file: Write) -> None:
     scene = replace(problem(case_file), steps=(0, 2), timestep=0.001)
     bounds = [predict(scene, ArrayEvaluator, seed=seed).bounds[1]["f"] for seed in (1, 1, 2)]
     np.testing.assert_array_equal(bounds[0], bounds[1])
     assert not np.array_equal(bounds[0], bounds[2])
 
 
-def test_a_status_is_open_where_rounding_decides_the_class(case_file: Write) -> None:
+def test_status_is_open_where_rounding_decides_the_class(case_file: Write) -> None:
     """A neighbour exactly at the cutoff may count or not, and so may the surface limit; the status word shows which."""
     scene = {
         "positions": {"x": [[1.0, 1.0], [1.6, 1.0], [4.0, 4.0], [4.5, 4.0]], "low": [0.0, 0.0], "high": [9.0, 9.0]},

@@ -181,7 +181,7 @@ def measure(
             if kind != "machine":
                 records = plain if kind == "as given" else _records(workers, kind, cases, progress)
                 runs.append(_run(kind, cases, plain, records, workers))
-    if "machine" in kinds:  # by processes of its own: the workers are gone by then
+    if "machine" in kinds:  # by separate processes: the workers have ended by then
         here = run_apart(cases, engine, {}, jobs, progress)
         there = run_apart(cases, engine, older(), jobs, progress)
         moved = sum(there.references[name] != here.references[name] for name in here.references)
@@ -199,7 +199,7 @@ def _records(workers: JudgingWorkers, kind: Kind, cases: Sequence[Case], progres
         perturbed, future = queue.popleft()
         queue.extend(islice(waiting, 1))
         record = workers.outcome(future)
-        if isinstance(record, Failure):  # LAMMPS took the worker with it: the failure is judged here
+        if isinstance(record, Failure):  # LAMMPS terminated the worker: the failure is judged here
             record = workers.judge.verdict(perturbed, [record for _ in perturbed.jobs])
         name = perturbed.ready.case.name
         records[name] = record
@@ -308,7 +308,7 @@ def run_apart(
     with tempfile.TemporaryDirectory(prefix="eos-ref-machine-") as folder:
         report = Path(folder) / "report"
         own = {VARIABLE: str(Path(folder) / "store")} if settings else {}
-        own["EOS_REF_HISTORY"] = "off"  # a run that serves a purpose of its own
+        own["EOS_REF_HISTORY"] = "off"  # a run for a separate purpose
         here = os.pathsep.join([str(Path(__file__).parents[3]), *filter(None, [os.environ.get("PYTHONPATH")])])
         sources = sorted({str(case.source) for case in cases})
         program = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--engine", engine.name, "--jobs", str(jobs)]

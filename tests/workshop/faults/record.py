@@ -18,7 +18,7 @@ from tests.workshop.faults.fault import FAMILIES, Detection, Family, Fault, file
 from tests.workshop.faults.resolution import Resolution
 from tests.workshop.faults.tasks import Control
 
-ALL_RATE, QUICK_RATE = 0.99, 0.90  # of all faults, that some case and that a quick case has to catch
+ALL_RATE, QUICK_RATE = 0.99, 0.90  # shares of all faults that some case and a quick case must catch
 ARGUED = Path(__file__).with_name("argued.yaml")
 
 

@@ -22,11 +22,11 @@ from lammps_cases.scene.casefile import Case
 from tests.workshop.faults.perturbed import JudgingWorkers, PerturbedJudge, RepeatedCase
 from tests.workshop.faults.scene_numbers import SceneNumber, numbers
 
-PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one shows
-WHOLE = (1, 2, 3, 4, 6, 8, 12, 16)  # changes of a number that counts something
+PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one is detected
+WHOLE = (1, 2, 3, 4, 6, 8, 12, 16)  # changes of a count
 FLOOR = 2.0**-53  # a smaller relative change is no change
-LARGEST = 1.0  # relative change that is the last one tried
-CLOSE = 1.1  # factor between seen and unseen at which a bisection ends
+LARGEST = 1.0  # largest relative change tried
+CLOSE = 1.1  # factor between detected and undetected changes at which a bisection ends
 BEST = 3  # cases bisected per parameter, of all and of the quick ones
 
 R = TypeVar("R")

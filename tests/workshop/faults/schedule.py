@@ -28,7 +28,7 @@ WITNESSES = 2  # case files that detect a fault before the rest is skipped, unle
 LIMIT = 300.0  # seconds that some cases with one fault may take
 CASE_LIMIT = 30.0  # seconds of the processor that a mistaken reference may take for a case
 TOGETHER = 12  # cases given to a worker at a time
-ENOUGH = 3  # answers that a mistaken reference changes, judged before it goes on
+ENOUGH = 3  # answers that a mistaken reference changes, judged before it continues
 EXCLUDED_TAGS = {"long", "open", "crash"}  # of cases that are not used
 
 T = TypeVar("T")
@@ -164,7 +164,7 @@ class MutationPool:
             if not isinstance(outcome, Failure):
                 detections += outcome
             elif len(names) > 1:
-                ahead[:0] = [[name] for name in names]  # which of them took the worker with it?
+                ahead[:0] = [[name] for name in names]  # which of them terminated the worker?
             else:
                 detections += yield from self._ended(names[0], outcome)
         return detections

@@ -34,7 +34,7 @@ class Chance:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        # Only its doubles are used, which follow from the bits in one way; see NEP 19 of numpy on its other methods.
+        # Only its doubles are used, which depend on the bits alone; see NEP 19 of numpy on its other methods.
         self._stream = np.random.Generator(np.random.PCG64(seed(name)))
 
     def at(self, place: object) -> Chance:

@@ -139,7 +139,7 @@ def drawn_value(scope: Scope, chance: Chance, node: schema.Node, place: str) -> 
             return chance.whole(*_whole_limits(branch))
         case "number":
             return chance.number(*_limits(branch))
-    return LEFT_OUT  # text, or whatever a rule has to know
+    return LEFT_OUT  # text, or anything that needs a rule
 
 
 def _possible(node: schema.Node, place: str) -> list[Any] | None:

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 BINS = 2**31 - 1
 WRITTEN_EVERY = 5.0  # seconds
 JUDGING = 300.0  # seconds that judging a scene may take
-SHRINKING = 60.0  # seconds for making one scene small
+SHRINKING = 60.0  # seconds for shrinking one scene
 
 
 def argued(choice: str) -> str:

@@ -62,7 +62,7 @@ def _law(scope: Scope, chance: Chance, types: str | int) -> Content:
         entry["A3"] = rounded(size) if chance.coin(0.7) else rounded(-0.1 * size)
     elif style == "tait/general":
         solids = scope.solids or any("T_freeze" in each for each in scope.content["types"])
-        # With a negative exponent pressures have an upper limit, beyond which no density of a wall makes them.
+        # With a negative exponent pressures have an upper limit, above which no density of a wall gives them.
         bounded = [] if solids else [-1.5]
         entry["gamma"] = chance.choice([1.0, 2.0, 7.0, 0.5, *bounded, 1.4, chance.number(0.3, 12.0)])
     elif style == "ideal/gas":
@@ -158,7 +158,7 @@ RULES: Mapping[str, Rule] = {
     "forces": forces,
 }
 
-# Probability that an optional key is given; a third of the scenes have one without a mention here.
+# Probability that an optional key is given; keys not listed here are in a third of the scenes.
 GIVEN: Mapping[str, float] = {
     "units": 0.8,
     "mass": 0.2,
@@ -230,7 +230,7 @@ HANDLED: Mapping[str, frozenset[str]] = {
     "rheo.surface_detection": frozenset(["style", "limit", "splash"]),
 }
 
-# Keys that no draw has, each with the reason.
+# Keys that are never drawn, each with the reason.
 NEVER: Mapping[str, str] = {
     "engine.ghosts": "copies that no particle meets; what grows with them has cases of its own (edges-growth)",
     "manual": "set by the engine, not by a scene",

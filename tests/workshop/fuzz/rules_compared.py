@@ -103,7 +103,7 @@ def _stop(scope: Scope, chance: Chance, at: int, grows: bool) -> Content:
     kept = (walls or "mass" in scope.content) and stop.get("by") in ("restart", "other scene")
     if stop.get("by") == "continued":  # nothing is set up for
         return stop
-    if kept:  # what a restart file holds of walls and masses keeps displace_atoms and change_box from working
+    if kept:  # the data of walls and masses in a restart file prevent displace_atoms and change_box
         return stop
     if chance.coin(0.25):
         axes = "xy" if scope.planar else "xyz"
@@ -125,7 +125,7 @@ def _refused(scope: Scope) -> set[str]:
     places = scope.content["positions"]
     alone = scope.planar and (len(places["x"]) if "x" in places else math.prod(places["cells"])) == 1
     plain = not all("rho0" in of and "cs" in of for of in scope.content["types"])
-    made = kept or scope.content["rheo"].get("rho_sum", False)  # densities that an evaluation makes
+    made = kept or scope.content["rheo"].get("rho_sum", False)  # densities computed by an evaluation
     possible = {"replicated": kept, "minimize": pushed, "restart": alone, "other scene": alone}
     possible |= {"by hand": "tilt" in places, "replaced": made or plain}
     refused = {route for route, refuses in possible.items() if refuses}
@@ -140,7 +140,7 @@ def compare(scope: Scope, chance: Chance) -> Any:
     if "stress/t" in fields and "pressure" not in fields and chance.coin(0.9):
         fields.append("pressure")  # without it most releases of LAMMPS crash
     if _crosses(scope) and "v" in fields and "x" not in fields:
-        fields.append("x")  # tells of which image the velocity is
+        fields.append("x")  # decides to which image the velocity belongs
     return [*fields, chance.choice(["f", "rho", "grad/v", "x"])] if set(fields) <= {"pressure"} else fields
 
 
@@ -187,7 +187,7 @@ def engine(scope: Scope, chance: Chance) -> Content:
         content["ranks"] = 2 if chance.coin(0.8) and not alone else 1
     if content.get("ranks") == 2 and chance.coin(0.4):
         content["processors"] = chance.choice([[2, 1, 1], [1, 2, 1]])
-    if chance.coin(0.25):  # tiled takes no box that is periodic and shorter than the cutoff
+    if chance.coin(0.25):  # tiled accepts no periodic box shorter than the cutoff
         open_box = not any(scope.content["positions"].get("periodic", [True]))
         content["communication"] = "tiled" if open_box and chance.coin(0.8) else "brick"
         content |= {"balance": chance.whole(1, 3)} if content["communication"] == "tiled" and chance.coin() else {}

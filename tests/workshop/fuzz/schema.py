@@ -78,7 +78,7 @@ def choices() -> list[str]:
 def _choices(node: Node, place: str, optional: bool) -> Iterator[str]:
     for branch in branches(resolved(node)):
         if branch.get("type") == "null":
-            if not optional:  # else it says that the key is not given
+            if not optional:  # otherwise the key is not given
                 yield f"{place}=null"
         elif (listed := values_of(branch)) is not None:
             yield from (f"{place}={_word(value)}" for value in listed)

@@ -93,7 +93,7 @@ def test_planted_faults_shrink_to_few_particles_and_steps(workers: Workers, tmp_
         small = loaded(shrunk, tmp_path)
         assert small.name == name
         assert failure_mode(judge(small)) == shrunk.failure, fault
-        assert FaultyJudge(workers)(small).as_expected, fault  # of the fault, not of what was taken away
+        assert FaultyJudge(workers)(small).as_expected, fault  # of the fault, not of the removed parts
         assert shrunk.complete
         sizes[fault] = shrunk.after
         assert shrunk.after.particles <= shrunk.before.particles and shrunk.after.steps <= shrunk.before.steps

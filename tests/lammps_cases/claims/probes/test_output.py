@@ -103,7 +103,7 @@ def test_named_components_are_those_of_the_reference(whole: tuple[SmallScene, li
     """Before the first step, where every column is predicted; columns that must differ are not equal."""
     scene, at = whole
     prediction, d = scene.predicted(*KNOWN), scene.scene.dimension
-    for name in set(COLUMNS) - {"status"}:  # whose bits are not documented
+    for name in set(COLUMNS) - {"status"}:  # its bits are not documented
         found = at[0][:, place(scene, components(name, d))]
         assert agree(found.reshape(prediction.fields[0][name].shape), prediction, name), name
     words = [word for name in ("grad/v", "shift/v", "surface/n") for word in components(name, d)]

@@ -1,4 +1,4 @@
-"""Which scenes a finding speaks of, and the kernel that LAMMPS has for one: by definition, without LAMMPS."""
+"""Which scenes a finding applies to, and the kernel of LAMMPS in one finding: by definition, without LAMMPS."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def stopped(by: str) -> dict[str, Any]:
         ({"compare": ["pressure"]}, {}),
     ],
 )
-def test_a_scene_that_lammps_refuses_is_foretold(
+def test_refused_scene_is_predicted(
     case_file: Write, changes: dict[str, Any], ends: dict[str, str]
 ) -> None:
     (case,) = casefile.load((case_file(types=THREE, **{"compare": ["f"]} | changes),))
@@ -90,7 +90,7 @@ def test_means_of_zeros_are_harmonic_ones(
     assert bool(has_means_of_zeros(problem)) == applies
 
 
-def test_particles_fall_back_where_neighbours_are_few_or_may_become_so() -> None:
+def test_particles_fall_back_where_neighbours_are_or_may_become_few() -> None:
     """With kernels that correct gradients: below zmin at once, in an open box after a step."""
     (case,) = casefile.select(casefile.load(), ["forces.all.rk1.2d"])
     given = problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))

@@ -21,7 +21,7 @@ def test_statement_holds_from_its_first_to_its_last_version() -> None:
     assert all(OfManual().made_in(manual) for manual in MANUALS)
 
 
-def test_no_version_is_before_it_is_made_nor_unknown() -> None:
+def test_bad_ranges_of_versions_are_refused() -> None:
     with pytest.raises(ValidationError, match="since must not be later than until"):
         OfManual(since=NEWEST, until=FIRST)
     with pytest.raises(ValidationError, match="since"):

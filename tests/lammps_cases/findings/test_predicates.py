@@ -56,9 +56,7 @@ def stopped(by: str) -> dict[str, Any]:
         ({"compare": ["pressure"]}, {}),
     ],
 )
-def test_refused_scene_is_predicted(
-    case_file: Write, changes: dict[str, Any], ends: dict[str, str]
-) -> None:
+def test_refused_scene_is_predicted(case_file: Write, changes: dict[str, Any], ends: dict[str, str]) -> None:
     (case,) = casefile.load((case_file(types=THREE, **{"compare": ["f"]} | changes),))
     foretold = {entry.id: entry.ends(case.scene) for entry in outcomes.ENTRIES}
     assert {name: text for name, text in foretold.items() if text} == ends

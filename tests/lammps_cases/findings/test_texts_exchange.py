@@ -153,9 +153,7 @@ def test_the_error_of_a_step_shrinks_with_the_square_of_its_length(lammps: Engin
         ({"surface_detection": {"style": "divergence", "limit": 1, "splash": 0}}, False),
     ],
 )
-def test_coordination_numbers_are_late_unless_counted_before(
-    lammps: Engine, rheo: dict[str, Any], late: bool
-) -> None:
+def test_coordination_numbers_are_late_unless_counted_before(lammps: Engine, rheo: dict[str, Any], late: bool) -> None:
     """Particles 3.2 apart across the boundary: one has moved towards the other's image, to 2.9; this one has not."""
     scene = small_scene(
         [[7.0, 4.0], [2.2, 4.0]],

@@ -110,7 +110,7 @@ def test_no_mass_diffusion(lammps: Engine) -> dict[str, Any]:
 
 @recomputes("bonds-across-boundary", "along between all before printed", given="row")
 def test_bonds_across_a_boundary(lammps: Engine) -> dict[str, Any]:
-    """LAMMPS' count and that of its list, periodic or not, on the last engine of the earlier kind and the present one."""
+    """LAMMPS' count and that of its list, periodic or not, on the last engine of the earlier kind and on this one."""
     cells = printed("bonds-across-boundary").row
     along, between = 3 * cells, 2 * cells
     fixed = ("boundary p f p", "boundary f f p")

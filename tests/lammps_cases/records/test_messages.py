@@ -59,7 +59,7 @@ SENTENCES: dict[str, tuple[dict[str, Any], str]] = {
             "beyond": Beyond(findings=["a", "b"], blame=STEP),
             "fields": force("differs"),
         },
-        f"f (stage pair) leaves its bound at step 4 at {NUMBERS}, beside a, b",
+        f"f (stage pair) leaves its bound at step 4 at {NUMBERS}, in addition to a, b",
     ),
     "twin": (
         {"verdict": "explained", "twin": "boost", "blame": TWIN, "fields": force("explained", "a")},
@@ -76,7 +76,7 @@ SENTENCES: dict[str, tuple[dict[str, Any], str]] = {
         },
         "LAMMPS against itself (twin: boost): f (stage twin) leaves its bound at step 4 at 2 of 9 atoms, first atom 3: "
         "as given 1.5, as its boost twin 0.1, bound 1.23e-15; of one run f (stage pair) leaves its bound at step 4 at "
-        f"{NUMBERS}, beside a, b",
+        f"{NUMBERS}, in addition to a, b",
     ),
     "twin of another problem": (
         {"verdict": "differs", "twin": "boost", "blame": TWIN, "not_same_problem": True, "fields": force("differs")},
@@ -106,7 +106,7 @@ SENTENCES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "other steps": (
         {"verdict": "differs", "ended": "unusable", "unusable": OtherSteps(counted=[0], asked=[0, 1])},
-        "LAMMPS counted steps (0,) where it was asked for (0, 1)",
+        "LAMMPS counted steps (0,) instead of the requested (0, 1)",
     ),
     "accepted": (
         {"verdict": "differs", "ended": "accepted", "expects": "no's"},
@@ -123,11 +123,11 @@ SENTENCES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "refused in other words": (
         {"verdict": "differs", "ended": "refused", "engine_error": WORDS, "expects": "no"},
-        f"expected an error with 'no', LAMMPS said: {WORDS}",
+        f"expected an error with 'no', LAMMPS printed: {WORDS}",
     ),
     "refused in other words, explained": (
         {"verdict": "explained", "ended": "refused", "engine_error": WORDS, "expects": "no", "explained_by": ["a"]},
-        f"differs, as ledger entry a predicts: expected an error with 'no', LAMMPS said: {WORDS}",
+        f"differs, as ledger entry a predicts: expected an error with 'no', LAMMPS printed: {WORDS}",
     ),
     "crashed, explained": (
         {"verdict": "explained", "ended": "crashed", "engine_error": SEGV, "explained_by": ["a"]},
@@ -190,7 +190,7 @@ def test_own_words_are_brief_and_without_the_finding() -> None:
     assert of["refused"] == "ERROR: Illegal fix command"
     assert of["crashed, explained"] == "crashed: LAMMPS' process was killed by SIGSEGV: cannot touch"
     assert of["refused in other words, explained"] == (
-        "differs: expected an error with 'no', LAMMPS said: ERROR: Illegal fix command"
+        "differs: expected an error with 'no', LAMMPS printed: ERROR: Illegal fix command"
     )
 
 
@@ -271,7 +271,7 @@ def test_no_message_is_parsed() -> None:
     assert [(str(path), line) for path in sources for line in parsed(path.read_text(encoding="utf-8"))] == []
 
 
-@pytest.mark.parametrize(("findings", "beside"), [([], ""), (["a"], ", beside a")])
+@pytest.mark.parametrize(("findings", "beside"), [([], ""), (["a"], ", in addition to a")])
 def test_field_without_a_bound_is_not_predictable(findings: list[str], beside: str) -> None:
     blame = STEP.model_copy(update={"bound": math.inf, "lammps": 0.0, "reference": 0.0})
     said = case_wording.message(CaseRecord(case="x", verdict="differs", beyond=Beyond(findings=findings, blame=blame)))

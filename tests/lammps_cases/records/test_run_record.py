@@ -157,9 +157,7 @@ def test_infinities_are_read_back(tmp_path: Path) -> None:
         ({"cases": [{"case": "one", "verdict": "fine"}]}, "cases.0.verdict"),
     ],
 )
-def test_malformed_documents_are_refused_in_one_line(
-    tmp_path: Path, change: dict[str, object], text: str
-) -> None:
+def test_malformed_documents_are_refused_in_one_line(tmp_path: Path, change: dict[str, object], text: str) -> None:
     document = json.loads(run_of(case("pass")).to_json()) | change
     (tmp_path / "run.json").write_text(json.dumps(document))
     with pytest.raises(InputError) as refused:

@@ -104,7 +104,7 @@ def test_particles_fall_back_where_neighbours_are_or_may_become_few() -> None:
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_wendlands_kernel_has_an_integral_of_one_and_the_slope_of_its_shape(dimension: int) -> None:
+def test_wendlands_kernel_is_normalised_and_has_its_slope(dimension: int) -> None:
     nodes, weights = np.polynomial.legendre.leggauss(16)  # exact for its degree
     cut = 2.4
     q = 1.5 * (nodes + 1)

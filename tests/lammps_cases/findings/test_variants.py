@@ -73,7 +73,7 @@ def test_base_variant_adds_nothing_to_a_derived_one() -> None:
     assert not variant().within(variant(Fitted)), "a case that LAMMPS ends is not part of another"
 
 
-def test_a_variant_is_fitted_to_the_first_snapshot_with_the_others_in_place(problem: Problem) -> None:
+def test_variant_is_fitted_with_the_others_in_place(problem: Problem) -> None:
     given: list[tuple[Problem, tuple[type, ...], dict[str, Any]]] = []
 
     def fit(of: Problem, stages: type[ArrayEvaluator], snapshot: dict[str, Any]) -> dict[str, Any]:

@@ -154,7 +154,7 @@ def test_partial_folder_is_kept_if_anything_is_done_and_resumed_on_request(tmp_p
     assert list(tmp_path.iterdir()) == [target], "a folder that cannot be resumed is not kept"
 
 
-def test_folder_of_a_killed_program_is_kept_by_the_next_from_the_start(tmp_path: Path) -> None:
+def test_folder_of_a_killed_program_is_kept_by_the_next(tmp_path: Path) -> None:
     target = tmp_path / "target"
     folders.making(target).mkdir()
     _done(folders.making(target), 2)

@@ -28,7 +28,7 @@ def a_run(folder: Path, date: str = "2026-01-31T12:00:00Z", distribution: str = 
 
 
 def links(path: Path) -> list[str]:
-    """What the bar of a page links, as it stands there."""
+    """Return the links of the bar of a page, verbatim."""
     (bar,) = re.findall(r"<!--bar-->(.*?)<!--/bar-->", path.read_text(encoding="utf-8"), re.DOTALL)
     return [unescape(link) for link in re.findall(r'href="([^"]+)"', bar)]
 

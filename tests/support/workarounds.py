@@ -109,7 +109,7 @@ WORKAROUNDS: dict[str, tuple[How, ...]] = {
         BEGUN_AGAIN,
         BEFORE_WRITING,
         AFTER_READING,
-        Test("walls_at_stops::test_what_begins_right_after_a_stop_beside_a_wall"),
+        Test("walls_at_stops::test_forces_kept_right_after_a_stop_next_to_a_wall"),
     ),
     "data-file-of-walls": (Test("refusals::test_data_file_of_walls"),),
     "walls-begin-with-parts": (CONTINUED, BEGUN_AGAIN, BEFORE_WRITING, AFTER_READING),

@@ -1,4 +1,4 @@
-"""What happened in a case, in sentences: every end and every blame, from facts."""
+"""Sentences on a case: every end and every blame, from facts."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ SENTENCES: dict[str, tuple[dict[str, Any], str]] = {
             "beyond": Beyond(findings=["a", "b"], blame=STEP),
             "fields": force("differs"),
         },
-        f"f (stage pair) leaves its bound at step 4 at {NUMBERS}, beside a, b",
+        f"f (stage pair) leaves its bound at step 4 at {NUMBERS}, in addition to a, b",
     ),
     "twin": (
         {"verdict": "explained", "twin": "boost", "blame": TWIN, "fields": force("explained", "a")},
@@ -76,7 +76,7 @@ SENTENCES: dict[str, tuple[dict[str, Any], str]] = {
         },
         "LAMMPS against itself (twin: boost): f (stage twin) leaves its bound at step 4 at 2 of 9 atoms, first atom 3: "
         "as given 1.5, as its boost twin 0.1, bound 1.23e-15; of one run f (stage pair) leaves its bound at step 4 at "
-        f"{NUMBERS}, beside a, b",
+        f"{NUMBERS}, in addition to a, b",
     ),
     "twin of another problem": (
         {"verdict": "differs", "twin": "boost", "blame": TWIN, "not_same_problem": True, "fields": force("differs")},
@@ -106,7 +106,7 @@ SENTENCES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "other steps": (
         {"verdict": "differs", "ended": "unusable", "unusable": OtherSteps(counted=[0], asked=[0, 1])},
-        "LAMMPS counted steps (0,) where it was asked for (0, 1)",
+        "LAMMPS counted steps (0,) instead of the requested (0, 1)",
     ),
     "accepted": (
         {"verdict": "differs", "ended": "accepted", "expects": "no's"},
@@ -123,11 +123,11 @@ SENTENCES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "refused in other words": (
         {"verdict": "differs", "ended": "refused", "engine_error": WORDS, "expects": "no"},
-        f"expected an error with 'no', LAMMPS said: {WORDS}",
+        f"expected an error with 'no', LAMMPS printed: {WORDS}",
     ),
     "refused in other words, explained": (
         {"verdict": "explained", "ended": "refused", "engine_error": WORDS, "expects": "no", "explained_by": ["a"]},
-        f"differs, as ledger entry a predicts: expected an error with 'no', LAMMPS said: {WORDS}",
+        f"differs, as ledger entry a predicts: expected an error with 'no', LAMMPS printed: {WORDS}",
     ),
     "crashed, explained": (
         {"verdict": "explained", "ended": "crashed", "engine_error": SEGV, "explained_by": ["a"]},
@@ -164,18 +164,18 @@ PROBES: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", SENTENCES)
-def test_every_end_and_blame_has_its_sentence(name: str) -> None:
+def test_every_end_and_blame_has_a_sentence(name: str) -> None:
     facts, sentence = SENTENCES[name]
     assert case_wording.message(CaseRecord(case="one", **facts)) == sentence
 
 
 @pytest.mark.parametrize("name", PROBES)
-def test_every_mismatch_of_a_probe_has_its_sentence(name: str) -> None:
+def test_every_mismatch_of_a_probe_has_a_sentence(name: str) -> None:
     facts, sentence = PROBES[name]
     assert case_wording.message(CaseRecord(case="probes.x", verdict="differs", mismatch=Mismatch(**facts))) == sentence
 
 
-def test_findings_are_left_out_where_they_stand_beside_the_blame() -> None:
+def test_findings_next_to_the_blame_may_be_omitted() -> None:
     record = CaseRecord(case="one", **SENTENCES["explained"][0])
     assert case_wording.message(record, findings=False) == f"f (stage pair) leaves its bound at step 4 at {NUMBERS}"
 
@@ -190,23 +190,23 @@ def test_own_words_are_brief_and_without_the_finding() -> None:
     assert of["refused"] == "ERROR: Illegal fix command"
     assert of["crashed, explained"] == "crashed: LAMMPS' process was killed by SIGSEGV: cannot touch"
     assert of["refused in other words, explained"] == (
-        "differs: expected an error with 'no', LAMMPS said: ERROR: Illegal fix command"
+        "differs: expected an error with 'no', LAMMPS printed: ERROR: Illegal fix command"
     )
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"schema": "eos-ref/run/3", "engine": {}, "reference": {}}'])
-def test_what_is_of_another_schema_is_refused(tmp_path: Path, text: str) -> None:
+def test_other_schemas_are_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "run.json").write_text(text)
     with pytest.raises(InputError):
         read_run(tmp_path)
 
 
-# --- nobody reads a sentence
+# --- no sentence is parsed
 
 
 PARSING = {"split", "rsplit", "partition", "rpartition", "startswith", "endswith", "removeprefix", "removesuffix"}
 MATCHING = {"match", "fullmatch", "search", "sub", "findall", "finditer"}
-# What holds our own sentences, one or several; findings too, which were one text once.
+# Attributes that hold one or several of our own sentences; also findings, which were one text once.
 SENTENCE = {"message", "explained_by", "rule", "sentence", "headline", "complaint", "blame", "reason", "title", "why"}
 SENTENCES_OF = {"not_checked", "warnings", "stability", "messages", "complaints", "rules"}
 
@@ -223,7 +223,7 @@ def _each_of_several(tree: ast.AST) -> set[str]:
 
 
 def parsed(source: str) -> Iterator[int]:
-    """Lines that take a sentence, or findings, to pieces, or look for words in it."""
+    """Yield lines that split a sentence or findings, or search for words in them."""
     tree = ast.parse(source)
     sentences = SENTENCE | _each_of_several(tree)
     for node in ast.walk(tree):
@@ -259,7 +259,7 @@ def parsed(source: str) -> Iterator[int]:
         '[line.partition(": ") for line in case.not_checked]',
     ],
 )
-def test_parsing_is_seen(line: str) -> None:
+def test_parsing_is_detected(line: str) -> None:
     assert list(parsed(line)) == [1]
 
 
@@ -271,7 +271,7 @@ def test_no_message_is_parsed() -> None:
     assert [(str(path), line) for path in sources for line in parsed(path.read_text(encoding="utf-8"))] == []
 
 
-@pytest.mark.parametrize(("findings", "beside"), [([], ""), (["a"], ", beside a")])
+@pytest.mark.parametrize(("findings", "beside"), [([], ""), (["a"], ", in addition to a")])
 def test_what_has_no_bound_is_no_reason(findings: list[str], beside: str) -> None:
     blame = STEP.model_copy(update={"bound": math.inf, "lammps": 0.0, "reference": 0.0})
     said = case_wording.message(CaseRecord(case="x", verdict="differs", beyond=Beyond(findings=findings, blame=blame)))

@@ -264,7 +264,7 @@ def test_rules_of_scenes_are_covered() -> None:
         "|stops|every:|displace.z|stretch|deform|{key} needs"  # for runs in pieces and boxes that change
         "|engine.boundary without s"  # for compared fields
         "|processors must|balance .style rcb"  # for LAMMPS' processes
-        "|positions need|velocity.values|low and high|low < high|one value per particle|values goes with"  # given singly
+        "|positions need|velocity.values|low and high|low < high|one value per particle|values goes with"  # by particle
     )
     assert "\n".join(text for text in uncovered if not other.search(text)) == ""
 

@@ -71,7 +71,7 @@ def test_viscosity_is_a_number_or_a_power_law() -> None:
             AtomType.model_validate({"mass": 1.0, "viscosity": wrong})
 
 
-def test_type_is_thermal_if_its_keys_are() -> None:
+def test_thermal_keys_make_a_type_thermal() -> None:
     assert not AtomType(mass=1.0, rho0=2.0, cs=3.0, phase="solid").thermal
     given = [{"conductivity": 0.1}, {"specific_heat": 1.0}, {"T_freeze": 0.0}, {"latent_heat": 0.5, "T_freeze": 0.1}]
     assert all(AtomType.model_validate({"mass": 1.0, **each}).thermal for each in given)

@@ -50,7 +50,7 @@ def test_stiffness_matters_only_with_reconstruction() -> None:
     assert np.array_equal(ends[0], ends[1])
 
 
-def test_artificial_viscosity_matters_without_reconstruction() -> None:
+def test_artificial_viscosity_matters_only_without_reconstruction() -> None:
     assert outcome(walls.VISCOSITY, 0.6, 0.0, walls.STORED).kind == THROUGH
     assert outcome(walls.VISCOSITY, 0.6, 2.0, walls.STORED).kind == "stable"
     assert outcome(walls.VISCOSITY, 0.6, 2.0, walls.RECONSTRUCT).kind == THROUGH

@@ -88,7 +88,7 @@ def test_criteria_meet_where_viscosity_and_sound_limit_equally() -> None:
         assert viscous_criterion(0.2, cut) == rounded(5.0, 8)
 
 
-def test_runs_have_the_documented_number_of_steps() -> None:
+def test_every_run_has_the_same_number_of_steps() -> None:
     for of in timestep.MAPS:
         for y in of.lines:
             assert of.start(MapCell(of.id, 1.0, y)).steps == (timestep.STEPS,)

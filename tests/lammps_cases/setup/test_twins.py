@@ -92,7 +92,7 @@ def judged(workers: Workers, case: Case) -> CaseRecord:
     return flow.judge(None, ready, answers(workers, ready), ENGINE)[0]
 
 
-# --- what real LAMMPS does
+# --- on real LAMMPS
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -228,7 +228,7 @@ def test_grid_moves_particles_within_its_resolution(make: Make) -> None:
     ready = prepared_case.prepare(make("translate"))
     assert ready.twin is not None
     moved_nc = np.abs(ready.twin.atoms.x_nc - ready.atoms.x_nc)
-    # Half a grid's unit, which is that of the power of two above the largest number.
+    # Half a unit of the grid, that of the power of two above the largest number.
     assert 0 < moved_nc.max() <= np.abs(ready.atoms.x_nc).max() * 2.0**-twins.GRID_BITS
 
 

@@ -123,7 +123,7 @@ def test_boundary_pairs_count_twice_with_one_newton_setting(name: str, flags: tu
 
 
 def test_number_of_tried_sets_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Known findings are tried at all steps at once, others step by step; then all; then all but one of the known ones."""
+    """Known findings are tried at all steps at once, others step by step; then all; then all but one of the known."""
     of, id_n = problem("constants.metal")
     tried: list[tuple[int, bool]] = []
 

@@ -45,9 +45,9 @@ def test_page_names_every_engine(tmp_path: Path) -> None:
     record.write(first, tmp_path)
     page.write(first, tmp_path, [other])
     html = (tmp_path / "report.html").read_text()
-    assert "2025.7.22.4.0, and beside it, measured afterwards: 2026.7.4" in html
+    assert "2025.7.22.4.0, and in addition, measured afterwards: 2026.7.4" in html
     page.write(first, tmp_path)
-    assert "and beside it" not in (tmp_path / "report.html").read_text()
+    assert "and in addition" not in (tmp_path / "report.html").read_text()
 
 
 @pytest.mark.lammps

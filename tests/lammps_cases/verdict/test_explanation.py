@@ -110,7 +110,7 @@ def test_new_difference_takes_the_headline_from_a_known_finding(engine: str) -> 
     record = CaseRecord(case="x", verdict="differs", fields=fields, blame=verdict.first, beyond=verdict.beyond)
     assert case_wording.message(record).startswith("heatflow (stage ")
     assert verdict.beyond.findings == [] and "force-per-volume" in verdict.beyond.known, "heat comes before forces"
-    assert "beside" not in case_wording.message(record)
+    assert "in addition to" not in case_wording.message(record)
 
 
 @pytest.mark.parametrize(

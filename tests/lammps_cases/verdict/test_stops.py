@@ -91,7 +91,7 @@ def test_loss_at_a_stop_takes_the_headline_from_known_findings(judge: Any, at: i
     assert "explained" in {field.verdict for field in record.fields}
     assert record.headline.field == f"v (restart at {at})" and record.headline.step == at
     assert record.message.startswith(f"v (restart at {at}) (stage input) leaves its bound at step {at}")
-    assert record.message.endswith("beside force-per-volume") == bool(at)
+    assert record.message.endswith("in addition to force-per-volume") == bool(at)
 
 
 def test_text_may_lose_only_digits_beyond_its_precision(judge: Any) -> None:

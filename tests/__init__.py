@@ -1,1 +1,1 @@
-"""The tests, in the rooms of the packages."""
+"""The tests, in the layout of the packages."""

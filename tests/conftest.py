@@ -30,7 +30,7 @@ BASE: dict[str, Any] = {
 }
 
 
-if containment.means() == "none":  # the project's own decks are audited nevertheless
+if containment.means() == "none":  # the project's decks are audited nevertheless
     os.environ[TRUST] = "1"
 
 ROOT = Path(__file__).parents[1]
@@ -39,7 +39,7 @@ at_start = pytest.StashKey[set[Path]]()
 
 
 def _in_the_checkout() -> set[Path]:
-    """What lies at the top of the checkout and among its reports."""
+    """The files at the top of the checkout and among its reports."""
     paths = {path for folder in (ROOT, ROOT / "reports") if folder.is_dir() for path in folder.iterdir()}
     return {path for path in paths if path.name not in MADE_BY_TOOLS}
 
@@ -66,9 +66,9 @@ LONGEST = ("test_chart.py",)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files that take long come first: processes that share the tests file by file then end at about the same time.
+    """Slow files come first: processes that share the tests file by file then end at about the same time.
 
-    What has a make target of its own is slow, so that ``-m "not lammps and not slow"`` leaves it out as well.
+    Tests with a separate make target count as slow, so that ``-m "not lammps and not slow"`` leaves it out as well.
     """
     for item in items:
         if APART & {mark.name for mark in item.iter_markers()}:
@@ -84,7 +84,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(autouse=True, scope="session")
 def own_store(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """No test finds what an earlier run of the tests predicted, or a user."""
+    """No test finds predictions of an earlier run of the tests or of a user."""
     os.environ[store.VARIABLE] = str(tmp_path_factory.mktemp("predictions"))
 
 
@@ -97,7 +97,7 @@ def no_service() -> None:
 
 @pytest.fixture(autouse=True, scope="session")
 def no_width() -> None:
-    """What tests print has no width, unless they set one: processes that share the tests are given one."""
+    """Output has no width unless a test sets one: processes that share the tests are given one."""
     os.environ.pop("COLUMNS", None)
 
 
@@ -109,7 +109,7 @@ def own_history(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 @pytest.fixture(autouse=True, scope="module")
 def server(request: pytest.FixtureRequest, own_store: None, no_service: None, own_history: None) -> None:
-    """Workers are forked from a process that has imported what judges a case, as those of ``eos-ref run`` are."""
+    """Workers are forked from a process that has imported the judge of cases, as those of ``eos-ref run`` are."""
     items = (item for item in request.session.items if item.path == request.path)
     if any(item.get_closest_marker("lammps") for item in items):
         forkserver.context("lammps_cases.verdict.cases", "lammps_cases.report.page")
@@ -117,14 +117,14 @@ def server(request: pytest.FixtureRequest, own_store: None, no_service: None, ow
 
 @pytest.fixture(scope="module")
 def workers(server: None) -> Iterator[Workers]:
-    """Real LAMMPS in two processes of its own."""
+    """Real LAMMPS in two worker processes."""
     with Workers(None, 2) as pool:
         yield pool
 
 
 @pytest.fixture(scope="module")
 def solver(workers: Workers) -> Solver:
-    """Ask real LAMMPS, which must answer."""
+    """Run real LAMMPS, which must answer."""
 
     def solve(job: Job) -> Answer:
         answer = workers.outcome(workers.submit(job, 120.0))
@@ -136,7 +136,7 @@ def solver(workers: Workers) -> Solver:
 
 @pytest.fixture
 def interruptible() -> Iterator[None]:
-    """Programs that a test starts can be interrupted, even by a test that runs in a background job, which cannot."""
+    """Programs started by a test can be interrupted, even if the tests run as a background job, which cannot."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what is ignored here is ignored in children
     yield
     signal.signal(signal.SIGINT, before)

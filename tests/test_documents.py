@@ -1,4 +1,4 @@
-"""What documents and docstrings name exists, under one name: modules, classes, files, sections, make targets."""
+"""Names in documents and docstrings exist and are unique: modules, classes, files, sections, make targets."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def tree(path: Path) -> ast.Module:
 
 @cache
 def defined(path: Path) -> frozenset[str]:
-    """Return what a module defines, and what its classes do, as NAME and CLASS.NAME."""
+    """Return the names that a module and its classes define, as NAME and CLASS.NAME."""
     names: set[str] = set()
 
     def collect(body: list[ast.stmt], prefix: str) -> None:
@@ -92,7 +92,7 @@ def docstrings() -> list[tuple[str, str]]:
 
 @pytest.mark.slow
 def test_names_in_docstrings_exist() -> None:
-    """`NAME` in a docstring is a name of the packages; a dotted one of ours can be followed."""
+    """`NAME` in a docstring is a name of the packages; a dotted one of ours can be resolved."""
     missing = []
     for place, text in docstrings():
         for name in re.findall(r"(?<!`)(?<!:)(?<!\w)`([A-Za-z_][\w.]*)`(?!`)", text):
@@ -103,7 +103,7 @@ def test_names_in_docstrings_exist() -> None:
     assert missing == []
 
 
-def test_a_name_of_a_class_is_taken_once() -> None:
+def test_class_names_are_unique() -> None:
     """No two public classes of the packages have the same name."""
     texts = (path.read_text(encoding="utf-8") for path in SOURCES)
     classes = Counter(name for text in texts for name in re.findall(r"^ *class (\w+)[(:]", text, re.MULTILINE))
@@ -111,7 +111,7 @@ def test_a_name_of_a_class_is_taken_once() -> None:
     assert [name for name, count in classes.items() if count > 1 and not name.startswith("_")] == []
 
 
-def test_the_glossary_is_short() -> None:
+def test_glossary_is_short() -> None:
     """CONTRIBUTING.md explains at most 40 words."""
     glossary = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Glossary")[2]
     assert 2 < len(re.findall(r"^\|", glossary, flags=re.MULTILINE)) <= 40 + 2
@@ -119,7 +119,7 @@ def test_the_glossary_is_short() -> None:
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_names_in_documents_exist(document: str) -> None:
-    """Files and modules that a document names in backticks or as links are there."""
+    """Files and modules that a document names in backticks or as links exist."""
     text = (ROOT / document).read_text(encoding="utf-8")
     prose = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
     missing = [name for name in re.findall(r"`((?:eos_ref|lammps_cases)(?:\.\w+)+)`", prose) if not exists(name)]
@@ -141,13 +141,13 @@ def test_every_page_is_linked() -> None:
     assert linked == set(PAGES)
 
 
-def test_the_readme_is_short() -> None:
-    """What a newcomer reads first fits a few screens."""
+def test_readme_is_short() -> None:
+    """The first page for a newcomer fits a few screens."""
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 120
 
 
-def test_the_tree_of_the_architecture_is_the_tree() -> None:
-    """Every room of either package stands in ARCHITECTURE.md, and no other."""
+def test_architecture_lists_every_room() -> None:
+    """ARCHITECTURE.md lists exactly the rooms of both packages."""
     text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
     for package in PACKAGES:
         block = re.search(rf"^{package}/.*?(?=^\S|\Z)", text, flags=re.MULTILINE | re.DOTALL)
@@ -157,7 +157,7 @@ def test_the_tree_of_the_architecture_is_the_tree() -> None:
         assert named == rooms, package
 
 
-def test_a_run_of_all_cases_leaves_out_seven() -> None:
+def test_run_of_all_cases_skips_seven() -> None:
     text = (ROOT / "docs" / "verdicts.md").read_text(encoding="utf-8")
     assert "The seven cases tagged `long`" in text
     cases = casefile.load()
@@ -185,7 +185,7 @@ def test_make_targets_in_documents_exist() -> None:
         assert set(re.findall(r"(?:`|^)make ([a-z]+)", text, flags=re.MULTILINE)) <= targets, document
 
 
-def test_what_is_measured_names_no_path_of_the_machine_that_measured() -> None:
+def test_measurements_contain_no_path_of_the_machine() -> None:
     kept = [
         *ROOT.glob("eos_ref/**/*.json"),
         *ROOT.glob("lammps_cases/**/*.json"),

@@ -1,4 +1,4 @@
-"""What README.md and docs/ type is typed here, on real LAMMPS, and their blocks of output are what is printed.
+"""Commands in README.md and docs/ are run here on real LAMMPS, and must print the output shown.
 
 Blocks ``sh`` and ``python`` are run, in one folder per document; ``lammps``, ``yaml`` and ``toml`` are saved under the
 name that the document gives; ``text`` is the output of the block above it, compared as by doctest: ``...``
@@ -72,7 +72,7 @@ def typed(block: str, folder: Path) -> str:
 
 
 def assert_shows(shown: str, printed: str) -> None:
-    """A block of output, or of comments, is what was printed."""
+    """A block of output, or of comments, matches the printed text."""
     same = OutputChecker().check_output(shown, printed, ELLIPSIS | NORMALIZE_WHITESPACE)
     assert same, f"documented:\n{shown}\nprinted:\n{printed}"
 
@@ -80,7 +80,7 @@ def assert_shows(shown: str, printed: str) -> None:
 @pytest.mark.lammps
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=lambda page: page.name)
-def test_blocks_are_run_and_print_what_is_shown(page: Path, tmp_path: Path) -> None:
+def test_blocks_print_the_output_shown(page: Path, tmp_path: Path) -> None:
     for name, deck in GIVEN.items():
         shutil.copy(DECKS / deck, tmp_path / name)
     printed = ""
@@ -101,13 +101,13 @@ def test_blocks_are_run_and_print_what_is_shown(page: Path, tmp_path: Path) -> N
             (tmp_path / named[1]).write_text(block, encoding="utf-8")
 
 
-def test_what_is_not_run_is_still_typed_somewhere() -> None:
+def test_exempt_commands_occur_in_the_documents() -> None:
     shell = [block for page in PAGES for language, block, _ in blocks(page) if language == "sh"]
     assert set(NOT_RUN) <= {command for block in shell for command, _ in commands(block)}
 
 
 def in_text() -> list[tuple[str, list[str]]]:
-    """What stands between backticks outside of the blocks, as words, with its page."""
+    """The words between backticks outside of the blocks, with their page."""
     found = []
     for page in (*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "ARCHITECTURE.md"):
         prose = BLOCK.sub("", page.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""The site of ``make docs`` as its reader has it: files, without a network or a server."""
+"""The site of ``make docs`` as its reader opens it: files, without a network or a server."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def site(hooks: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_formulas_leave_lists_tables_and_paragraphs_as_they_are(hooks: ModuleType) -> None:
+def test_formulas_do_not_break_lists_tables_and_paragraphs(hooks: ModuleType) -> None:
     markdown = importlib.import_module("markdown")
     html = hooks.on_page_content(markdown.markdown(hooks.on_page_markdown(NUMERICS), extensions=["tables"]))
     assert html.count("<ul>") == 1 and html.count("<li>") == 2
@@ -60,7 +60,7 @@ def test_formulas_leave_lists_tables_and_paragraphs_as_they_are(hooks: ModuleTyp
     assert html.count("<td><math") == 2 and "$x" not in html
 
 
-def test_links_to_headings_that_begin_with_a_digit(hooks: ModuleType) -> None:
+def test_links_to_headings_starting_with_a_digit(hooks: ModuleType) -> None:
     link = hooks.on_page_markdown("[a](#1-a-deck) [b](NUMERICS.md#5-terms-of-a-pair) [c](faq.md#why) `[d](#1)`")
     names = [hooks._anchor(heading, "-") for heading in ("1. A deck", "5. Terms of a pair", "Why")]
     assert all(f"#{name})" in link for name in names) and all(name[0].isalpha() for name in names)
@@ -83,7 +83,7 @@ def test_no_page_complains_or_scrolls_sideways(site: Path, tmp_path: Path) -> No
         assert page.complaints == [] and wide == {}
 
 
-def test_search_finds_and_the_switch_switches(site: Path, tmp_path: Path) -> None:
+def test_search_and_colour_switch_work(site: Path, tmp_path: Path) -> None:
     results = "[...document.querySelectorAll('#mkdocs-search-results a')].map((each) => each.href)"
     theme = "document.documentElement.getAttribute('data-bs-theme')"
     with browser(tmp_path) as page:

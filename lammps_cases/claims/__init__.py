@@ -1,1 +1,1 @@
-"""The manual's claims: what the two pages say, what tests it, and whether it holds."""
+"""The manual's claims: the statements of the two pages, their tests, and whether they hold."""

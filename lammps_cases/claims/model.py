@@ -1,4 +1,4 @@
-"""What a claim is, and where the claims are kept: one file for each manual page."""
+"""The model of a claim, and the files of claims: one for each manual page."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ class Claim(OfManual):
     ----------
     id : a stable name
     page, section : where the manual makes it
-    kind : what it is about
+    kind : its subject
     text : the statement, paraphrased
-    consequence : what would be seen to be otherwise if the statement were false, and where the evidence looks for it
+    consequence : what would be observed if the statement were false, and where the evidence looks for it
     cases : patterns of the cases, and of the probes (``probes.ID``), that would show it to be false
     fields : the fields of these cases that carry it; all by default
     refuted_by : ids of the findings that contradict it
     untestable : why no LAMMPS can show it; then without cases
-    argument : of kind page: why the statement stands or falls by the words of the page alone; then without cases
+    argument : for kind page: why the statement stands or falls by the words of the page alone; then without cases
     falls : whether it falls
-    remark : what a reader of the verdict should know
+    remark : additional information for readers of the verdict
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -114,7 +114,7 @@ def claims() -> tuple[Claim, ...]:
 
 @functools.cache
 def without_claim() -> dict[str, str]:
-    """Return patterns of cases that no claim names, and why."""
+    """Return patterns of cases that no claim names, with the reasons."""
     return dict(_read("unclaimed.yaml", dict[str, str]))
 
 
@@ -132,12 +132,12 @@ def _checked(data: Any, kind: Any, name: str) -> Any:
 
 
 def select(names: Sequence[str]) -> list[Claim]:
-    """Return claims by id or wild-card pattern, by page, by kind, or by a case; all without names.
+    """Return claims by id or wildcard pattern, by page, by kind, or by a case; all without names.
 
     Raises
     ------
     InputError
-        A name that fits none; the nearest is suggested.
+        A name without a match; the nearest is suggested.
     """
     every = claims()
     if not names:

@@ -1,9 +1,9 @@
-"""Return whether a claim holds on an engine, from the records of its cases and probes, and what leads nowhere.
+"""Verdicts of claims on an engine, from the records of their cases and probes, and missing links between both.
 
 A claim of the kind page is judged by its argument. Another one is refuted by a finding that its data name as
 contradicting it, or by a difference that no finding explains. A finding that explains a case otherwise is a remark:
 LAMMPS then agrees, on every atom, with the reference that has that fault alone, so the case still shows what the claim
-says. Traceability goes both ways: claims without a case, and cases without a claim.
+states. Traceability goes both ways: claims without a case, and cases without a claim.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from lammps_cases.records.wording import INSIDE, counted, number
 
 ClaimVerdict = Literal["holds", "does not hold", "not run", "cannot be tested", "not claimed"]
 VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
-# Over several engines, of which some may have a manual that does not make the claim.
-Ground = Literal["cases", "decks", "page"]  # that refutes a claim: cases, small decks (probes), words of its page
+# Over several engines, some of whose manuals may not make the claim.
+Ground = Literal["cases", "decks", "page"]  # of a refutation: cases, small decks (probes), words of its page
 GROUNDS: tuple[Ground, ...] = get_args(Ground)
 _WORST: tuple[ClaimVerdict, ...] = ("does not hold", "not run", "holds", "cannot be tested", "not claimed")
 _PLURAL: Mapping[ClaimVerdict, str] = {"holds": "hold", "does not hold": "do not hold"}
-BROKEN = ("error", "crashed", "timeout")  # an engine that ends so, without a finding, says nothing of the manual
+BROKEN = ("error", "crashed", "timeout")  # such an end of an engine, without a finding, proves nothing about the manual
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a case says of a claim; ``findings`` is empty where no finding explains it.
+    """The evidence of a case about a claim; ``findings`` is empty if no finding explains it.
 
-    Without a case it is what the page says itself.
+    Without a case it is the page's own text.
     """
 
     case: str
@@ -57,9 +57,9 @@ class Judged:
     ----------
     verdict : whether it holds
     cases : the cases and probes of the claim, run or not
-    evidence : what refutes it; or the case that comes nearest to refuting it
+    evidence : the refutation; or the case that comes nearest to refuting it
     unexplained : whether it fails without a finding
-    remarks : findings that do not contradict it; cases that said nothing
+    remarks : findings that do not contradict it; cases without evidence
     """
 
     claim: Claim
@@ -71,7 +71,7 @@ class Judged:
 
 
 class Names:
-    """Names of cases, by their first word: patterns are then matched with few of them."""
+    """Names of cases, by their first word: patterns are then compared with few of them."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self.by_head: dict[str, list[str]] = {}
@@ -80,7 +80,7 @@ class Names:
             self.by_head.setdefault(name.partition(".")[0], []).append(name)
 
     def matching(self, pattern: str) -> list[str]:
-        """Return the names that fit a pattern, the first word of which is no wild card."""
+        """Return the names that fit a pattern, whose first word is not a wildcard."""
         if pattern not in self._found:
             near = self.by_head.get(pattern.partition(".")[0], [])
             start = pattern.removesuffix("*")
@@ -117,7 +117,7 @@ def judge(
     records : mapping
         Of cases and probes by name.
     known : collection of str, optional
-        All cases and probes that there are: a claim holds only if every one of its own has been run. Without it, one
+        All existing cases and probes: a claim holds only if every one of its own has been run. Without it, one
         for each of its patterns must have been.
     manual : {"2025.7.22", "2026.7.4"}
         The manual of the LAMMPS that ran.
@@ -180,7 +180,7 @@ def _listen_to_end(claim: Claim, record: CaseRecord, heard: _Heard) -> None:
 
 
 def _weigh(claim: Claim, record: CaseRecord, findings: Sequence[str], of: FieldRecord | None, heard: _Heard) -> None:
-    """Take a difference for what it is: against the claim, or explained by something else."""
+    """Classify a difference: against the claim, or explained by something else."""
     against = [entry for entry in findings if entry in claim.refuted_by]
     if against or not findings:
         text = own_words(record) if of is None else _numbers(of, record)
@@ -204,13 +204,13 @@ def _numbers(of: FieldRecord, record: CaseRecord) -> str:
 
 
 def _nearest(heard: _Heard) -> Evidence:
-    """Return the comparison that comes nearest to its bound, of all that show the claim."""
+    """Return the comparison nearest to its bound, among those that show the claim."""
     cases = len({case.case for case, _ in heard.shown})
     compared = [
         (at.max_over_bound or 0.0, case.case, of.field, at.verdict)
         for case, of in heard.shown
         if of is not None
-        for at in (of.steps or (of,))  # where later steps are explained by a finding, earlier ones agree
+        for at in (of.steps or (of,))  # if later steps are explained by a finding, earlier ones agree
         if at.verdict in INSIDE
     ]
     if compared:
@@ -237,11 +237,11 @@ def _remarks(claim: Claim, heard: _Heard) -> Iterable[str]:
 
 @dataclass(frozen=True)
 class Summary:
-    """The claims as the report of a run shows them: those that do not hold, the others counted.
+    """The claims in the report of a run: those that do not hold, and the number of others.
 
     Attributes
     ----------
-    probes : how many of those not run need probes, which are no cases
+    probes : how many of those not run need probes, which are not cases
     """
 
     refuted: tuple[Judged, ...]
@@ -252,7 +252,7 @@ class Summary:
 
 
 def summary(run: RunRecord) -> Summary | None:
-    """Return the claims by the cases of a run; None if it has no case of any claim, as that of an audit."""
+    """Return the claims by the cases of a run; None if it has no case of any claim, as in an audit."""
     judged = of_run([claim for claim in claims() if not claim.argument], run)
     count = counts(judged)
     refuted = tuple(one for one in judged if one.verdict == "does not hold")
@@ -269,7 +269,7 @@ def of_run(chosen: Sequence[Claim], run: RunRecord, known: Collection[str] | Non
 
 
 def worst(verdicts: Iterable[ClaimVerdict]) -> ClaimVerdict:
-    """Return the verdict over several engines: that of one that refutes it, else of one that did not run it."""
+    """Return the verdict over several engines: of one that refutes it, else of one that did not run it."""
     return min(verdicts, key=_WORST.index)
 
 
@@ -312,7 +312,7 @@ def of_all(columns: Sequence[Sequence[Judged]], broken: Sequence[str] = (), fail
 
 
 def in_words(count: int, verdict: ClaimVerdict) -> str:
-    """Return a verdict as so many claims have it: 1 holds, 2 hold."""
+    """Return the words of a verdict for a number of claims: 1 holds, 2 hold."""
     return verdict if count == 1 else _PLURAL.get(verdict, verdict)
 
 
@@ -322,14 +322,14 @@ def _statements(claims_of: Collection[str], verdict: ClaimVerdict) -> str:
 
 @dataclass(frozen=True)
 class Trace:
-    """What leads nowhere.
+    """Missing links between claims and cases.
 
     Attributes
     ----------
     untestable : claims without a case, and why
     dangling : patterns of claims that fit no case
-    unclaimed : cases without a claim, and why; empty where nobody has said it
-    stale : reasons given for cases that have a claim, or are no cases
+    unclaimed : cases without a claim, and why; empty without a given reason
+    stale : reasons given for cases that have a claim, or do not exist
     """
 
     untestable: dict[str, str]
@@ -339,7 +339,7 @@ class Trace:
 
     @property
     def complete(self) -> bool:
-        """Whether everything has its counterpart or its reason."""
+        """Return whether everything has its counterpart or its reason."""
         return not self.dangling and not self.stale and all(self.unclaimed.values())
 
 

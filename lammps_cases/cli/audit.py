@@ -20,7 +20,7 @@ from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import listed, size
 
-IGNORED = {  # they change nothing of what a deck means; with the number of words that follow
+IGNORED = {  # switches without effect on a deck's meaning; with the number of words that follow
     **dict.fromkeys(("log", "l", "screen", "sc", "echo", "e", "cite", "c"), 1),
     **dict.fromkeys(("plog", "pl", "pscreen", "ps"), 1),
     **dict.fromkeys(("nocite", "nc", "nonbuf", "nb"), 0),
@@ -42,7 +42,7 @@ class AsLammps(click.Command):
     """A command that takes the switches of ``lmp`` among its own options: parameters ``var`` and ``package``."""
 
     def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
-        """Take the switches of LAMMPS out, and have click parse the rest."""
+        """Take the switches of LAMMPS out, and let click parse the rest."""
         var, package, rest = _taken(args)
         left = super().parse_args(context, rest)
         context.params |= {"var": var, "package": package}
@@ -50,7 +50,7 @@ class AsLammps(click.Command):
 
 
 def _taken(args: Sequence[str]) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...], list[str]]:
-    """Return variables, arguments of package commands, and the words that are no switches of LAMMPS."""
+    """Return variables, arguments of package commands, and the words that are not switches of LAMMPS."""
     var: dict[str, tuple[str, ...]] = {}
     package: list[str] = []
     rest: list[str] = []
@@ -92,7 +92,7 @@ BASELINE = "eos-ref-baseline"
 
 @dataclass(frozen=True)
 class DeckOptions:
-    """The deck, as an argument or, as LAMMPS has it, as an option."""
+    """The deck, as an argument or, as in LAMMPS, as an option."""
 
     deck: Annotated[Path | None, Positional()] = None
     of_deck: Annotated[Path | None, Option("The same as DECK.", "--deck", "-in", "-i", metavar="DECK")] = None
@@ -100,7 +100,7 @@ class DeckOptions:
 
 @dataclass(frozen=True)
 class BaselineOptions:
-    """What is accepted, or compared with what was."""
+    """Acceptance of findings, and comparison with accepted ones."""
 
     accept: Annotated[bool, Option("Keep what the deck did as its baseline, as text for a repository.")] = False
     reason: Annotated[str, Option("Why it is accepted; kept with the baseline.", metavar="TEXT")] = ""
@@ -208,7 +208,7 @@ def audit_command(
 
 
 def field_table(case: CaseRecord) -> list[str]:
-    """Return the lines of a table of the fields; none if none was checked."""
+    """Return the lines of a table of the fields; empty if none was checked."""
     from lammps_cases.records import deck_wording
 
     looks: dict[tuple[str, int], list[CheckRecord]] = {}
@@ -227,7 +227,7 @@ def field_table(case: CaseRecord) -> list[str]:
 
 
 def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
-    """Return the looks outside the bound, all that the report says of the deck, and how the run ended."""
+    """Return the checks outside the bound, the report's statements about the deck, and how the run ended."""
     from lammps_cases.audit import budgets
     from lammps_cases.report.statements import NEVER, SUBJECTS, statements
 
@@ -241,15 +241,15 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
         outside.append(f"... {len(bad) - most} more samples outside, all in run.json ...")
     budget = [f"budget: {line}" for line in budgets.lines(case)] if case.budgets else []
     end = f"{case.case}: {case.verdict}, {case.steps} steps, {case.natoms} atoms"
-    if case.message and case.as_expected:  # else it follows, with why the run stopped
+    if case.message and case.as_expected:  # else it follows, with the reason why the run stopped
         end += f": {case.message}"
-    # What matters most stands last, where it is read first.
+    # The most important comes last, where it is read first.
     said = sorted(statements(case, NEVER), key=lambda line: -SUBJECTS.index(line.subject))
     return [*outside, *(str(line) for line in said if line.subject != "stopped"), *budget, end]
 
 
 def readable(place: Path) -> None:
-    """Make sure that there is a baseline, before anything runs.
+    """Raise if there is no baseline, before anything runs.
 
     Raises
     ------
@@ -264,7 +264,7 @@ def readable(place: Path) -> None:
 
 
 def accepted(directory: Path, reason: str, place: Path, prune: bool) -> list[str]:
-    """Accept the report of an audit as the baseline of its decks; return lines that say what changed."""
+    """Accept the report of an audit as the baseline of its decks; return lines about the changes."""
     from lammps_cases.records.wording import counted
     from lammps_cases.run.provenance import command_line
     from lammps_cases.versions import pairs

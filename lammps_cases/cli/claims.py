@@ -29,7 +29,7 @@ PROBES = ".probes.json"  # the records of an engine's probes, next to the report
 
 @dataclass(frozen=True)
 class ListOptions:
-    """What is only listed."""
+    """Options that only list."""
 
     traceability: Annotated[bool, Option("Only list claims without a case and cases without a claim.")] = False
     manuals: Annotated[bool, Option("Only list claims that are not in every version of the manual.")] = False
@@ -80,7 +80,7 @@ def claims_command(
         return _manuals(chosen, as_json)
     judged = engines or [read_run(run).engine.name for run in runs] or ("env",)
     with _folder(out, judged, whole=not names) as folder:
-        places = [run.resolve() if folders.is_link(run) else run for run in runs]  # the link moves on
+        places = [run.resolve() if folders.is_link(run) else run for run in runs]  # the link may change
         answers = [(_with_probes(read_run(run), run, folder), run) for run in places]
         answers += [
             _answers(engine, chosen, cases, not names, folder, processes(jobs), as_json)
@@ -101,7 +101,7 @@ def claims_command(
 
 @contextmanager
 def _folder(out: Path | None, engines: Sequence[str], whole: bool) -> Iterator[Path]:
-    """Yield the folder of the page: the one asked for, or a new one among those of all claims or of some."""
+    """Yield the folder of the page: the given one, or a new one among those of all claims or of some."""
     from lammps_cases.records import folders
 
     if out is not None:
@@ -211,7 +211,7 @@ def _show(columns: Sequence[Column], unforeseen: Sequence[tuple[str, CaseRecord]
 
 
 def _traceability(leads: Trace, as_json: bool) -> int:
-    """List what leads nowhere; 1 if anything does so without a reason."""
+    """List the missing links; return 1 if any has no reason."""
     if as_json:
         shared.show_document(asdict(leads))
         return int(not leads.complete)

@@ -1,9 +1,9 @@
-"""Commands of click made from the signatures of functions: names, types, defaults and help are written once, there.
+"""Click commands made from the signatures of functions: names, types, defaults and help are written once, there.
 
 A parameter whose annotation holds an `Option` or `Positional` becomes one of the command; a dataclass stands for its
-options. A flag is bool, a choice a Literal, what may be repeated has the default () or is a tuple. Options that several
-commands have are annotations here; some act when they are read. What the shell completes is read without the packages
-that check it.
+options. A flag is bool, a choice a Literal, a repeatable option has the default () or is a tuple. Options common to
+several commands are annotations here; some act when they are parsed. Shell completions are read without the packages
+that check them.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from click.shell_completion import get_completion_class
 from lammps_cases.records.options import Option, Positional, gathered, option_of, parameters
 
 ROOT = Path(__file__).parents[1]
-VARIABLE = "_EOS_REF_COMPLETE"  # as click names it
-# Shell: where a user writes the script.
+VARIABLE = "_EOS_REF_COMPLETE"  # click's name
+# Shell: the file for the script.
 INSTALLED = {"bash": ">> ~/.bashrc", "zsh": ">> ~/.zshrc", "fish": "> ~/.config/fish/completions/eos-ref.fish"}
 BEFORE = {
     "bash": "COMP_WORDBREAKS=${COMP_WORDBREAKS//:}  # engines are named pypi:VERSION\n",
@@ -52,7 +52,7 @@ Deck = Annotated[Path | None, Option("Engines audit this deck, or all decks of t
 def command(
     *others: click.Parameter, cls: type[click.Command] = click.Command
 ) -> Callable[[Callable[..., int]], click.Command]:
-    """Return a decorator that makes a command of a function NAME_command; ``others`` act and are passed to nobody."""
+    """Return a decorator that makes a command of a function NAME_command; ``others`` act and are not passed on."""
 
     def made(function: Callable[..., int]) -> click.Command:
         return cls(
@@ -91,7 +91,7 @@ def _value(annotation: Any) -> Any:
 
 
 class ChoiceOrLike(click.Choice[str]):
-    """A choice, or what matches a pattern."""
+    """A choice, or a text that matches a pattern."""
 
     def __init__(self, choices: tuple[str, ...], pattern: str) -> None:
         super().__init__(choices)
@@ -113,7 +113,7 @@ def _type(kind: Any, annotation: Any, pattern: str) -> Any:
 
 
 def _bounds(annotation: Any) -> tuple[Any, Any] | None:
-    """Return the least and the largest value by the metadata of an annotation."""
+    """Return the least and the largest value from the metadata of an annotation."""
     own = getattr(annotation, "__metadata__", ())
     found = next((each for each in own if hasattr(each, "ge")), None)
     inner = (bounds for part in get_args(annotation) if (bounds := _bounds(part)))
@@ -124,7 +124,7 @@ def _use_launcher(_: click.Context, __: click.Parameter, template: str | None) -
     if template:
         from lammps_cases.engine import mpi
 
-        os.environ[mpi.VARIABLE] = mpi.checked(template)  # where the processes of the engine look for it
+        os.environ[mpi.VARIABLE] = mpi.checked(template)  # read by the processes of the engine
 
 
 def _limit_memory(context: click.Context, _: click.Parameter, text: str | None) -> None:
@@ -160,7 +160,7 @@ MEMORY = click.Option(
 
 
 def cluster(what: str) -> click.Option:
-    """Return the option of a Dask cluster; ``what`` its workers do."""
+    """Return the option of a Dask cluster, with ``what`` its workers do."""
     text = f"Scheduler of a Dask cluster (tcp://HOST:PORT), whose workers {what}."
     return click.Option(["--cluster"], metavar="ADDRESS", expose_value=False, callback=_use_cluster, help=text)
 
@@ -210,7 +210,7 @@ def finding_names() -> list[str]:
 
 
 def engine_names() -> list[str]:
-    """Return the engines that are registered, by name."""
+    """Return the names of the registered engines."""
     content = json.loads((ROOT / "findings" / "engines.json").read_text(encoding="utf-8"))
     return ["env", *(f"pypi:{version}" for version in content["engines"]), "path:"]
 
@@ -225,7 +225,7 @@ NAMES: dict[str, Callable[[], Iterable[str]]] = {
 
 
 def _kept() -> dict[str, list[str]]:
-    """Return names and tags; they are kept, as reading all files takes as long as all else that a shell waits for."""
+    """Return names and tags, cached: reading all files takes as long as everything else in a completion."""
     import platformdirs  # not eos_ref.cache and records.files, which load numpy
 
     paths = sorted((ROOT / "cases").rglob("*.yaml"))

@@ -72,7 +72,7 @@ def explain_command(
     if atom is not None:
         _particle(selected, atom, step, as_json)
         return 0
-    if name in others and not as_json:  # a field or a verdict that cases begin with, too
+    if name in others and not as_json:  # a field or a verdict that is also a prefix of cases
         others[name](name, as_json)
     if len(selected) > 1 and not (full or as_json):
         _list(selected)
@@ -91,7 +91,7 @@ def _finding(name: str, as_json: bool) -> None:
 
 
 def _field(name: str, as_json: bool) -> None:
-    """Say what a field is, which stage of a step makes it, and where LAMMPS shows it."""
+    """Describe a field, the stage of a step that computes it, and its output in LAMMPS."""
     from lammps_cases.scene.fields import FIELDS
 
     field = FIELDS[name]
@@ -156,14 +156,14 @@ def _explanation(case: Case, full: bool) -> dict[str, Any]:
 
 
 def _compared(case: Case) -> str | None:
-    """Name the fields that are compared, and at which steps; None where LAMMPS is to refuse the scene."""
+    """Return the names and steps of the compared fields; None if LAMMPS is to refuse the scene."""
     steps = case.scene.snapshots
     when = f" at step{'s' * (len(steps) > 1)} {', '.join(map(str, steps))}" if steps != (0,) else ""
     return None if case.scene.expect else f"compared{when}: {', '.join(case.scene.compare)}"
 
 
 def _stability(case: Case, atoms: Atoms) -> list[str]:
-    """Return how far the scene lies from where it would fail."""
+    """Return the distance of the scene from failure."""
     from lammps_cases.setup import reference_side
     from lammps_cases.studies.stability.advice import advice
 
@@ -176,7 +176,7 @@ def _stability(case: Case, atoms: Atoms) -> list[str]:
 
 
 def _commands(job: Job) -> list[str]:
-    """List the commands of a job; those between two runs that are no plain ones have a remark."""
+    """List the commands of a job; unusual ones between two runs have a remark."""
     from lammps_cases.engine.interlude import FOLDER, Interlude
 
     lines = [f"# on {job.ranks} ranks"] if job.ranks > 1 else []
@@ -191,7 +191,7 @@ def _commands(job: Job) -> list[str]:
 
 
 def _list(cases: Sequence[Case]) -> None:
-    """List cases: what each file of theirs is for, then the laws of each case, and the changes it has to see."""
+    """List cases: what each of their files is for, then the laws of each case, and the changes that it must detect."""
     from lammps_cases.records.wording import counted
 
     for about in dict.fromkeys(case.about for case in cases):
@@ -231,7 +231,7 @@ def _show(explanation: dict[str, Any], full: bool) -> None:
 
 
 def _show_changes(exercises: Sequence[dict[str, Any]], full: bool) -> None:
-    """Show the changes that a case has to see, or all that it sees."""
+    """Show the changes that a case must detect, or all that it detects."""
     from lammps_cases.records.wording import counted
 
     columns = ("required", "change", "moves", "the reference, changed")
@@ -246,7 +246,7 @@ def _show_changes(exercises: Sequence[dict[str, Any]], full: bool) -> None:
 
 
 def _show_sides(explanation: dict[str, Any]) -> None:
-    for side, title in (("reference", "modelled by the reference"), ("lammps", "told to LAMMPS")):
+    for side, title in (("reference", "modelled by the reference"), ("lammps", "given to LAMMPS")):
         rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
         shared.table(("", "what", "why"), rows, title, prose=("why",))
     for title, key in (("LAMMPS commands:", "commands"), ("LAMMPS commands of the twin:", "commands_of_twin")):
@@ -260,7 +260,7 @@ def _particle(cases: Sequence[Case], atom: int, step: int | None, as_json: bool)
     Raises
     ------
     InputError
-        More than one case, one without particles that interact, an id or a step that it has not.
+        More than one case, one without interacting particles, an id or a step that does not exist.
     """
     import numpy as np
 

@@ -1,4 +1,4 @@
-"""What is known to be wrong in LAMMPS: findings, report-bug, shrink."""
+"""The known bugs of LAMMPS: findings, report-bug, shrink."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ def findings_command(
 
 
 def say(names: Sequence[str], as_json: bool) -> None:
-    """Print the ledger, or all about some findings.
+    """Print the ledger, or all details of some findings.
 
     Raises
     ------
     InputError
-        A name that is of no finding.
+        A name of no finding.
     """
     from lammps_cases.findings import LEDGER, accepted_cases, by_cause, check_names
 
@@ -68,7 +68,7 @@ def say(names: Sequence[str], as_json: bool) -> None:
 
 
 def show(entry: Finding, cases: Sequence[str]) -> None:
-    """Print all about a finding."""
+    """Print all details of a finding."""
     shared.show(f"{entry.id} ({entry.severity}): {entry.title}", "  ", bold=True)
     for key in ("documented", "observed", "argument", "workaround"):
         shared.show(f"  {key}: {getattr(entry, key)}", "    ")

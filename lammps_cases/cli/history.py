@@ -31,7 +31,7 @@ ONLY = [
 
 @dataclass(frozen=True)
 class ShownOptions:
-    """Which runs and errors are shown."""
+    """The selected runs and errors."""
 
     field: Annotated[str, Option("Only errors of this field (a name or pattern).")] = ""
     engine: Annotated[str, Option("Only engines whose name or version fits this pattern, or holds it.")] = ""

@@ -62,13 +62,13 @@ DEV = {
     },
 }
 COMMANDS = {name: at for page in (FIRST, DEV) for commands in page.values() for name, at in commands.items()}
-EARLIER = {"ledger": "findings"}  # earlier names, which go on working
-PIPE_CLOSED = 141  # exit code, as shells have it of SIGPIPE
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # of a file, or of what the output is led into
+EARLIER = {"ledger": "findings"}  # earlier names, which still work
+PIPE_CLOSED = 141  # exit code, as in shells after SIGPIPE
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # of a file, or of the target of the output
 
 
 class LazyGroup(click.Group):
-    """A group that shows a page of commands and has them all; they are imported on use."""
+    """A group that shows one page of commands but accepts all; they are imported on use."""
 
     def __init__(self, *args: Any, page: dict[str, dict[str, tuple[str, str]]], **settings: Any) -> None:
         super().__init__(*args, **settings)
@@ -98,7 +98,7 @@ class LazyGroup(click.Group):
                 formatter.write_dl([(name, text) for name, (_, text) in commands.items()])
 
     def shell_complete(self, context: click.Context, incomplete: str) -> list[Any]:
-        """Complete a command without importing any; on the first page those of the second, too."""
+        """Complete a command without importing any; on the first page also those of the second."""
         from click.shell_completion import CompletionItem
 
         if incomplete.startswith("-"):
@@ -151,7 +151,7 @@ def dev(context: click.Context) -> None:
 @group.result_callback()
 @click.pass_context
 def _index(context: click.Context, code: object) -> object:
-    """Bring the index of the reports up to date after a command that wrote a report there."""
+    """Update the index of the reports after a command that wrote a report there."""
     if Path("reports").is_dir():
         from lammps_cases.records.faults import MissingPart, part
         from lammps_cases.records.wording import lacks
@@ -179,7 +179,7 @@ def main() -> None:
     except (click.Abort, KeyboardInterrupt) as error:
         rule = str(error.__cause__ or error) or "interrupted; files are whole or not written"
         code = _say(130, {"what": "run", "rule": rule}, rule)
-    except SystemExit as left:  # by click of completion, with 0; by click or rich where who reads the output has gone
+    except SystemExit as left:  # of click after a completion, with 0; of click or rich without a reader
         code = PIPE_CLOSED if left.code else 0
     except Exception as error:
         code = _exit_code(error)
@@ -187,7 +187,7 @@ def main() -> None:
 
 
 def _check_text(words: Sequence[str]) -> None:
-    """Refuse words, as names of files, that are not UTF-8: no report could hold them."""
+    """Reject words, as names of files, that are not UTF-8: no report could hold them."""
     for word in words:
         try:
             word.encode()
@@ -196,7 +196,7 @@ def _check_text(words: Sequence[str]) -> None:
 
 
 def _one_line(error: click.ClickException) -> str:
-    """Describe wrong usage in one line, and say where the right usage is shown."""
+    """Describe wrong usage in one line, with the command that shows the right usage."""
     text = " ".join(error.format_message().split()).rstrip(".")
     context = getattr(error, "ctx", None)
     return f"{text} ({context.command_path} --help shows the usage)" if context else text
@@ -225,7 +225,7 @@ def _say(code: int, error: dict[str, Any], *lines: str, others: Sequence[dict[st
 
 
 def _exit_code(error: Exception) -> int:
-    """Report a foreseen failure in one line; anything else is a fault of this program and keeps its traceback."""
+    """Report a foreseen failure in one line; any other is a fault of this program and keeps its traceback."""
     from eos_ref.errors import InputError  # here, not above: importing the reference loads numpy
     from lammps_cases.engine.session import EngineMissing
 
@@ -246,7 +246,7 @@ def _exit_code(error: Exception) -> int:
         with contextlib.suppress(OSError):
             sys.stdout.flush()
             return _say(2, {"what": "output", "rule": rule}, f"output: {rule}")
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what Python still holds, and would write at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what Python still buffers, and would write at its end
         click.echo(f"eos-ref: output: {rule}", err=True)
         return 2
     import traceback

@@ -1,4 +1,4 @@
-"""What runs, and what is made of a finished run: run, list, report, diagnose, merge."""
+"""Runs and the processing of finished runs: run, list, report, diagnose, merge."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from lammps_cases.scene.casefile import Case
 
 
-WITHOUT_PAIRS = ("eos",)  # tags of cases of which few find neighbours: known before they are read
+WITHOUT_PAIRS = ("eos",)  # tags of cases few of which find neighbours: known before they are read
 
 
 @command(LAUNCHER, CLUSTER, MEMORY)
@@ -76,9 +76,9 @@ def run_command(
     if baseline is not None:
         from lammps_cases.versions import baseline as accepted
 
-        accepted.readable(baseline)  # a typing mistake is said before the run, not after it
+        accepted.readable(baseline)  # report a typing mistake before the run, not after it
     resolved = installations.resolve(options.engine)
-    # No tag is that of all cases, so that a run of one is a part: the others need not be read to know.
+    # No tag covers all cases, so that a run with a tag is a part: the others need not be read.
     names_run = () if tag else [case.name for case in chosen]
     with shared.run_folder(out, names_run, options.engine, resume) as folder:
         if resume and not as_json and folders.resumable(folder) is None:
@@ -102,7 +102,7 @@ def run_command(
 
 
 def _notes(own: Sequence[Case], run: RunRecord) -> Iterator[str]:
-    """Yield what the user's own cases take for granted, and which mistakes they would not show; a line for each."""
+    """Yield the assumptions of the user's own cases, and the mistakes they would not show; a line for each."""
     from lammps_cases.records.wording import counted, listed
 
     taken = Counter(case.scene.defaults for case in own)
@@ -142,7 +142,7 @@ def list_command(
 
 
 def _document(case: Case) -> dict[str, Any]:
-    """Return what a script chooses cases by."""
+    """Return the data by which a script chooses cases."""
     from lammps_cases.scene import atoms
 
     scene = case.scene

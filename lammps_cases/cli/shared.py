@@ -1,4 +1,4 @@
-"""What the commands share: tables, and how a command that writes a report ends."""
+"""Common functions of the commands: tables, and the end of a command that writes a report."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 REPORTS = Path("reports")
 UNBROKEN = 10_000  # columns of a line in a file or a pipe
-PROSE = 22  # columns that a column of sentences has at least
-LEAST = 20  # columns of a terminal below which lines are broken by it
+PROSE = 22  # minimum width of a column of sentences
+LEAST = 20  # columns of a terminal below which it wraps lines itself
 
 
 @contextmanager
 def run_folder(out: Path | None, cases: Iterable[str], engine: str, resume: bool = False) -> Iterator[Path]:
-    """Yield the folder of a run of some cases: the one asked for, or a new one among the whole runs or the parts.
+    """Yield the folder of a run of some cases: the given one, or a new one among the whole runs or the parts.
 
-    To resume is to take the folder of the last one that was interrupted.
+    With ``resume`` it is the folder of the last interrupted run.
     """
     if out is not None:
         yield out
@@ -54,7 +54,7 @@ def run_folder(out: Path | None, cases: Iterable[str], engine: str, resume: bool
 def start_fork_server(pairs: bool = True) -> None:
     """Start the process that workers are forked from, while this one imports the rest.
 
-    Without ``pairs`` a worker imports what finds neighbours itself, when a case asks for them.
+    Without ``pairs`` a worker imports the neighbour search itself, when a case needs it.
     """
     from lammps_cases.engine import forkserver
 
@@ -63,7 +63,7 @@ def start_fork_server(pairs: bool = True) -> None:
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """Make what stays, as modules and cases, without a search for garbage in it: a sixth of the time."""
+    """Create permanent objects, such as modules and cases, without garbage collection, a sixth of the time."""
     gc.disable()
     try:
         yield
@@ -73,14 +73,14 @@ def uncollected() -> Iterator[None]:
 
 
 def page_folder(out: Path) -> None:
-    """Make the folder of a command that leaves a page, before anything takes long.
+    """Create the folder of a command that writes a page, before any long work.
 
-    What is still empty when the command ends, interrupted, is taken away again.
+    If it is still empty when the command ends, interrupted, it is removed.
 
     Raises
     ------
     InputError
-        It cannot be written, or is the report of a run, which would no longer be one.
+        It cannot be written, or holds the report of a run, which would be damaged.
     """
     from eos_ref import InputError
 
@@ -97,13 +97,13 @@ def page_folder(out: Path) -> None:
 
 
 def _remove_empty(made: Iterable[Path]) -> None:
-    with contextlib.suppress(OSError):  # from the first on in which there is something
+    with contextlib.suppress(OSError):  # from the first non-empty one on
         for path in made:
             path.rmdir()
 
 
 def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str] = ()) -> int:
-    """Print the verdict of a run, what changed against a baseline, and where the report is; return the exit code."""
+    """Print the verdict of a run, the changes against a baseline, and the place of the report; return the exit code."""
     from lammps_cases.records.faults import part
     from lammps_cases.records.folders import is_part
     from lammps_cases.records.wording import lacks
@@ -112,7 +112,7 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
 
     def judged() -> Outcome:
         of_run = outcome(run)
-        assert of_run.headline and of_run.rejected is not None  # both are made here
+        assert of_run.headline and of_run.rejected is not None  # both are set here
         return of_run
 
     for line in changes:
@@ -136,9 +136,9 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
 def compared(
     run: RunRecord, folder: Path, changes: Changes, as_json: bool, accept: str, past: Past | None = None
 ) -> Iterable[str]:
-    """Keep in a run how many changes against a baseline count, and tell the CI service; return lines.
+    """Store in a run the number of relevant changes against a baseline, and inform the CI service; return lines.
 
-    ``accept`` is the command that accepts them, ``past`` what the report shows of earlier runs.
+    ``accept`` is the command that accepts them, ``past`` the earlier runs shown in the report.
     """
     from lammps_cases.report.annotations import announce_changes
     from lammps_cases.run import report_files
@@ -162,7 +162,7 @@ def _close(of_run: Outcome, directory: Path) -> None:
 
 
 def _answer(of_run: Outcome) -> dict[str, Any]:
-    """Return what --json prints of a run before its run.json: the answer."""
+    """Return the part of --json before a run's run.json: the answer."""
     from lammps_cases.report.statements import statements
 
     findings = [
@@ -180,7 +180,7 @@ def _answer(of_run: Outcome) -> dict[str, Any]:
 
 
 def show_document(content: object) -> None:
-    """Print the one document of --json."""
+    """Print the single document of --json."""
     click.echo(json.dumps(content, indent=1))
 
 
@@ -195,7 +195,7 @@ def say(headline: Headline) -> None:
 
 
 def _details(run: RunRecord) -> None:
-    """Print the cases of a run counted, then those not as expected, and whatever else concerns the run as a whole."""
+    """Print the counts of the cases of a run, those not as expected, and everything else about the run as a whole."""
     from lammps_cases.records.wording import carried, carried_rows, counted, notes, predictions, tally, triage_lines
 
     click.echo(f"{tally(run)} ({run.seconds:.1f} s)")
@@ -218,7 +218,7 @@ def _details(run: RunRecord) -> None:
 
 
 def width() -> int | None:
-    """Return the columns that text has to fit into: those of the terminal, or of COLUMNS; None in a file or pipe."""
+    """Return the number of columns available for text: those of the terminal, or of COLUMNS; None in a file or pipe."""
     if os.environ.get("COLUMNS", "").isdigit() or sys.stdout.isatty():
         return shutil.get_terminal_size().columns
     return None
@@ -227,7 +227,7 @@ def width() -> int | None:
 def show(text: str, indent: str = "", **style: Any) -> None:
     """Print a paragraph, its further lines indented, broken between words where it does not fit the terminal.
 
-    Control characters, which a deck may hold, do nothing to the terminal.
+    Control characters, which a deck may contain, have no effect on the terminal.
     """
     text = "".join(c if c.isprintable() or c.isspace() else " " for c in text)
     if (columns := width()) is not None:
@@ -243,12 +243,12 @@ def table(
     drop: Sequence[str] = (),
     prose: Sequence[str] = (),
 ) -> None:
-    """Print a table; in a file or pipe as wide as its lines are, on a terminal so that none of them is broken.
+    """Print a table; in a file or pipe as wide as its lines, on a terminal narrow enough that none is broken.
 
     Parameters
     ----------
     drop : columns that are left out, in this order, until the others fit
-    prose : columns of sentences, which are broken between words; where it is still too narrow the others are shortened
+    prose : columns of sentences, broken between words; if the table is still too wide, the others are shortened
     """
     from rich import box
     from rich.console import Console
@@ -261,7 +261,7 @@ def table(
     left, taken = list(drop), list(columns)
 
     def grid(least: bool) -> Table:
-        """Return the table of the columns taken; those of sentences as narrow as may be, or as there is room."""
+        """Return the table of the selected columns; those of sentences as narrow as possible, or as wide as fits."""
         made = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
         for name in taken:
             sentence = name in prose
@@ -279,7 +279,7 @@ def table(
 
 
 def stages(run: RunRecord) -> Iterator[str]:
-    """Yield where the processor time of a run went: a table of stages, those that take longest first."""
+    """Yield the processor time of a run: a table of stages, the longest first."""
     from lammps_cases.records.progress import REST, taken
 
     spent: dict[str, float] = taken()

@@ -141,7 +141,7 @@ def _show_flows(validated: Any, out: Path) -> None:
 
 @dataclass(frozen=True)
 class MapOptions:
-    """Which maps."""
+    """The selected maps."""
 
     quick: Annotated[bool, Option("Only the maps tagged quick, with few lines: about a minute.")] = False
     tag: Annotated[str | None, Option("Only maps with this tag.")] = None
@@ -149,7 +149,7 @@ class MapOptions:
 
 @dataclass(frozen=True)
 class AtlasOptions:
-    """How they are measured."""
+    """Settings of the measurement."""
 
     jobs: Processes = None
     resume: Resume = True

@@ -115,7 +115,7 @@ def _lammps(engine: str) -> list[tuple[bool, str, str]]:
 
 @dataclass(frozen=True)
 class MeasureOptions:
-    """How speed is measured."""
+    """Settings of speed measurements."""
 
     states: Annotated[Annotated[int, Ge(1000)], Option("States per law.")] = 10_000_000
     repeats: Annotated[Annotated[int, Ge(1)], Option("Measurements of each side.")] = 9
@@ -219,7 +219,7 @@ OF_SHARDS = (
     "jobs",
     "baseline",
     "as_json",
-)  # options of a run that a kit gives, or cannot give
+)  # options of a run that a kit sets, or cannot set
 
 
 @command()
@@ -295,7 +295,7 @@ def _check_options(name: str, others: Sequence[str]) -> None:
 
 
 def _upstream_files(out: Path | None, notes: list[str]) -> list[KitFile]:
-    """Return the tests and decks for LAMMPS' own tree; note it if no LAMMPS is there that writes the decks' logs."""
+    """Return the tests and decks for LAMMPS' own tree; note it if no LAMMPS is present that writes the decks' logs."""
     from lammps_cases.bugs.upstream.files import example_files, kit_files
     from lammps_cases.engine import installations
     from lammps_cases.engine.session import EngineMissing
@@ -316,12 +316,12 @@ def _print(files: Sequence[KitFile]) -> None:
 
 
 def _costs(words: list[str], shards: int) -> tuple[Costs, str]:
-    """Return what the cases of a run cost, and a line about the shards; the engine is there afterwards.
+    """Return the costs of the cases of a run, and a line about the shards; the engine is installed afterwards.
 
     Raises
     ------
     InputError, click.UsageError
-        Options that ``eos-ref run`` would refuse, or that each shard has of its own.
+        Options that ``eos-ref run`` would refuse, or that are set for each shard.
     """
     from eos_ref import InputError
     from lammps_cases.cli.run import run_command

@@ -69,12 +69,12 @@ def compare_command(
 
 
 def _on_decks(deck: Path | None, how: RunTerms, cases: Sequence[str], options: CaseOptions) -> RunTerms:
-    """Return how engines are compared: on cases, or by audits of a deck or of the decks of a folder.
+    """Return the settings for comparing engines: on cases, or by audits of a deck or of the decks of a folder.
 
     Raises
     ------
     InputError
-        Cases and a deck.
+        Cases and a deck are given together.
     """
     from eos_ref import InputError
     from lammps_cases.audit.command import audit_into
@@ -92,7 +92,7 @@ def _on_decks(deck: Path | None, how: RunTerms, cases: Sequence[str], options: C
 
 
 def _split(names: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Split the arguments: sides come first, two at least; the rest names cases."""
+    """Split the arguments: sides come first, two at least; the others are names of cases."""
     from eos_ref import InputError
     from lammps_cases.versions.sources import is_side
 

@@ -1,4 +1,4 @@
-"""A task in a fork of this process: it begins with all that is loaded here, and what it breaks ends with it."""
+"""Run a function in a fork, isolated from this process: it starts with all that is loaded here, and ends alone."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def call(task: Callable[..., T], *arguments: Any, time_limit: float) -> T:
     Raises
     ------
     EngineCrashed
-        The fork died; the text is what it left.
+        The fork died; the text is the end of its output.
     TimeoutError
     Exception
-        That of the task.
+        The task's own.
     """
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as answer:
         parent = os.getpid()
@@ -46,7 +46,7 @@ def call(task: Callable[..., T], *arguments: Any, time_limit: float) -> T:
 
 
 def outcome(task: Callable[..., Any], *arguments: Any) -> bytes:
-    """Run a task, and return whether it succeeded with its result or its exception, pickled."""
+    """Run a task, and return whether it succeeded, with its result or exception, pickled."""
     try:
         return pickle.dumps((True, task(*arguments)), pickle.HIGHEST_PROTOCOL)
     except BaseException as error:
@@ -62,7 +62,7 @@ def beyond(time_limit: float) -> str:
 
 
 def _work(task: Callable[..., T], arguments: tuple[Any, ...], output: int, answer: int, parent: int) -> None:
-    """Run the task and end the process; nothing of the parent's is left to run here."""
+    """Run the task and end the process, without running any code of the parent's."""
     try:
         threading.Thread(target=ranks.die_with, args=(parent,), daemon=True).start()
         os.dup2(output, 1)

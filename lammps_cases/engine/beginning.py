@@ -1,7 +1,7 @@
-"""What the server that workers are forked from imports first: it looks for no garbage, of which imports make little.
+"""Preload for the fork server; garbage collection is off while importing.
 
-A worker begins with all that the server has imported set aside, where no search for garbage goes through it, and copies
-its memory by that.
+Workers start with all that the server has imported frozen, so that no garbage collection scans it and thereby copies
+its memory.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Tasks on the workers of a Dask cluster, in place of processes of this machine.
 
-Every worker keeps processes with a LAMMPS each, as this machine would (`lammps_cases.engine.pool.LocalPool`): what a
-segfault, a hang or a time limit costs there is what it costs here. A task whose worker is gone is done by another.
+Every worker keeps processes with a LAMMPS each, as this machine would (`lammps_cases.engine.pool.LocalPool`): a
+segfault, a hang or a time limit costs the same there as here. A task whose worker has gone is given to another.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 PATIENCE = 30  # seconds to wait for the scheduler, and for its first worker
-DEATHS = 10  # times that workers may go with a task before it is given up
+DEATHS = 10  # workers that may be lost with a task before it is given up
 _address: ContextVar[str] = ContextVar("cluster", default="")
 
 
@@ -54,7 +54,7 @@ _lock = threading.Lock()
 
 @dataclass(frozen=True)
 class Answered:
-    """What a task returned, where an exception is what it raised."""
+    """A task's result, or the exception that it raised."""
 
     value: Any
 
@@ -62,7 +62,7 @@ class Answered:
 def relay(
     memory: str, function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: float
 ) -> Answered | BaseException:
-    """Do a task in a process of this worker, which may take the memory that was asked for."""
+    """Run a task in a process of this worker, which may take the given memory."""
     try:
         return Answered(_pool(arguments[0], memory).schedule(function, arguments, time_limit).result())
     except BaseException as error:
@@ -76,7 +76,7 @@ def _pool(site: str | None, memory: str) -> LocalPool:
     with _lock:
         if (kind := (site, memory)) not in _pools:
             os.environ[MEMORY] = memory
-            _pools[kind] = LocalPool(get_worker().state.nthreads, fresh=True)  # a nanny's child may fork none
+            _pools[kind] = LocalPool(get_worker().state.nthreads, fresh=True)  # a nanny's child must not fork
             atexit.register(_pools[kind].stop)
         return _pools[kind]
 
@@ -85,7 +85,7 @@ def _pool(site: str | None, memory: str) -> LocalPool:
 
 
 def _is_gone(answer: object) -> bool:
-    """Return whether a worker had no connection any more, as opposed to no file or no right to see one."""
+    """Return whether a worker had lost its connection, as opposed to a missing file or permission."""
     return isinstance(answer, OSError) and (answer.errno is None or isinstance(answer, ConnectionError))
 
 
@@ -95,7 +95,7 @@ class ClusterPool:
     Raises
     ------
     InputError
-        There is no dask.distributed, no scheduler, or none of its workers.
+        No dask.distributed, no scheduler, or a scheduler without workers.
     """
 
     local = False
@@ -111,11 +111,11 @@ class ClusterPool:
         except ImportError:
             raise InputError("--cluster", "needs dask.distributed: pip install 'eos-ref[cluster]'") from None
         for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
-            logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is told by what becomes of the tasks
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # failures are reported through the futures
         try:
-            if not scheduler.startswith("inproc:"):  # an address that says no host leaves threads of a client behind
+            if not scheduler.startswith("inproc:"):  # an address without a host leaves threads of a client behind
                 get_address_host_port(scheduler if "://" in scheduler else f"tcp://{scheduler}", strict=True)
-            with dask.config.set({"distributed.admin.low-level-log-length": 0}):  # of 1000 messages, all that they hold
+            with dask.config.set({"distributed.admin.low-level-log-length": 0}):  # of 1000 messages, with content
                 self._client: Client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError) as error:
             reason = str(error).partition("\n")[0]
@@ -132,7 +132,7 @@ class ClusterPool:
 
     @property
     def count(self) -> int:
-        """Number of tasks that the cluster does at a time, now."""
+        """Return the number of tasks that the cluster runs at a time, now."""
         try:
             threads: dict[str, int] = self._client.nthreads()
         except OSError:
@@ -140,7 +140,7 @@ class ClusterPool:
         return max(1, sum(threads.values()))
 
     def check_shared(self, folder: Path) -> None:
-        """Raise `InputError` if a worker that is there does not see a folder that tasks write into."""
+        """Raise `InputError` if a present worker does not see a folder that tasks write into."""
         from eos_ref.errors import InputError
 
         try:
@@ -149,7 +149,7 @@ class ClusterPool:
             raise self._gone() from None
         blind = [worker for worker, sees in sights.items() if sees is not True and not _is_gone(sees)]
         if blind:
-            raise InputError("--cluster", f"its workers must see {folder}; there is none for", blind[0])
+            raise InputError("--cluster", f"its workers must see {folder}; it is missing for", blind[0])
 
     def schedule(self, function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: float) -> Future[Any]:
         """Queue a task."""
@@ -162,20 +162,20 @@ class ClusterPool:
 
         def settle(remote: Any) -> None:
             killed = remote.status == "error" and isinstance(remote.exception(), KilledWorker)
-            # An answer that a worker took with it, while the scheduler is there.
+            # An answer lost with its worker, while the scheduler still runs.
             lost = remote.status == "lost" and self._client.status == "running"
             if (killed or lost) and left > 1:
                 self._submit(future, task, left - 1)
                 return
             self._under_way.pop(future, None)
-            with contextlib.suppress(InvalidStateError):  # nobody waits any more
+            with contextlib.suppress(InvalidStateError):  # no one waits any more
                 try:
                     self._hand_over(future, remote)
                 except OSError:
                     future.set_exception(self._gone())
 
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of arguments that are large
+            warnings.simplefilter("ignore")  # about large arguments
             remote = self._client.submit(relay, os.environ.get(MEMORY, ""), *task, pure=False)
         self._under_way[future] = remote
         remote.add_done_callback(settle)
@@ -196,7 +196,7 @@ class ClusterPool:
             future.set_exception(self._gone())
 
     def stop(self) -> None:
-        """Give up what is queued, and leave the cluster."""
+        """Drop the queued tasks, and leave the cluster."""
         with contextlib.suppress(OSError):
             self._client.cancel(list(self._under_way.values()), force=True)
         for future in list(self._under_way):
@@ -209,5 +209,5 @@ class ClusterPool:
 
 
 def pool(count: int) -> Pool:
-    """Return the pool of the cluster that is in use, or else of so many processes of this machine."""
+    """Return the pool of the cluster in use, or else of so many processes of this machine."""
     return ClusterPool(scheduler) if (scheduler := address()) else LocalPool(count)

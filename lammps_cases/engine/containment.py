@@ -1,8 +1,8 @@
-"""A process that takes input of strangers, contained by Landlock, or by bubblewrap where there is none; with limits.
+"""Containment with limits of a process that takes strangers' input, by Landlock, or else by bubblewrap.
 
-`Reach` says what the process may read and write. It may start no program and no process, open no socket and signal
-nobody. Linux' Landlock keeps it to its files (kernel 5.13 or later, no root needed); a filter of system calls keeps
-it, root or not, from what Landlock does not govern. Both hold until the process ends, for all that it loads.
+`Reach` lists what the process may read and write. It cannot start programs or processes, open sockets or signal
+other processes. Linux' Landlock restricts it to its files (kernel 5.13 or later, no root needed); a filter of system
+calls denies it, root or not, what Landlock does not govern. Both hold until the process ends, for all that it loads.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import Literal
 
 Means = Literal["landlock", "bubblewrap", "none"]
 
-# --- what is in reach
+# --- reachable files
 
 SYSTEM = ("/usr/lib", "/usr/lib64", "/usr/libexec", "/lib", "/lib64", "/etc/ld.so.cache", "/etc/ld.so.conf.d")
 TIME_ZONES = ("/etc/localtime", "/usr/share/zoneinfo")
@@ -43,7 +43,7 @@ class Reach:
 
 
 def installation(folders: Iterable[Path] = ()) -> tuple[str, ...]:
-    """Return where this Python, its packages and its libraries lie, with the folders of an engine."""
+    """Return the folders of this Python, its packages and its libraries, with those of an engine."""
     own = [PACKAGES / "eos_ref", PACKAGES / "lammps_cases"]
     own += [Path(place) for place in sys.path if place.endswith(("site-packages", "dist-packages"))]
     for prefix in {sys.prefix, sys.base_prefix, os.path.realpath(sys.base_prefix)}:
@@ -59,7 +59,7 @@ def loaded_libraries() -> set[Path]:
     return {Path(file).parent for file in files if ".so" in Path(file).name and Path(file).is_file()}
 
 
-# --- which means there are
+# --- available means
 
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _CREATE, _ADD, _RESTRICT = 444, 445, 446  # landlock_create_ruleset and so on, on every architecture
@@ -80,7 +80,7 @@ def _call(*arguments: object) -> int:
 
 
 def landlock_version() -> int:
-    """Return the version of the kernel's Landlock; 0 where there is none."""
+    """Return the version of the kernel's Landlock; 0 without Landlock."""
     try:
         return _call(_CREATE, None, 0, 1)
     except OSError:
@@ -94,7 +94,7 @@ def _bubblewrap_works(program: str) -> bool:
 
 
 def available() -> tuple[Means, ...]:
-    """Return what can contain a process on this machine, the best first."""
+    """Return the means of containment on this machine, the best first."""
     landlock = landlock_version() and platform.machine() in _NUMBERS
     program = shutil.which("bwrap")
     wrapped = program and _bubblewrap_works(program)
@@ -102,12 +102,12 @@ def available() -> tuple[Means, ...]:
 
 
 def means() -> Means:
-    """Return what contains a process on this machine."""
+    """Return the means by which a process is contained on this machine."""
     return next(iter(available()), "none")
 
 
 def bubblewrap(reach: Reach, folder: str) -> list[str]:
-    """Return the words before a command that bubblewrap runs within reach, in a folder."""
+    """Return the words before a command with which bubblewrap runs it within reach, in a folder."""
     words = [shutil.which("bwrap") or "bwrap", "--unshare-all", "--die-with-parent", "--new-session"]
     words += ["--proc", "/proc", "--dev", "/dev", "--tmpfs", "/tmp"]
     for path in reach.read:
@@ -121,7 +121,7 @@ def bubblewrap(reach: Reach, folder: str) -> list[str]:
 
 
 def limit(memory: int | None, seconds: float, largest_file: int) -> None:
-    """Set limits of address space, time of all processors and file size that this process cannot lift."""
+    """Set limits of address space, total processor time and file size that this process cannot lift."""
     limits = {resource.RLIMIT_FSIZE: largest_file, resource.RLIMIT_CORE: 0}
     if memory is not None:
         limits[resource.RLIMIT_AS] = memory
@@ -156,7 +156,7 @@ _NEVER = 1 << 0 | 1 << 6 | 1 << 9 | 1 << 10 | 1 << 11 | 1 << 12 | 1 << 15  # exe
 
 
 def keep_to(reach: Reach, network: bool = False) -> None:
-    """Keep this thread, and what it starts, to its files by Landlock; without ``network``, from TCP as well.
+    """Restrict this thread, and what it starts, to its files by Landlock; without ``network``, also deny TCP.
 
     May be called again, to restrict further.
     """
@@ -177,7 +177,7 @@ def _allow(ruleset: int, path: str, rights: int) -> None:
     try:
         handle = os.open(path, os.O_PATH | os.O_CLOEXEC)
     except OSError:
-        return  # what is not there needs no right
+        return  # a missing file needs no right
     rights &= -1 if Path(path).is_dir() else _OF_FILES
     _call(_ADD, ruleset, 1, ctypes.byref(_Below(rights, handle)), 0)
     os.close(handle)
@@ -208,7 +208,7 @@ _ALLOW, _DENY, _UNKNOWN = 0x7FFF0000, 0x00050001, 0x00050026  # EPERM; ENOSYS, a
 
 
 def _filter(machine: str) -> bytes:
-    """Return the program of the filter, in classic BPF: threads are started, processes and programs are not."""
+    """Return the filter program in classic BPF: it permits threads, but no processes and programs."""
     load, equal, at_least, any_bit, end = 0x20, 0x15, 0x35, 0x45, 0x06
     denied = _NUMBERS[machine]
     tests = [(equal, _CLONE3), *((equal, number) for number in denied), (at_least, 0x40000000)]
@@ -239,11 +239,11 @@ def start_nothing() -> None:
 
 
 def drop_capabilities() -> None:
-    """Leave nothing of what root may do beyond its files."""
+    """Drop all of root's capabilities beyond its files."""
     header, none = struct.pack("Ii", 0x20080522, 0), bytes(24)
     _LIBC.capset(header, none)
 
 
 def contained(words: Sequence[str], reach: Reach, folder: str, by: Means) -> list[str]:
-    """Return the command that starts a process, within bubblewrap where that is what contains it."""
+    """Return the command that starts a process, within bubblewrap if that contains it."""
     return [*bubblewrap(reach, folder), *words] if by == "bubblewrap" else list(words)

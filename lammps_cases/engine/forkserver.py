@@ -1,6 +1,6 @@
 """The clean server process that workers are forked from, started before anything heavy is imported here.
 
-Workers are as isolated as spawned ones, and are back sooner after a crash, as the server has imported
+Workers are as isolated as spawned ones, and restart sooner after a crash, as the server has imported
 what they need. It loads while this process imports its own modules.
 """
 
@@ -19,13 +19,13 @@ from types import ModuleType
 FIRST = "lammps_cases.engine.beginning"
 OF_WORKERS = "lammps_cases.engine.workers"
 OF_JUDGING = ("lammps_cases.verdict.cases", "lammps_cases.run.flow", "lammps_cases.run.report_files")
-OF_PAIRS = "scipy.spatial"  # as long to import as a third of all the rest
+OF_PAIRS = "scipy.spatial"  # its import takes a third as long as all the others
 _starting = threading.RLock()
 
 
 @contextmanager
 def starting() -> Iterator[None]:
-    """Let one thread at a time start processes, or look for their ends, which multiprocessing does when it starts one.
+    """Let one thread at a time start processes, or reap them, which multiprocessing does when it starts one.
 
     The user's script is hidden, which a process would run again before its task: all tasks are functions of modules, so
     that a script needs no ``if __name__ == "__main__"`` to run cases. So is the current folder, whose files may have
@@ -38,13 +38,13 @@ def starting() -> Iterator[None]:
             yield
         finally:
             sys.modules["__main__"] = main
-            os.environ["PYTHONSAFEPATH"] = before  # "" is the same as none
+            os.environ["PYTHONSAFEPATH"] = before  # "" is the same as unset
 
 
 def context(*modules: str) -> ForkServerContext:
     """Return the multiprocessing context of the server; start it if it does not run, without waiting for it.
 
-    Workers begin with the modules named, which the server imports once for all of them.
+    Workers begin with the named modules, which the server imports once for all of them.
     """
     found = multiprocessing.get_context("forkserver")
     found.set_forkserver_preload([FIRST, OF_WORKERS, *modules])
@@ -54,8 +54,8 @@ def context(*modules: str) -> ForkServerContext:
 
 
 def start_for_judging(pairs: bool = True) -> None:
-    """Start the process that workers which judge cases are forked from, while this one imports the rest.
+    """Start the server process of judging workers, while this process imports the rest.
 
-    Without ``pairs`` a worker imports what finds neighbours itself, when a case asks for them.
+    Without ``pairs`` a worker imports the neighbour search itself, when a case needs it.
     """
     context(*OF_JUDGING, *([OF_PAIRS] if pairs else []))

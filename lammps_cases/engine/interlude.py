@@ -1,4 +1,4 @@
-"""What happens in LAMMPS between two runs: commands, some for each atom, some that it must refuse."""
+"""Actions in LAMMPS between two runs: commands, some for each atom, some that it must refuse."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy.typing as npt
 
 Array = npt.NDArray[Any]
-# Arrays of atoms that hold the state; those that an atom style does not have are left out.
+# Arrays of atoms that hold the state; those that an atom style lacks are left out.
 STATE = ("type", "x", "v", "rho", "rheo_status", "esph", "rmass")
 FOLDER = "{folder}"  # in a command: a folder for files that lives as long as the job
 
@@ -22,9 +22,9 @@ class InterludeAction:
     Attributes
     ----------
     text : with ``{folder}``; for atoms with the values before: ``{id}``, ``{type}``, ``{x}``, ``{vx}``, ``{phase}``...
-    how : "refused": LAMMPS must refuse it, and is used on
-    last : how many atoms it is for, those of the highest ids
-    evaluates : whether it evaluates forces, with a list of neighbours of its own
+    how : "refused": LAMMPS must refuse it, and continues to be used
+    last : the number of atoms it applies to, those of the highest ids
+    evaluates : whether it evaluates forces, with its own neighbour list
     """
 
     text: str
@@ -35,12 +35,12 @@ class InterludeAction:
 
 @dataclass(frozen=True)
 class Interlude:
-    """Actions between two runs, in order, after which the state of every atom must be what it was.
+    """Actions between two runs, in order, after which the state of every atom must be unchanged.
 
     Attributes
     ----------
     moves : whether they move atoms
-    sets_up : whether the next run sets up, with a list of neighbours of its own
+    sets_up : whether the next run sets up, with its own neighbour list
     """
 
     actions: tuple[InterludeAction, ...]
@@ -57,7 +57,7 @@ class Carried:
 
 
 class NotRefused(Exception):
-    """LAMMPS took a command that it must refuse."""
+    """LAMMPS accepted a command that it must refuse."""
 
 
 def perform(
@@ -68,16 +68,16 @@ def perform(
     refusal: type[Exception],
     evaluated: Callable[[], None] = lambda: None,
 ) -> Carried:
-    """Do everything between two runs.
+    """Perform all actions between two runs.
 
     Parameters
     ----------
     state : callable
-        Reads the arrays of `STATE` that there are, sorted by id.
+        Reads the existing arrays of `STATE`, sorted by id.
     folder : str
-        Where the files of the job lie.
+        Folder of the job's files.
     refusal : class
-        LAMMPS' own errors as they come out of the library.
+        LAMMPS' own errors as raised by the library.
     evaluated : callable
         Called after every action that evaluates forces.
 

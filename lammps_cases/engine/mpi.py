@@ -1,4 +1,4 @@
-"""MPI: which one a library of LAMMPS links, and the program that starts several ranks of it."""
+"""MPI: the one that a library of LAMMPS links, and the program that starts several ranks of it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ VARIABLE = "EOS_REF_LAUNCHER"  # a command with {n} for the number of ranks, in 
 OPEN_MPI, MPICH = "Open MPI", "MPICH"
 SHARED = Path("/dev/shm")  # where MPICH makes a file of 2 MB for the ranks of a machine, removed by an orderly end only
 _PROGRAMS = {OPEN_MPI: ("mpirun.openmpi", "orterun", "mpirun"), MPICH: ("mpiexec.hydra", "mpiexec.mpich", "mpiexec")}
-# Open MPI refuses to start as root, and more ranks than cores; both are what tests in a container are.
+# Open MPI refuses to start as root, and more ranks than cores; tests in a container need both.
 SETTINGS = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
@@ -24,7 +24,7 @@ SETTINGS = {
 
 
 class LauncherMissing(RuntimeError):
-    """There is no program that starts several ranks of this MPI."""
+    """No program starts several ranks of this MPI."""
 
 
 def loaded() -> Path | None:
@@ -35,7 +35,7 @@ def loaded() -> Path | None:
 
 
 def flavour() -> str:
-    """Return the name of the MPI that this process has loaded, empty if it cannot be told."""
+    """Return the name of the MPI that this process has loaded, empty if unknown."""
     library = loaded()
     if library is None:
         return "MPI"  # linked statically
@@ -45,23 +45,23 @@ def flavour() -> str:
 def forget_shared_memory() -> None:
     """Remove the name of the memory that the ranks of this process share, once all of them have it.
 
-    The memory lives as long as they do, however they end: MPICH itself removes it in MPI_Finalize alone, to which a
-    process that is killed, that crashes, or that Python's multiprocessing ends never comes.
+    The memory lives as long as the ranks, however they end: MPICH itself removes it only in MPI_Finalize, which a
+    process that is killed, crashes, or is ended by Python's multiprocessing never reaches.
     """
     lines = Path("/proc/self/maps").read_text().splitlines() if SHARED.is_dir() else ()
     for file in {line.split(maxsplit=5)[5] for line in lines if f"{SHARED}/mpich_shm_" in line}:
-        Path(file).unlink(missing_ok=True)  # of one whose name is gone "(deleted)" is part of it
+        Path(file).unlink(missing_ok=True)  # "(deleted)" is part of a removed file's name
 
 
 def remove_shared_memory(pid: int) -> None:
-    """Remove what a process left that has ended while MPI_Init ran in it: alone, it names the file by its id."""
+    """Remove the shared memory of a process that ended during MPI_Init: while alone, it names the file by its id."""
     for file in SHARED.glob(f"mpich_shm_{pid:x}_*"):
         with contextlib.suppress(OSError):  # another user's, of the same id in another container
             file.unlink()
 
 
 def file_of_mpich(name: str, site: Path) -> Path:
-    """Return a file of the mpich distribution beside LAMMPS, or else of this environment.
+    """Return a file of the mpich distribution next to LAMMPS, or else of this environment.
 
     Raises
     ------
@@ -77,21 +77,21 @@ def file_of_mpich(name: str, site: Path) -> Path:
 
 
 def installation(soname: str) -> str:
-    """Return the command that installs the MPI of a library's soname: 12 is the common one of MPICH and its kin."""
+    """Return the command that installs the MPI of a library's soname: 12 is common to MPICH and its derivatives."""
     return (
         "pip install mpich" if soname.endswith(".so.12") else "apt install openmpi-bin, or load the module of that MPI"
     )
 
 
 def checked(template: str) -> str:
-    """Return a launcher as it was given.
+    """Return a valid launcher unchanged.
 
     Raises
     ------
     InputError
-        Without a place for the number of ranks, or not a command.
+        It has no place for the number of ranks, or is not a command.
     """
-    from eos_ref.errors import InputError  # when asked: workers load a mutated reference after this module
+    from eos_ref.errors import InputError  # imported late: workers load a mutated reference after this module
 
     try:
         words = shlex.split(template.format(n=2))
@@ -111,7 +111,7 @@ def launcher(site: Path, count: int) -> tuple[list[str], dict[str, str]]:
     ------
     LauncherMissing
     """
-    # What MPI sets in the process that it was loaded into is not for another start.
+    # MPI's variables of the process that loaded it must not reach another start.
     environment = {key: text for key, text in os.environ.items() if not key.startswith(("PMI", "OMPI_COMM", "PRTE_"))}
     template = os.environ.get(VARIABLE)
     if template:
@@ -129,7 +129,7 @@ def _mpich(site: Path) -> Path:
 
 
 def _program(kind: str) -> Path:
-    """Return the launcher that lies by the library, or else the first one of the search path."""
+    """Return the launcher next to the library, or else the first one of the search path."""
     library = loaded()
     folders = [parent / "bin" for parent in library.resolve().parents] if library else []
     for name in _PROGRAMS[kind]:

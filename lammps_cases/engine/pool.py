@@ -1,4 +1,4 @@
-"""Processes that take tasks: each has a pipe of its own, so that the death of a process is the death of its task."""
+"""A process pool in which each process has its own pipe, so that its death is attributed to the task it was running."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ from typing import IO, Any, NamedTuple, Protocol
 from lammps_cases.engine import apart, forkserver, mpi, ranks
 
 MEMORY = "EOS_REF_MEMORY"  # environment variable: memory of each process, in place of its share of the machine
-LARGEST = 2**32  # bytes of a file that a worker may write, an engine's output without end included
-TAIL = 2**16  # bytes of that which are read
-RECYCLED = 5000  # tasks after which a process, which grows by some 10 kB with each, makes room for another
-FOLDER = "eos-ref-workers-"  # what the names of the folders of pools begin with
+LARGEST = 2**32  # bytes of a file that a worker may write, such as an engine's endless output
+TAIL = 2**16  # bytes of it that are read
+RECYCLED = 5000  # tasks after which a process, which grows by some 10 kB with each, is replaced
+FOLDER = "eos-ref-workers-"  # prefix of the folders of pools
 OWNER = "owner"  # file in it
 DYING = 5.0  # seconds that a process may take to end after its end of the pipe is closed
-PAUSE = 0.1  # seconds before another process takes a task: who killed the first may still be killing
-MAPPED = 2**22  # bytes from which on memory goes back to the system when it is freed, whatever lies behind it
+PAUSE = 0.1  # seconds before another process takes a task: the cause of the first one's end may persist
+MAPPED = 2**22  # bytes from which on freed memory goes back to the system, whatever follows it
 _M_MMAP_THRESHOLD = -3  # of malloc.h
-# Exit codes that an engine hardly gives itself: by signals that nothing raises in its own process, and what
-# multiprocessing has for a worker whose server was killed, which alone knows it, and is had for none that starts.
+# Exit codes that an engine hardly gives itself: by signals that nothing raises in its own process, and
+# multiprocessing's code for a worker whose server, which alone knows the real one, was killed, or that did not start.
 FROM_OUTSIDE = (-signal.SIGKILL, -signal.SIGTERM, 255)
 
 
 class Pool(Protocol):
-    """What does tasks: processes of this machine, or of others."""
+    """An executor of tasks: processes of this machine, or of others."""
 
     @property
     def count(self) -> int:
-        """Number of tasks at a time, now."""
+        """Return the number of tasks at a time, now."""
 
     @property
     def local(self) -> bool:
-        """Whether tasks are done by processes of this machine."""
+        """Return whether tasks run in processes of this machine."""
 
     def check_shared(self, folder: Path) -> None:
         """Raise `InputError` if tasks that write into a folder cannot."""
@@ -60,7 +60,7 @@ class Pool(Protocol):
         """Queue a task; its future raises what the task raises, `EngineCrashed` or `TimeoutError`."""
 
     def stop(self) -> None:
-        """End all processes at once, and cancel what is queued."""
+        """End all processes at once, and cancel the queued tasks."""
 
     def finish(self) -> None:
         """End the processes after all tasks; may follow `stop`."""
@@ -70,7 +70,7 @@ class Pool(Protocol):
 
 
 def memory_share(workers: int) -> int:
-    """Return how many bytes of memory each of some processes may take: `MEMORY`, or its share of the machine."""
+    """Return the bytes of memory that each of some processes may take: `MEMORY`, or its share of the machine."""
     if text := os.environ.get(MEMORY):
         return size(text)
     total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
@@ -78,7 +78,7 @@ def memory_share(workers: int) -> int:
 
 
 def size(text: str) -> int:
-    """Return the bytes that a text as 4G stands for.
+    """Return the bytes of a text such as 4G.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def size(text: str) -> int:
 
 @contextlib.contextmanager
 def limited(text: str) -> Iterator[None]:
-    """Give each process of the pools that begin within a block so much memory.
+    """Set the memory of each process of the pools that start within a block.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def limited(text: str) -> Iterator[None]:
 
 
 def _return_memory() -> None:
-    """Keep glibc from raising that size to 32 MB, below which the holes between arrays stay this process' own."""
+    """Keep glibc from raising that size to 32 MB, below which gaps between arrays stay in this process."""
     with contextlib.suppress(AttributeError):  # another C library
         ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, MAPPED)
 
@@ -122,13 +122,13 @@ def _prepare(folder: str, memory: int, parent: int) -> None:
     _return_memory()
     threading.Thread(target=ranks.die_with, args=(parent, folder), daemon=True).start()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, where Python would wait for LAMMPS to return
-    tempfile.tempdir = folder  # what a killed worker leaves goes with the pool
-    # What LAMMPS or the C++ runtime prints when it dies belongs to the case, not on the terminal.
+    tempfile.tempdir = folder  # a killed worker's files are removed with the pool
+    # Output of LAMMPS or the C++ runtime at its death belongs to the case, not on the terminal.
     handle = os.open(Path(folder) / str(os.getpid()), os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o600)
     os.dup2(handle, 1)
     os.dup2(handle, 2)
     with contextlib.suppress(OSError):
-        os.setsid()  # what the engine starts is known by its group
+        os.setsid()  # the engine's processes are known by its group
     for limit, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_FSIZE, LARGEST)):
         _, hard = resource.getrlimit(limit)
         with contextlib.suppress(ValueError, OSError):
@@ -136,22 +136,22 @@ def _prepare(folder: str, memory: int, parent: int) -> None:
 
 
 def _do(content: bytes, pipe: connection.Connection) -> Any:
-    """Run a task after discarding the output of earlier ones, so that a last message is its own."""
+    """Run a task after truncating the output of earlier ones, so that the last message is its own."""
     os.ftruncate(1, 0)
     function, arguments = pickle.loads(content)
-    pipe.send_bytes(b"")  # begun
+    pipe.send_bytes(b"")  # started
     return function(*arguments)
 
 
 def _work(pipe: connection.Connection, folder: str, memory: int, parent: int) -> None:
     _prepare(folder, memory, parent)
-    with contextlib.suppress(EOFError, OSError):  # nobody waits any more
+    with contextlib.suppress(EOFError, OSError):  # no one waits any more
         while True:
             pipe.send_bytes(apart.outcome(_do, pipe.recv_bytes(), pipe))
 
 
 def work_alone() -> None:
-    """Work as a program, whose words are the handle of the pipe, the folder, the memory and the parent."""
+    """Work as a program, whose arguments are the handle of the pipe, the folder, the memory and the parent."""
     handle, folder, memory, parent = sys.argv[1:]
     _work(connection.Connection(int(handle)), folder, int(memory), int(parent))
 
@@ -160,7 +160,7 @@ def work_alone() -> None:
 
 
 class _Program:
-    """A process without preloaded imports, as a Dask worker may start none of multiprocessing's."""
+    """A process without preloaded imports, as a Dask worker must not start one of multiprocessing's."""
 
     def __init__(self, pipe: connection.Connection, *arguments: Any) -> None:
         words = [sys.executable, "-P", "-c", "from lammps_cases.engine import pool; pool.work_alone()"]
@@ -189,7 +189,7 @@ def _forked(*arguments: Any) -> BaseProcess:
 
 
 class _Slot:
-    """A process at a time, and the pipe to it; one thread uses it, another may kill the process."""
+    """One process at a time, and the pipe to it; one thread uses it, another may kill the process."""
 
     def __init__(self, begin: Callable[..., BaseProcess | _Program], *arguments: Any) -> None:
         self._begin, self._arguments = begin, arguments
@@ -203,7 +203,7 @@ class _Slot:
         Raises
         ------
         EOFError, OSError
-            The process died without.
+            The process died without an answer.
         TimeoutError
         CancelledError
             The slot is stopped.
@@ -215,7 +215,7 @@ class _Slot:
                 self._start()
         self._tasks += 1
         self._pipe.send_bytes(content)
-        first = self._receive(None)  # its time begins when the process has begun, and has imported what it needs
+        first = self._receive(None)  # its time begins when the process has started, and has imported what it needs
         return first or self._receive(time_limit)
 
     def _start(self) -> None:
@@ -230,7 +230,7 @@ class _Slot:
         assert self._process
         if not connection.wait([self._pipe, self._process.sentinel], time_limit):
             raise TimeoutError
-        if not self._pipe.poll():  # what it answered before it died is read first
+        if not self._pipe.poll():  # an answer sent before its death is read first
             raise EOFError
         return self._pipe.recv_bytes()
 
@@ -240,14 +240,14 @@ class _Slot:
             return 0, 255
         connection.wait([process.sentinel], within)
         self.kill()
-        with forkserver.starting():  # as another that starts looks for the ends of all
+        with forkserver.starting():  # as another that starts reaps them all
             process.join()
         self._process = None
         self._pipe.close()
         return process.pid or 0, process.exitcode or 0
 
     def kill(self) -> None:
-        """Kill the process, if there is one."""
+        """Kill the process, if it runs."""
         with forkserver.starting():
             if self._process and self._process.is_alive():
                 self._process.kill()
@@ -260,13 +260,13 @@ class _Task(NamedTuple):
 
 
 class LocalPool:
-    """Processes of this machine, with a folder for what they leave.
+    """Processes of this machine, with a folder for their files.
 
     Parameters
     ----------
     count : number of processes
-    fresh : whether they begin with nothing imported, in place of what the server of `lammps_cases.engine.forkserver`
-        has
+    fresh : whether they start with nothing imported, instead of the imports of the server in
+        `lammps_cases.engine.forkserver`
     """
 
     local = True
@@ -286,10 +286,10 @@ class LocalPool:
             thread.start()
 
     def check_shared(self, folder: Path) -> None:
-        """Return: every process of this machine sees its folders."""
+        """Do nothing: every process of this machine sees its folders."""
 
     def schedule(self, function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: float) -> Future[Any]:
-        """Queue a task, which another process does once more if the first is killed from outside."""
+        """Queue a task, which another process repeats if the first is killed from outside."""
         if not self._threads:
             raise RuntimeError("the pool has ended")
         content = pickle.dumps((function, arguments), pickle.HIGHEST_PROTOCOL)
@@ -330,7 +330,7 @@ class LocalPool:
         raise ranks.crash_of_process(code, printed)
 
     def _printed(self, process: int) -> str:
-        """Return the end of what a process printed."""
+        """Return the end of the output of a process."""
         file = Path(self._folder.name) / str(process)
         with contextlib.suppress(OSError), file.open("rb") as printed:
             printed.seek(max(0, file.stat().st_size - TAIL))
@@ -338,7 +338,7 @@ class LocalPool:
         return ""
 
     def stop(self) -> None:
-        """End all processes at once, and cancel what is queued."""
+        """End all processes at once, and cancel the queued tasks."""
         for slot in self._slots:
             slot.stopped = True
         with contextlib.suppress(queue.Empty):
@@ -357,26 +357,26 @@ class LocalPool:
         for thread in self._threads:
             thread.join()
         self._threads = []
-        for file in Path(self._folder.name).glob("[0-9]*"):  # of a worker, by its process
+        for file in Path(self._folder.name).glob("[0-9]*"):  # one per worker process
             if not Path("/proc", file.name).exists():
                 mpi.remove_shared_memory(int(file.name))
                 with contextlib.suppress(OSError):
-                    os.killpg(int(file.name), signal.SIGKILL)  # what the engine started
+                    os.killpg(int(file.name), signal.SIGKILL)  # the engine's processes
         self._owner.close()
         self._folder.cleanup()
 
 
 def _hold(folder: Path) -> IO[bytes]:
-    """Return a file of a folder that is locked as long as this process has it open, and lives."""
+    """Return a file of a folder that stays locked as long as this process lives and has it open."""
     file = (folder / OWNER).open("xb")
     fcntl.flock(file, fcntl.LOCK_EX)
     return file
 
 
 def remove_left() -> None:
-    """Remove the folders of pools whose process was killed, with the answers in them."""
+    """Remove the folders of pools whose process was killed, with their answers."""
     for folder in Path(tempfile.gettempdir()).glob(f"{FOLDER}*"):
-        with contextlib.suppress(OSError):  # it is another user's, or being made; or locked: its process lives
+        with contextlib.suppress(OSError):  # another user's, or being made; or locked: its process lives
             if folder.lstat().st_uid == os.getuid():
                 with (folder / OWNER).open("rb") as file:
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,8 +1,8 @@
 """Jobs and decks on several MPI ranks: mpiexec starts this module on each of them.
 
 ``python -m lammps_cases.engine.ranks FOLDER SITE PARENT`` is what a rank runs, job after job: each leaves its own
-atoms, and `solve` joins them. LAMMPS initialises MPI itself, and files carry the jobs and the answers, so that nothing
-here needs an MPI of its own. ``python -m lammps_cases.engine.ranks DECK SITE`` prints the first pressure of a deck.
+atoms, and `solve` joins them. LAMMPS initialises MPI itself, and files carry the jobs and the answers, so that this
+package needs no MPI. ``python -m lammps_cases.engine.ranks DECK SITE`` prints the first pressure of a deck.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from lammps_cases.engine.session import (
 )
 
 PAUSE = 0.002  # seconds between two checks for a file
-LONGEST = 0.02  # the same of ranks that have waited long, between the few cases of a run that need them
+LONGEST = 0.02  # the same for ranks that have waited long, between the few cases of a run that need them
 RUN = re.compile(r"^[ \t]*run\s.*", re.MULTILINE)
 
 
@@ -59,24 +59,24 @@ def die_with(parent: int, folder: str = "") -> None:
             mpi.remove_shared_memory(os.getpid())
             if folder:
                 shutil.rmtree(folder, ignore_errors=True)
-            if os.getpgrp() == os.getpid():  # a worker, and what its engine started
+            if os.getpgrp() == os.getpid():  # a worker, and the processes its engine started
                 os.killpg(0, signal.SIGKILL)
             os.kill(os.getpid(), signal.SIGKILL)
         time.sleep(0.5)
 
 
-# What runs this module in a process of its own, given its arguments.
+# The command that runs this module in its own process, given its arguments.
 PROGRAM = (sys.executable, "-P", "-m", "lammps_cases.engine.ranks")
 
 
 def _with_packages(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return an environment that finds this package, which may lie in the current folder, as in a checkout."""
+    """Return an environment in which this package is found, also in the current folder, as in a checkout."""
     paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
     return {**environment, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 class Ranks:
-    """LAMMPS on several processes of their own, which take one job after another and die with this one.
+    """LAMMPS on several processes, which run one job after another and die with this one.
 
     A context manager, which ends them.
     """
@@ -98,7 +98,7 @@ class Ranks:
 
     @property
     def pid(self) -> int:
-        """The id of the process that started the others."""
+        """Return the id of the process that started the others."""
         return self._process.pid
 
     def run(self, job: Job) -> Answer:
@@ -173,7 +173,7 @@ def solve(site: str | None, job: Job) -> Answer:
         return kept_ranks(site, job.ranks).run(job)
     except mpi.LauncherMissing as error:
         raise EngineLacks(str(error)) from None
-    except Exception:  # whatever it was, of LAMMPS or on the way to it: ranks in doubt take no other job
+    except Exception:  # any exception, from LAMMPS or before it: ranks in doubt run no other job
         if failed := _kept.pop((site, job.ranks), None):
             failed.end()
         raise
@@ -199,7 +199,7 @@ def _launcher(site: str | None, count: int) -> tuple[list[str], dict[str, str]]:
 
 
 def require_mpi(lmp: Any, count: int) -> None:
-    """Make sure that a LAMMPS can run on several ranks.
+    """Raise if a LAMMPS cannot run on several ranks.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def require_mpi(lmp: Any, count: int) -> None:
 
 
 def require_size(lmp: Any, count: int) -> None:
-    """Make sure that the ranks have been started as those of one LAMMPS.
+    """Raise unless the ranks have been started as those of one LAMMPS.
 
     Raises
     ------
@@ -228,7 +228,7 @@ def last_lines(text: str) -> str:
 
 
 def crash_of_process(code: int, printed: str) -> EngineCrashed:
-    """Return how a process ended, with the last lines that it printed."""
+    """Return how a process ended, with the last lines of its output."""
     return EngineCrashed(f"LAMMPS' process {how_it_died(code)}{last_lines(printed)}", death(code))
 
 
@@ -237,7 +237,7 @@ def crash(text: str, code: int) -> EngineCrashed:
     end = re.search(r"EXIT STRING: (.*?)(?:\(signal (\d+)\))?$", text, re.MULTILINE)  # MPICH
     end = end or re.search(r"(exited) on signal (\d+)", text)  # Open MPI
     how, died = f"ended with {end[1].strip() if end else f'code {code}'}", death(code)
-    if end and end[2]:  # by the name that it has for a single process, by which the ledger knows a crash
+    if end and end[2]:  # the name it has for a single process, by which the ledger identifies a crash
         how, died = how_it_died(-int(end[2])), death(-int(end[2]))
     return EngineCrashed(f"LAMMPS on several ranks {how}{last_lines(text.split(20 * '=')[0])}", died)
 
@@ -256,7 +256,7 @@ def _joined(answers: list[Answer]) -> Answer:
 
 
 def _joined_list(parts: Sequence[dict[str, Array]]) -> dict[str, Array]:
-    """Join the lists of neighbours of all ranks, whose atoms count on from those of the rank before."""
+    """Join the neighbour lists of all ranks, whose atoms are numbered on from those of the rank before."""
     first_s = np.cumsum([0, *(len(part["id_s"]) for part in parts[:-1])])
     pairs = [part["pair_ps"] + first for part, first in zip(parts, first_s, strict=True)]
     joined = {name: np.concatenate([part[name] for part in parts]) for name in ("id_s", "x_sc", "own_s", "low_rc")}
@@ -282,7 +282,7 @@ def first_pressure(
     count : int
         Number of ranks.
     newton : bool, optional
-        A setting to take in place of the deck's.
+        A setting to use in place of the deck's.
 
     Raises
     ------
@@ -310,7 +310,7 @@ def first_pressure(
 
 
 def _begun(text: str, newton: bool | None) -> str:
-    """Return a deck as far as its first run, which takes no step."""
+    """Return a deck up to its first run, which takes no step."""
     run = RUN.search(text)
     text = text[: run.start()] if run else text
     if newton is not None:

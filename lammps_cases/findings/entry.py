@@ -13,7 +13,7 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import EosState
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.document import FindingText
-from lammps_cases.findings.engines import nearest, since
+from lammps_cases.findings.engines import SEEN_ON, nearest, since
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.case_parts import Ended, Verdict
 from lammps_cases.records.run_record import CaseRecord
@@ -33,8 +33,8 @@ class DeckRun:
 
     Attributes
     ----------
-    problem : the particles at its beginning, with what steps need as fields
-    again : whether the state comes from a run, or a file, before
+    problem : the particles at its beginning, with the fields that steps need
+    again : whether the state comes from an earlier run, or a file
     reacts : whether particles that freeze are bonded (rheo/thermal, react)
     created : whether particles were created after a run
     deforms : whether the box changes while periodic images stay behind (fix deform without remap v)
@@ -50,7 +50,7 @@ class DeckRun:
 
 
 def multiplied(what: str, factor_t: Sequence[float]) -> str:
-    """Return by how much values are multiplied for the particles of each type; nothing where all factors are 1."""
+    """Return the factors of values by particle type, in words; empty where all factors are 1."""
     wrong = {t: _how_often(factor) for t, factor in enumerate(factor_t, 1) if abs(factor - 1) > DECK_ROUNDING}
     every = len(wrong) == len(factor_t) and len(set(wrong.values())) == 1
     parts = [f"{how} what they should be{'' if every else f' for type {t}'}" for t, how in wrong.items()]
@@ -95,16 +95,16 @@ class Gap:
 
 @dataclass(frozen=True, kw_only=True)
 class Finding(FindingText):
-    """One finding: its text, and what follows from it whatever its kind.
+    """One finding: its text, and the predictions that every kind of finding has.
 
     Attributes
     ----------
     engines : versions of LAMMPS that were seen to have it, from `lammps_cases.findings.engines`
-    applies_to : patterns of the cases that it speaks of by name; of one of the model, of probes that measure it
+    applies_to : patterns of the cases that it covers by name; for a finding of the model, of probes that measure it
     outcome, ended, engine_error : verdict, end (if it has another name) and part of LAMMPS' error predicted for these
     differing : field in which it predicts that the two decks of a probe differ, or what it predicts to be measured as
         another number
-    acts : what it does to a run of a deck by the deck's definitions, in words; True: its effect; False: nothing
+    acts : its effect on a run of a deck, from the deck's definitions, in words; True: `effect`; False: none
     expected_in_maps : stability maps on which the engines differ by it
     """
 
@@ -116,6 +116,10 @@ class Finding(FindingText):
     differing: str = ""
     acts: Callable[[DeckRun], str | bool] = lambda setting: False
     expected_in_maps: tuple[MapDifference, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.engines:
+            object.__setattr__(self, "engines", SEEN_ON.get(self.id, ()))
 
     @property
     def model_variant(self) -> Variant | None:
@@ -129,35 +133,35 @@ class Finding(FindingText):
 
     @property
     def since(self) -> str:
-        """Return since which version it is there, as far as versions were tried; empty if it was seen on none."""
+        """Return the first version that has it, among those tried; empty if it was seen on none."""
         return since(self.engines)
 
     def covers(self, case: str) -> bool:
-        """Return whether the entry speaks of a case by its name."""
+        """Return whether the entry covers a case by its name."""
         return any(fnmatch.fnmatchcase(case, pattern) for pattern in self.applies_to)
 
     def predicts(self, record: CaseRecord) -> bool:
-        """Return whether a case ended without numbers as the entry says."""
+        """Return whether a case ended without numbers as the entry predicts."""
         ended = self.ended or self.outcome
         if self.outcome != record.verdict or ended != record.ended or self.engine_error not in record.engine_error:
             return False
         return not self.differing or (record.mismatch is not None and self.differing in record.mismatch.fields)
 
     def predicts_of(self, record: CaseRecord, scene: Scene) -> bool:
-        """Return whether it predicts how a case of any name ended without numbers, by its scene."""
+        """Return whether it predicts, from the scene, how a case of any name ended without numbers."""
         return False
 
     def acting(self, setting: DeckRun) -> str:
-        """Return what it does to a run of a deck by the deck's definitions; nothing if it does not act."""
+        """Return its effect on a run of a deck, from the deck's definitions; empty if it does not act."""
         does = self.acts(setting)
         return self.effect if does is True else does or ""
 
     def listed(self, engine: str) -> bool:
-        """Return whether a version of LAMMPS was seen to have it, or else the nearest one that was taken in."""
+        """Return whether a version of LAMMPS, or else the nearest known one, was seen to have it."""
         return engine in self.engines or nearest(engine) in self.engines
 
     def new_on(self, engine: str) -> bool:
-        """Return whether a version of LAMMPS that shows it is the first to do so: neither it nor the nearest had it."""
+        """Return whether a version of LAMMPS is the first to show it: neither it nor the nearest known one had it."""
         return bool(engine and self.engines) and not self.listed(engine)
 
 
@@ -180,9 +184,9 @@ class ModelFinding(Finding):
     Attributes
     ----------
     variant : the variant of the reference that reproduces it
-    replaces : functions of the reference whose result no case compares, as LAMMPS with this finding has another one
+    replaces : functions of the reference whose result no case compares, as LAMMPS with this finding has a different one
     expected_in_alarms : restatements of scenes by which the engines differ
-    gaps : scenes of which it is known that the variant does not reproduce them
+    gaps : scenes that the variant is known not to reproduce
     """
 
     variant: Variant
@@ -208,8 +212,8 @@ class OutcomeFinding(Finding):
 
     Attributes
     ----------
-    ends : part of LAMMPS' error on a scene that shows it, whatever its name; empty on others
-    accepts : arguments that the manual forbids and LAMMPS accepts, as the reference's input errors name them
+    ends : part of LAMMPS' error on a scene that shows it, whatever its name; empty for others
+    accepts : arguments that the manual forbids and LAMMPS accepts, named as in the reference's input errors
     expected_inputs : bad inputs (ids of the table of `eos-ref stability`) that LAMMPS treats as the finding says
     """
 
@@ -218,6 +222,6 @@ class OutcomeFinding(Finding):
     expected_inputs: tuple[str, ...] = ()
 
     def predicts_of(self, record: CaseRecord, scene: Scene) -> bool:
-        """Return whether it predicts how a case of any name ended without numbers, by its scene."""
+        """Return whether it predicts, from the scene, how a case of any name ended without numbers."""
         text = self.ends(scene)
         return bool(text) and self.outcome == record.verdict == record.ended and text in record.engine_error

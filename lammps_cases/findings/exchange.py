@@ -1,4 +1,4 @@
-"""Findings about what processes, and particles and their periodic images, tell each other."""
+"""Findings about the exchange between processes, and between particles and their periodic images."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from lammps_cases.findings.entry import ModelFinding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, NeighbourList, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
-SUMS = ("rho", "chi", "grad/v", "grad/rho", "grad/energy", "surface")  # over neighbours, beside those of pair rheo
+SUMS = ("rho", "chi", "grad/v", "grad/rho", "grad/energy", "surface")  # over neighbours, in addition to pair rheo's
 
 
 class BoundaryPairsTwice(FollowingLists):
@@ -43,19 +43,19 @@ class BoundaryPairsTwice(FollowingLists):
         return super().total(term_p)
 
     def tells_particles(self) -> bool:
-        """Return whether particles are told what their images collect from pairs that both particles list."""
+        """Return whether particles receive what their images collect from pairs that both particles list."""
         of_pairs, of_bonds = self.lists[self.at].newton
         return bool(of_bonds and not of_pairs)
 
     @contextmanager
     def images_added(self) -> Iterator[None]:
-        """Sum as where particles are told what their images collect."""
+        """Sum as where particles receive what their images collect."""
         before, self.twice = self.twice, self.tells_particles() and not self.each_listing
         yield
         self.twice = before
 
     def twice_p(self) -> BoolArray:
-        """Return which pairs count twice at present, (p,): those that both particles list, while ``twice`` is set."""
+        """Return which pairs count twice now, (p,): those that both particles list, while ``twice`` is set."""
         return (self.forward_p >= 0) & (self.backward_p >= 0) & self.twice
 
     def kernel_sum(self, weight_n: Array | None = None) -> Array:
@@ -82,7 +82,7 @@ class BoundaryPairsTwice(FollowingLists):
 class AlignedPairsTwice(FollowingLists):
     """With newton on for pairs, a pair that both its particles list counts twice.
 
-    In all sums but the moments of kernels, for which every particle has its own neighbours.
+    This holds for all sums except the moments of kernels, for which every particle has its own neighbours.
     """
 
     own_neighbours: bool = False
@@ -92,7 +92,7 @@ class AlignedPairsTwice(FollowingLists):
         return super().total(where(self.twice_p(), 2 * term_p, term_p) if self.lists else term_p)
 
     def twice_p(self) -> BoolArray:
-        """Return which pairs count twice at present, (p,): those that both particles list."""
+        """Return which pairs count twice now, (p,): those that both particles list."""
         counts = bool(self.lists[self.at].newton[0]) and not self.own_neighbours
         return super().twice_p() | ((self.forward_p >= 0) & (self.backward_p >= 0) & counts)
 
@@ -105,21 +105,21 @@ class AlignedPairsTwice(FollowingLists):
 
 
 class ImagesLeftBehind(FollowingLists):
-    """The first half of a step in a box that grows meets images where the last forces had them.
+    """The first half of a step in a growing box pairs particles with images at the positions of the last forces.
 
-    So it does with what a process has of the particles of another one; particles of its own are where they are.
+    The same holds for copies of another process' particles; a process' own particles are at their present positions.
 
     Attributes
     ----------
     at_forces : positions and box of the last forces
-    behind : rows and distances of pairs between the two, while there are any
+    behind : rows and distances of pairs between moved particles and images left behind, while there are any
     """
 
     at_forces: tuple[FloatArray, Box]
     behind: tuple[IntArray, IntArray, FloatArray] | None = None
 
     def move(self, x_nc: Array) -> None:
-        """Remember where the forces had the particles."""
+        """Remember the positions of the particles at the forces."""
         if self.behind is None:
             self.at_forces, self.each_listing = (value(x_nc).astype(float), self.box), False
         super().move(x_nc)
@@ -140,7 +140,7 @@ class ImagesLeftBehind(FollowingLists):
         return i[near], j[near], (x_nc[i] - x_nc[j] - apart_pc)[near]
 
     def _behind(self, x_nc: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return who meets whom, and how far apart: of a pair with an image its first particle has moved."""
+        """Return the pairs and their distances; in a pair with an image the first particle has moved."""
         listed, before_sc, moved_sc = self._moved(x_nc)
         one, other = listed.pair_ps.T
         apart_pc = before_sc[one] - before_sc[other] + moved_sc[one] - moved_sc[other] * listed.own_s[other, None]
@@ -149,7 +149,7 @@ class ImagesLeftBehind(FollowingLists):
         return np.append(i, j[both]), np.append(j, i[both]), np.append(apart_pc, -apart_pc[both], axis=0)
 
     def _moved(self, x_nc: FloatArray) -> tuple[NeighbourList, FloatArray, FloatArray]:
-        """Return the list in use, where the last forces had its slots, and by what their particles have moved."""
+        """Return the list in use, the positions of its slots at the last forces, and their particles' displacements."""
         listed, (seen_nc, box) = self.lists[self.at], self.at_forces
         found_sc, row_s = listed.x_sc[:, : x_nc.shape[1]], listed.row_s
         before_sc, now_sc = (
@@ -161,7 +161,7 @@ class ImagesLeftBehind(FollowingLists):
         return listed, before_sc, (now_sc - before_sc)[own_n][row_s]
 
     def counted_late(self, x_nc: FloatArray) -> IntArray:
-        """Return the numbers of neighbours after the box has grown: particles have moved, all their images have not."""
+        """Return the numbers of neighbours after the box has grown: particles have moved, none of their images has."""
         listed, before_sc, moved_sc = self._moved(x_nc)
         count_n = np.zeros(self.n, int)
         for i, j in (listed.pair_ps.T, listed.pair_ps.T[::-1]):
@@ -173,9 +173,9 @@ class ImagesLeftBehind(FollowingLists):
 
 
 class CountingLate(CountingSteps):
-    """Steps after which coordination numbers are those of particles that have moved and of images that have not.
+    """Steps after which coordination numbers are those of moved particles and images left behind.
 
-    Unless the evaluation has counted: for a reproducing kernel, or to detect surfaces.
+    Unless the evaluation has counted already: for a reproducing kernel, or to detect surfaces.
     """
 
     evaluator: ImagesLeftBehind
@@ -189,18 +189,18 @@ class CountingLate(CountingSteps):
 
 
 def grows(problem: Problem) -> bool:
-    """Return whether the box changes while particles move, and images at the ends of steps alone."""
+    """Return whether the box changes while particles move, and images only at the ends of steps."""
     deform = problem.model.deform
     return deform is not None and deform.changes and deform.remap != "v" and problem.steps[-1] > 0
 
 
 def lists_pairs_twice(problem: Problem) -> bool:
-    """Return whether pairs are listed for each particle, and what images collect is added to particles all the same."""
+    """Return whether pairs are listed for each particle although particles receive what their images collect."""
     return problem.has_images and problem.newton == (False, True)
 
 
 def has_close_images(problem: Problem) -> bool:
-    """Return whether particles of a box that leans, or comes to, are so close or nearly so that pairs count twice."""
+    """Return whether particles of a box that is or becomes tilted are (nearly) so close that pairs count twice."""
     if not (problem.leans and problem.has_images and problem.newton[0]):
         return False
     units = problem.model.units

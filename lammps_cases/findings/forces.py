@@ -33,7 +33,7 @@ class ForcePerVolume(ArrayEvaluator):
 
 
 def has_masses(problem: Problem) -> bool:
-    """Return whether neighbours may have masses of their own that differ."""
+    """Return whether neighbours may have individual masses that differ."""
     mass_n = problem.state.mass_n
     return mass_n is not None and bool(np.ptp(mass_n))
 
@@ -46,15 +46,15 @@ def _unit_volumes(problem: Problem) -> bool:
 
 
 def has_forces(problem: Problem) -> bool:
-    """Return whether forces, or virials made of them, show, and volumes are, or come to be, other than 1."""
+    """Return whether forces or virials are output, and volumes are, or become, other than 1."""
     shown = "f" in quantities.required(problem.model, problem.fields)
     return problem.steps[-1] > 0 or (shown and not _unit_volumes(problem))
 
 
 def force_factors(problem: Problem) -> list[float]:
-    """Return, by type, how many times its forces are what they should be at the equilibrium density; gases: as it is.
+    """Return, by type, the ratio of a force to its correct value at the equilibrium density; 1 for gases.
 
-    Particles with masses of their own are left out.
+    Particles with individual masses are left out.
     """
     model, state = problem.model, problem.state
     if state.mass_n is not None:
@@ -96,19 +96,19 @@ def _lacks_a_coefficient(scene: Scene) -> bool:
 
 
 class MeanOfZeros(ArrayEvaluator):
-    """The harmonic mean of two coefficients that are 0 is no number.
+    """The harmonic mean of two coefficients that are 0 is NaN.
 
-    In a run that goes on it has no bound: after a step positions are no numbers, and LAMMPS decides which pairs remain.
+    A run that continues has no bound: after a step positions are NaN, and LAMMPS decides which pairs remain.
     """
 
     goes_on: bool = False
 
     def mean(self, of_i: Array, of_j: Array) -> Array:
-        """Return the mean, or no number."""
+        """Return the mean, or NaN."""
         zeros, mean = (value(of_i) == 0) & (value(of_j) == 0), super().mean(of_i, of_j)
         if not self.goes_on:
             return where(zeros, np.nan, mean)
-        rounded = isinstance(self.r, Rounded)  # coefficients may be constants all the same
+        rounded = isinstance(self.r, Rounded)  # coefficients may still be constants
         return Rounded(value(mean), np.where(zeros, UNDEFINED, error(mean))) if rounded else mean
 
 
@@ -160,10 +160,10 @@ MASS_OF_FIRST = ModelFinding(
 
 
 class ListedPairs(FollowingLists):
-    """Pairs that are not in LAMMPS' list are no neighbours."""
+    """Pairs that are not in LAMMPS' list are not neighbours."""
 
     def pairs(self, x_nc: FloatArray, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the directed pairs closer than a cutoff that the list has."""
+        """Return the directed pairs in the list that are closer than a cutoff."""
         i, j, shift_pc = super().pairs(x_nc, cut)
         if not self.lists:
             return i, j, shift_pc

@@ -32,19 +32,19 @@ from lammps_cases.findings.neighbour_lists import (
 )
 from lammps_cases.findings.variants import Snapshot, Variant
 
-Left = tuple[FloatArray, ...]  # components of the gradients that the last pair has left for its first, and its second
+Left = tuple[FloatArray, ...]  # components of the gradients that the last pair leaves for its first and second
 
 
 class StaleGradient(FollowingLists):
-    """A gradient that is not computed is the one that the last pair before it in LAMMPS' list left on its side.
+    """A gradient that is not computed equals the one that the last pair before it in LAMMPS' list left on its side.
 
     Without lists, and before the first pair whose gradient is computed, it has no bound.
 
     Attributes
     ----------
     computed_n : whether the gradients of a particle are computed
-    own : gradients of all pairs, as if they were
-    left : gradients that the last pair has left; None at first
+    own : gradients of all pairs, as if all were computed
+    left : gradients that the last pair leaves; None at first
     """
 
     computed_n: Any
@@ -52,7 +52,7 @@ class StaleGradient(FollowingLists):
     left: Left | None = None
 
     def corrects(self, definite_n: Any) -> Any:
-        """Remember whose gradients are computed."""
+        """Remember the particles whose gradients are computed."""
         self.computed_n = super().corrects(definite_n)
         return self.computed_n
 
@@ -62,18 +62,18 @@ class StaleGradient(FollowingLists):
         self.own = self.g
 
     def gradients(self, *fields: Any, **options: Any) -> Gradients:
-        """Return the gradients of fields, from what LAMMPS' loop over its list finds."""
+        """Return the gradients of fields, from the gradients of LAMMPS' loop over its list."""
         self._loop()
         return super().gradients(*fields, **options)
 
     def pair_terms(self, fields: PairInput) -> PairTerms:
-        """Return all terms, from what LAMMPS' loop over its list finds."""
+        """Return all terms, from the gradients of LAMMPS' loop over its list."""
         if not self.exchanged:
             self._loop()
         return super().pair_terms(fields)
 
     def _loop(self) -> None:
-        """Set the gradients to those that a loop over the list finds, and keep what it leaves."""
+        """Set the gradients to those in a loop over the list, and keep those left at its end."""
         if not self.model.corrects_gradients:
             return
         computed_p = Decision.of(self.computed_n)[self.i]
@@ -104,13 +104,13 @@ class StaleGradient(FollowingLists):
 
 
 class LeavingGradients(CountingSteps):
-    """Steps that tell an evaluation what the loops before it left."""
+    """Steps that pass to an evaluation the gradients left by earlier loops."""
 
     evaluator: StaleGradient
     before: Left | None = None
 
     def evaluate(self) -> dict[str, Any]:
-        """Begin with what was left, also in other stages that evaluate the same state once more."""
+        """Start with the gradients left before, also in other stages that evaluate the same state again."""
         stages = self.evaluator
         stages.left = self.before if stages.left is None else stages.left
         self.before = stages.left
@@ -118,12 +118,12 @@ class LeavingGradients(CountingSteps):
 
 
 def lists_if_read(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any]:
-    """LAMMPS' list at every step; nothing where they were not read, as in an audit."""
+    """Return LAMMPS' list at every step; empty if they were not read, as in an audit."""
     return lists_of_neighbours(problem, stages, snapshot) or {}
 
 
 def falls_back(problem: Problem) -> bool:
-    """Return whether some particle has fewer than zmin neighbours, or a matrix without factor, or may come to."""
+    """Return whether a particle has fewer than zmin neighbours or a matrix without factor, or may get there."""
     model = problem.model
     if not model.corrects_gradients:
         return False

@@ -1,4 +1,4 @@
-"""What variants share that follow LAMMPS' own lists of neighbours: which of a pair stands first, what slots hold.
+"""The base of variants that follow LAMMPS' own neighbour lists: the order of particles in a pair, the content of slots.
 
 Slots number the atoms of a process and, after them, their periodic images. The lists are read at every step, only for
 cases that differ and may be explained by such a variant.
@@ -24,18 +24,18 @@ from eos_ref.numbers.rounded import Rounded, value
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.variants import Snapshot
 
-UNDEFINED = np.inf  # bound of what no reference can predict
+UNDEFINED = np.inf  # bound of a value that no reference can predict
 
 
 @dataclass(frozen=True)
 class NeighbourList:
-    """A list of neighbours, as LAMMPS' forces at one step used it.
+    """A neighbour list, as used by LAMMPS' forces at one step.
 
     Attributes
     ----------
-    row_s : the particle that each slot holds, by its row
-    x_sc : where the slot has it
-    own_s : whether it is the particle itself, not an image or what another process has of it
+    row_s : the row of the particle in each slot
+    x_sc : its position in the slot
+    own_s : whether it is the particle itself, not an image or a copy of another process' particle
     pair_ps : the two slots of every pair, that under which the pair is listed first
     rank_s : the process whose slot it is
     low_rc : the lower corner of the part of the box that each process has
@@ -58,8 +58,8 @@ class NeighbourList:
     def sources(self, box: Box) -> IntArray:
         """Return the slot that each image was copied from; -1 for particles.
 
-        Images are made axis after axis, one process further each time, of all slots that there are by then; at the end
-        of the box it is one period further, too. Processes stand in a grid.
+        Images are made axis after axis, one process further each time, from all slots that exist by then; across a
+        boundary of the box they are also shifted by one period. Processes form a grid.
         """
         d, own = len(box.edge_c), np.flatnonzero(self.own_s)
         home_s = own[np.argsort(self.row_s[own])][self.row_s]  # the slot of the particle itself
@@ -79,17 +79,17 @@ class NeighbourList:
         return np.where(apart_sc.any(axis=1), source_s, -1)
 
     def _grid(self, d: int) -> tuple[IntArray, IntArray]:
-        """Return how many processes share each axis, and where each process stands among them."""
+        """Return the number of processes along each axis, and the grid position of each process."""
         corners = [np.unique(low_r, return_inverse=True) for low_r in self.low_rc[:, :d].T]
         return np.array([len(low) for low, _ in corners]), np.column_stack([at_r for _, at_r in corners])
 
     def left_to(
         self, new: NeighbourList, held_sc: FloatArray, own_nc: FloatArray, new_n: BoolArray | bool = False
     ) -> FloatArray:
-        """Return what the slots of the list that follows hold, of what this one's held, and ``own_nc`` of particles.
+        """Return the content of the next list's slots, from that of this list's slots and ``own_nc`` of the particles.
 
-        These take their own along, to another process, too. Slots that a process did not have hold 0. Sorting puts
-        what it moves first aside, in the slot after the last particle's. Particles ``new_n`` are created anew.
+        Particles take their values along, also to another process. Slots that a process did not have hold 0. Sorting
+        puts what it moves first aside, in the slot after the last particle's. Particles ``new_n`` are created again.
         """
         left_sc = np.zeros((len(new.row_s), held_sc.shape[1]))
         for rank in np.unique(self.rank_s):
@@ -106,7 +106,7 @@ class NeighbourList:
 
 
 def recreated(row_s: IntArray, new_n: BoolArray | bool) -> IntArray:
-    """Return the order of particles after some are deleted and created anew, one by one."""
+    """Return the order of particles after some are deleted and created again, one by one."""
     if not np.any(new_n) or np.all(new_n):
         return row_s
     new_s = np.sort(row_s[np.asarray(new_n)[row_s]])
@@ -114,7 +114,7 @@ def recreated(row_s: IntArray, new_n: BoolArray | bool) -> IntArray:
 
 
 def first_of_last_cycle(old_s: IntArray, new_s: IntArray) -> int | None:
-    """Return the particle that the last cycle of a sort moves first; None if all stay, or are others."""
+    """Return the particle that the last cycle of a sort moves first; None if all stay, or are not the same."""
     places = {row: slot for slot, row in enumerate(old_s.tolist())}
     if sorted(places) != sorted(new_s.tolist()):
         return None
@@ -129,7 +129,7 @@ def first_of_last_cycle(old_s: IntArray, new_s: IntArray) -> int | None:
 
 
 def after_deletion(row_s: IntArray, gone_n: BoolArray) -> IntArray:
-    """Return what slots hold after a deletion: the last of those in use fills each that becomes free."""
+    """Return the content of slots after a deletion: each free one is filled from the last slot in use."""
     held_s, used, slot = row_s.copy(), len(row_s), 0
     while slot < used:
         if gone_n[held_s[slot]]:
@@ -141,17 +141,17 @@ def after_deletion(row_s: IntArray, gone_n: BoolArray) -> IntArray:
 
 
 class FollowingLists(ArrayEvaluator):
-    """Stages that find their pairs in LAMMPS' list, if there is one.
+    """Stages that find their pairs in LAMMPS' list, if it was read.
 
     Attributes
     ----------
     lists : LAMMPS' list at every step
     at : the step whose list is in use
-    kept_sc : accelerations in the slots of the list before
-    forward_p, backward_p : entry of the list under i, and under j, for every directed pair; -1 if there is none
-    reverse_p : the same pair as the other particle collects it; -1 if rounding puts it beyond the cutoff
+    kept_sc : accelerations in the slots of the previous list
+    forward_p, backward_p : entry of the list under i, and under j, for every directed pair; -1 if missing
+    reverse_p : the same pair as collected by the other particle; -1 if rounding puts it beyond the cutoff
     exchanged : whether a variant has exchanged the gradients for one evaluation
-    each_listing : whether pairs stand there once for every particle that lists them and is told of them
+    each_listing : whether pairs stand there once for every particle that lists them and receives their terms
     """
 
     by_rows = False
@@ -162,7 +162,7 @@ class FollowingLists(ArrayEvaluator):
     each_listing: bool = False
 
     def move(self, x_nc: Array) -> None:
-        """Find the pairs, and each in LAMMPS' list."""
+        """Find the pairs, and their entries in LAMMPS' list."""
         super().move(x_nc)
         if not self.lists:
             return
@@ -173,7 +173,7 @@ class FollowingLists(ArrayEvaluator):
         self.reverse_p = _places(other, own)
 
     def directed(self, i: IntArray, j: IntArray, shift_pc: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return what names pairs: both particles and periods between; and what names them for the other particle."""
+        """Return the keys of pairs, both particles and the periods between, and their keys for the other particle."""
         image_pc = self.box.periods(shift_pc).astype(np.int64)
         return np.column_stack([i, j, image_pc]), np.column_stack([j, i, -image_pc])
 
@@ -187,16 +187,16 @@ class FollowingLists(ArrayEvaluator):
         return _places(own, entries), _places(other, entries)
 
     def tells_particles(self) -> bool:
-        """Return whether particles are told what their images collect from pairs that both particles list: not so."""
+        """Return whether particles receive what their images collect from pairs that both particles list: False."""
         return False
 
     @contextmanager
     def images_added(self) -> Iterator[None]:
-        """Sum as where particles are told what their images collect: no other than elsewhere."""
+        """Sum as where particles receive what their images collect. No-op: sums as everywhere else."""
         yield
 
     def twice_p(self) -> BoolArray:
-        """Return which pairs count twice at present, (p,): none."""
+        """Return which pairs count twice now, (p,): no pair does."""
         return np.zeros(len(self.i), bool)
 
 
@@ -206,7 +206,7 @@ def unbounded(x: Array, undefined: BoolArray) -> Array:
 
 
 def _places(wanted: IntArray, rows: IntArray) -> IntArray:
-    """Return the row of ``rows`` that equals each row of ``wanted``, the last of several; -1 where there is none."""
+    """Return the row of ``rows`` that equals each row of ``wanted``, the last of several; -1 if no row does."""
     if not len(rows):
         return np.full(len(wanted), -1)
     key = keys([*np.concatenate([rows, wanted]).T])
@@ -217,14 +217,14 @@ def _places(wanted: IntArray, rows: IntArray) -> IntArray:
 
 
 class CountingSteps(Simulation):
-    """Steps that tell the stages whose list is in use, and what the slots keep of the accelerations."""
+    """Steps that pass to the stages whose list is in use, and the accelerations that the slots keep."""
 
     evaluator: FollowingLists
     at: int = 0
     kept_sc: FloatArray = np.zeros((0, 0))
 
     def evaluate(self) -> dict[str, Any]:
-        """With the list of the present step."""
+        """Evaluate with the list of the present step."""
         self.evaluator.at, self.evaluator.kept_sc = self.at, self.kept_sc
         return super().evaluate()
 
@@ -238,7 +238,7 @@ class CountingSteps(Simulation):
         super().minimize()
         self.at += 1
         self.evaluator.at = self.at
-        ArrayEvaluator.follow(self.evaluator, self.state.x_nc)  # images are made anew: none is left behind
+        ArrayEvaluator.follow(self.evaluator, self.state.x_nc)  # images are made again: none is left behind
 
     def begin_again(self, new_n: BoolArray, read_back: bool = False) -> None:
         """Take the list of the next set-up."""
@@ -247,11 +247,11 @@ class CountingSteps(Simulation):
         super().begin_again(new_n, read_back)
 
     def slots_at_stop(self, new_n: BoolArray, read_back: bool) -> FloatArray:
-        """Return what the slots of the new list hold when a run begins: nothing."""
+        """Return the content of the new list's slots when a run begins: nothing."""
         return np.zeros((0, 0))
 
     def keep_forces(self) -> None:
-        """Keep accelerations in the slots of the list in use, and what they leave to those of the next."""
+        """Keep accelerations in the slots of the list in use, and their content in the slots of the next."""
         super().keep_forces()
         if not self.evaluator.lists:
             return
@@ -261,6 +261,6 @@ class CountingSteps(Simulation):
 
 
 def lists_of_neighbours(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any] | None:
-    """LAMMPS' list at every step, if they were read."""
+    """Return LAMMPS' list at every step, if they were read."""
     lists: tuple[NeighbourList, ...] = snapshot.get("lists", ())
     return {"lists": lists} if len(lists) > problem.steps[-1] else None

@@ -1,8 +1,8 @@
 """Findings that no variant reproduces: how LAMMPS ends on an input, and sentences that measurements refute.
 
-LAMMPS refuses, accepts or does not survive an input otherwise than documented; or a small deck measures a number that
-is not that of a sentence. In the second case the reference computes what LAMMPS does, as published or for want of
-another definition: it is the sentence that is wrong, or incomplete.
+LAMMPS refuses, accepts or does not survive an input contrary to the manual; or a small deck measures a number other
+than the one stated. In the second case the reference computes what LAMMPS does, as published or for want of another
+definition: the sentence is wrong, or incomplete.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def corrects_nothing(problem: Problem) -> bool:
 
 
 def pulls_walls(problem: Problem) -> bool:
-    """Return whether solids are reconstructed beside fluid of less than its equilibrium density."""
+    """Return whether solids are reconstructed next to fluid of less than its equilibrium density."""
     state, model = problem.state, problem.model
     rare_n = (state.rho_n < model.rho0[state.type_n - 1]) & ~state.solid_n
     return model.fix.interface_reconstruct and bool(state.solid_n.any() and rare_n.any())
@@ -61,7 +61,7 @@ def sums_solids(problem: Problem) -> bool:
 
 
 def is_misspelt(attribute: str) -> bool:
-    """Return whether an attribute has more letters for a component than the quantity has axes."""
+    """Return whether an attribute has more component letters than the quantity has axes."""
     stem, _, component = attribute.rpartition("/")
     rank = QUANTITIES[stem].rank if stem in QUANTITIES else 0
     return rank > 0 and component != "*" and len(component) > rank

@@ -25,7 +25,7 @@ from lammps_cases.findings.entry import AlarmDifference, ModelFinding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours, unbounded
 from lammps_cases.findings.variants import Snapshot, Variant
 
-ROUNDING = 1e-9  # of a shift, below which nothing was taken out of it
+ROUNDING = 1e-9  # of a shift, below which nothing was removed from it
 
 
 class SupportTimesDistance(ArrayEvaluator):
@@ -45,17 +45,17 @@ def asks_for_support(problem: Problem) -> bool:
 
 
 def any_where_cancelled(normal: Axes, gradient: Axes) -> Axes:
-    """Return normals, of any direction where rounding alone is left of the gradient."""
+    """Return normals, of undefined direction where only rounding is left of the gradient."""
     cancel_n = np.all([np.abs(value(c)) <= error(c) for c in gradient], axis=0)
     cancel_n &= np.any([error(c) > 0 for c in gradient], axis=0)
     return [unbounded(n, cancel_n) for n in normal]
 
 
 class ColorMassOfType(FollowingLists):
-    """In the gradient of the color function the second of a pair meets the first with the mass of its type."""
+    """In the gradient of the color function the second of a pair sees the first with the mass of its type."""
 
     def sloping_volume(self, volume_n: Array) -> Array:
-        """Return the volumes, of the first of a pair by the mass of its type."""
+        """Return the volumes, for the first of a pair by the mass of its type."""
         own_p, of_type_n = super().sloping_volume(volume_n), self.of_type(self.model.mass)
         if not self.lists or np.array_equal(of_type_n, self.mass_n):
             return own_p
@@ -65,16 +65,16 @@ class ColorMassOfType(FollowingLists):
 class NormalOfLastPair(ColorMassOfType):
     """The gradient of the color function takes for all pairs the kernel gradients of the last one in the list.
 
-    These are one for the first of a pair and one for the second; every process has a list of its own. Where lists were
-    not read, ``pair`` holds the indices of that pair, and ``apart`` the displacement from the second to the first when
-    the pair was found, which tells images of the second.
+    There is one for the first of a pair and one for the second; every process has its own list. Where lists were not
+    read, ``pair`` holds the indices of that pair, and ``apart`` the displacement from the second to the first when the
+    pair was found, which distinguishes images of the second.
     """
 
     pair: tuple[int, int] = (-1, -1)
     apart: tuple[float, ...] = ()
 
     def pairs(self, x_nc: FloatArray, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the pairs; those at the cutoff, which count like all others, by where LAMMPS has them."""
+        """Return the pairs; those at the cutoff, which count like all others, by LAMMPS' own distances."""
         if not self.lists or cut != self.model.cut:
             return super().pairs(x_nc, cut)
         width = rounding_at(cut, x_nc, self.box)
@@ -91,15 +91,15 @@ class NormalOfLastPair(ColorMassOfType):
         return i[inside], j[inside], shift_pc[inside]
 
     def color_sums(self, volume_n: Array) -> tuple[Axes, Array, Array]:
-        """Return the sums, the gradient from what LAMMPS' loop over its list leaves."""
+        """Return the sums, with the gradient left by LAMMPS' loop over its list."""
         own = self.gradw
         self.gradw = self._left() if self.lists else own
-        sums = ArrayEvaluator.color_sums(self, volume_n)  # whatever else would take other gradients
+        sums = ArrayEvaluator.color_sums(self, volume_n)  # other variants would change the gradients
         self.gradw = own
         return sums
 
     def _left(self) -> Axes:
-        """Return for every pair the gradient that the last pair of its list has on the same side."""
+        """Return for every pair the gradient of the last pair of its list on the same side."""
         listed, first_p = self.lists[self.at], self.forward_p >= 0
         met_p = ~(self.solid_n[self.i] & self.solid_n[self.j])  # the loop skips pairs of solids
         rank_p = listed.rank_s[listed.pair_ps[np.where(first_p, self.forward_p, self.backward_p), 0]]
@@ -110,16 +110,16 @@ class NormalOfLastPair(ColorMassOfType):
         return [where(left_p < 0, 0.0, g_a[left_p]) for g_a in self.g]
 
     def cross_type_normal(self, gradient: Axes) -> Axes:
-        """Return the direction of the sums, of any direction where they cancel; without lists that of the pair.
+        """Return the direction of the sums, undefined where they cancel; without lists that of the pair.
 
-        It is that of the pair in its present place; 0 as long as no pair is known.
+        The pair's direction is that of its present position; 0 until a pair is known.
         """
         if self.lists:
             return any_where_cancelled(super().cross_type_normal(gradient), gradient)
         if self.pair == (-1, -1):
             return [np.zeros(self.n) for _ in self.x]
         here = np.flatnonzero((self.i == self.pair[0]) & (self.j == self.pair[1]))
-        if not here.size:  # it has left the cutoff: which pair is the last one now is not known
+        if not here.size:  # it has left the cutoff: the new last pair is unknown
             return [np.full(self.n, np.nan) for _ in self.x]
         far_k = sum(
             ((value(x_p)[here] - c) ** 2 for x_p, c in zip(self.x, self.apart, strict=True)), np.zeros(len(here))
@@ -132,22 +132,22 @@ class NormalOfLastPair(ColorMassOfType):
 
 
 class CorrectedColor(ArrayEvaluator):
-    """The gradient of the color function takes the reproducing kernel's; the color function itself does not."""
+    """The gradient of the color function uses the reproducing kernel; the color function itself does not."""
 
     def color_sums(self, volume_n: Array) -> tuple[Axes, Array, Array]:
-        """Return the sums, the gradient of corrected kernel gradients."""
+        """Return the sums, with the gradient from corrected kernel gradients."""
         own, self.gradw = self.gradw, self.g
         sums = super().color_sums(volume_n)
         self.gradw = own
         return sums
 
     def cross_type_normal(self, gradient: Axes) -> Axes:
-        """Return the direction of the sums, of any direction where they cancel."""
+        """Return the direction of the sums, undefined where they cancel."""
         return any_where_cancelled(super().cross_type_normal(gradient), gradient)
 
 
 class CorrectingFirst(Simulation):
-    """Steps that correct gradients whatever is looked at, as shifts take them too."""
+    """Steps that correct gradients whichever fields are compared, as shifts use them too."""
 
     def _start(self, state: State, evaluator: Evaluator, fields: tuple[str, ...]) -> None:
         super()._start(state, evaluator, fields)
@@ -160,26 +160,26 @@ class CorrectingShifts(CorrectingFirst, CountingSteps):
 
 
 def scales_across_types(problem: Problem) -> bool:
-    """Return whether shifts that show are scaled along the normal between types."""
+    """Return whether shifts are output and scaled along the normal between types."""
     shift = problem.model.fix.shift
     scaled = shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[0] != 1
     return scaled and "shift/v" in quantities.required(problem.model, problem.wanted)
 
 
 def corrects_across_types(problem: Problem) -> bool:
-    """Return whether shifts that show are scaled along the normal between types, with a reproducing kernel."""
+    """Return whether shifts are output and scaled along the normal between types, with a reproducing kernel."""
     return problem.model.corrects_gradients and scales_across_types(problem)
 
 
 def has_masses_across_types(problem: Problem) -> bool:
-    """Return whether shifts that show are scaled along the normal between types, of particles with their own masses."""
+    """Return whether shifts of particles with their own masses are output and scaled along the normal between types."""
     return problem.state.mass_n is not None and scales_across_types(problem)
 
 
 def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any] | None:
-    """Return LAMMPS' lists; else find the pair whose direction is out of the shift of the particle that changed most.
+    """Return LAMMPS' lists; else find the pair whose direction is removed from the shift of the most changed particle.
 
-    A kernel whose pairs have two gradients leaves none to be found.
+    With a kernel whose pairs have two gradients no pair can be found.
     """
     if "lists" in snapshot:
         return lists_of_neighbours(problem, stages, snapshot)
@@ -199,7 +199,7 @@ def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot
     n_c = change_nc[np.argmax((change_nc**2).sum(axis=1))]
     if not plain.i.size:
         return None
-    if not n_c.any():  # nothing was taken out of any shift, so that no direction has to be known
+    if not n_c.any():  # nothing was removed from any shift, so that no direction is needed
         return {}
     x_pc = value(joined(plain.x))
     along_p = np.abs(x_pc @ n_c) / np.linalg.norm(x_pc, axis=1)

@@ -18,10 +18,10 @@ from lammps_cases.findings.variants import Variant
 
 
 class LayerOfFirst(FollowingLists):
-    """Bulk beside a surface has the status of a layer only if it is the first of some pair with a surface particle."""
+    """Bulk next to a surface has the status of a layer only if it is the first of some pair with a surface particle."""
 
     def meets_as_first(self, surface_n: BoolArray) -> BoolArray:
-        """Return which particles are the first of a pair with one of some others, (n,)."""
+        """Return which particles are the first of a pair with one of ``surface_n``, (n,)."""
         return np.bincount(self.i[(self.forward_p >= 0) & surface_n[self.j]], minlength=self.n) > 0
 
 
@@ -31,7 +31,7 @@ class StatusOfLayers(CountingSteps):
     evaluator: LayerOfFirst
 
     def output(self, field: str) -> Any:
-        """Return fields as they are, with fewer particles in the layer."""
+        """Return fields unchanged, but with fewer particles in the layer."""
         values = super().output(field)
         if field != "status" or "surface" not in self.fields:
             return values
@@ -40,7 +40,7 @@ class StatusOfLayers(CountingSteps):
 
 
 def shows_layers(problem: Problem) -> bool:
-    """Return whether the status of particles beside a surface shows."""
+    """Return whether the status of particles next to a surface is output."""
     return "status" in problem.fields and problem.model.fix.surface_detection is not None
 
 

@@ -24,7 +24,7 @@ class HeatAsTemperatureRate(ArrayEvaluator):
         return 0 * rho_i + 1.0
 
     def conduction(self) -> Any:
-        """Thermal diffusivity at the equilibrium density."""
+        """Return the thermal diffusivity at the equilibrium density."""
         assert self.model.thermal is not None
         cv_n = self.of_type(p.specific_heat for p in self.model.thermal)
         return super().conduction() / (self.rho0_n * cv_n)
@@ -34,12 +34,12 @@ class HeatOverDensity(ArrayEvaluator):
     """The heat flow of a pair is divided by its mean density."""
 
     def heated_volume(self, rho_i: Array, rho_j: Array) -> Array:
-        """Volume over the mean density."""
+        """Return the volume over the mean density."""
         return super().heated_volume(rho_i, rho_j) / (0.5 * (rho_i + rho_j))
 
 
 class TemperatureWithoutMass(ArrayEvaluator):
-    """The temperature is that of the energy of the particle, not per unit mass."""
+    """The temperature is that of the particle's energy, not of its energy per unit mass."""
 
     def specific_energy(self, energy_n: Array) -> Array:
         """Return the energy as it is stored, (n,)."""
@@ -52,7 +52,7 @@ def has_heat(problem: Problem) -> bool:
 
 
 def heated_masses(problem: Problem) -> Sequence[float]:
-    """Return the masses by type, if particles of a type have one mass and a temperature."""
+    """Return the masses by type, if all particles of each type have one mass and have temperatures."""
     return problem.model.mass_t if has_heat(problem) and problem.state.mass_n is None else ()
 
 
@@ -91,15 +91,15 @@ TEMPERATURE_WITHOUT_MASS = ModelFinding(
 
 
 class EnergyByType(ArrayEvaluator):
-    """What takes the energy per mass of a gas by the mass of its type."""
+    """Stages that compute the energy per mass of a gas with the mass of its type."""
 
     def by_type(self, energy_n: Array | None) -> Array | None:
-        """Return the energies that over the particles' masses are those over the masses of their types."""
+        """Return the energies that, over the particles' masses, equal the energies over the masses of their types."""
         return None if energy_n is None else energy_n * (self.mass_n / self.of_type(self.model.mass))
 
 
 class GasOfType(EnergyByType):
-    """The pressure of a gas takes that energy, and so does the density of a wall."""
+    """The pressure of a gas, and the density of a wall, use that energy."""
 
     def pressure(self, rho_n: Array, energy_n: Array | None = None) -> Array:
         """Return the pressures, with that energy."""
@@ -111,7 +111,7 @@ class GasOfType(EnergyByType):
 
 
 class SoundOfType(EnergyByType):
-    """The speed of sound of a gas takes that energy."""
+    """The speed of sound of a gas uses that energy."""
 
     def sound_speed(self, energy_n: Array | None = None) -> Array:
         """Return the speeds of sound, with that energy."""
@@ -126,7 +126,7 @@ def has_gas_of_masses(problem: Problem) -> bool:
 
 
 def has_sound_of_masses(problem: Problem) -> bool:
-    """Return whether the speed of sound of such particles shows: in artificial viscosity and repulsion by walls."""
+    """Return whether the speed of sound of such particles is used: in artificial viscosity and repulsion by walls."""
     model = problem.model
     return has_gas_of_masses(problem) and (bool(model.pair.artificial_viscosity) or model.fix.interface_reconstruct)
 

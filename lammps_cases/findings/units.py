@@ -16,7 +16,7 @@ from lammps_cases.findings.virials import OVERALL
 
 
 class UnitsUnconverted(Simulation):
-    """All numbers are taken as they are, but for the force over mass of a time step."""
+    """All numbers are taken as they are, except the force over mass of a time step."""
 
     def conversion(self) -> Units:
         """Return units without factors."""
@@ -46,7 +46,7 @@ class DensityByForceFactor(Simulation):
 
 
 def has_own_units(problem: Problem) -> bool:
-    """Return whether energies, pressures and densities are in units of their own."""
+    """Return whether energies, pressures and densities have units of their own."""
     return not UNITS[problem.model.units].consistent
 
 

@@ -1,8 +1,8 @@
 """Variants of the reference's particle model: each replaces one small method and reproduces a finding of the ledger.
 
 A variant is a class to put before `eos_ref.evaluation.array_evaluator.ArrayEvaluator` (``stages``) or
-`eos_ref.evaluation.time_step.Simulation` (``stepping``), and tells which scenes it makes a difference to. None of
-this is part of the reference.
+`eos_ref.evaluation.time_step.Simulation` (``stepping``), with the scenes to which it makes a difference. No variant
+is part of the reference.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class Variant:
     ----------
     applies : whether it makes a difference to a scene
     stages, stepping : class to put before the evaluator's or the simulation's
-    fit : sets what only LAMMPS' numbers can tell, from its first snapshot
+    fit : sets what only LAMMPS' numbers determine, from its first snapshot
     undefined : whether it leaves values without a bound
-    lists : whether it follows LAMMPS' lists of neighbours, which are read for it alone
+    lists : whether it follows LAMMPS' neighbour lists, which are read only for it
     changes : quantities that it changes; where they cannot be predicted, neither can what depends on them
     """
 
@@ -45,15 +45,15 @@ class Variant:
 
     @property
     def blind(self) -> bool:
-        """Return whether it says something where no lists were read."""
+        """Return whether it predicts something where no lists were read."""
         return self.undefined or not self.lists
 
     def reaches(self, model: Model, field: str) -> bool:
-        """Return whether a field of a model depends on a quantity that it changes; always if these are not known."""
+        """Return whether a field of a model depends on a quantity that it changes; True if these are not known."""
         return not self.changes or not dependencies(model, field).isdisjoint(self.changes)
 
     def within(self, other: Variant) -> bool:
-        """Return whether another variant builds on this one, so that beside it this one changes nothing."""
+        """Return whether another variant builds on this one, so that together with it this one changes nothing."""
         own = [(a, b) for a, b in ((self.stages, other.stages), (self.stepping, other.stepping)) if a is not None]
         return bool(own) and all(b is not None and issubclass(b, a) for a, b in own)
 

@@ -18,7 +18,7 @@ OVERALL = ("virial", "press")
 
 
 class VirialsCancel(FollowingLists):
-    """The virial of a pair has the sum of its two forces where it should have their difference.
+    """The virial of a pair contains the sum of its two forces instead of their difference.
 
     A pair across a boundary, which is listed for each of its particles if newton is off, has one force each time. With
     newton off the virial of all is the sum of these. Listed so with newton on, it has both forces each time, at
@@ -26,7 +26,7 @@ class VirialsCancel(FollowingLists):
     """
 
     def virials(self, force: Axes) -> tuple[Array, Array]:
-        """Return sums of half of the distance of the pair as it is listed times the sum of the forces on both."""
+        """Return sums of half of the distance of the pair, as listed, times the sum of the forces on both."""
         whole_ncc = super().virials(force)[1]
         forward_p, backward_p = self.forward_p >= 0, self.backward_p >= 0
         listed_twice_p = forward_p & backward_p
@@ -41,10 +41,10 @@ class VirialsCancel(FollowingLists):
 
 
 class VirialOfPlaces(FollowingLists):
-    """With newton the virial of all is the sum of place times force, images included, wherever the origin lies."""
+    """With newton the virial of all is the sum of position times force, images included, whatever the origin."""
 
     def move(self, x_nc: Array) -> None:
-        """Find the pairs, and the places of the particles that LAMMPS lists for them."""
+        """Find the pairs, and the positions of the particles that LAMMPS lists for them."""
         super().move(x_nc)
         x, listed = value(x_nc).astype(float), self.lists[self.at]
         image_sc = self.box.periods(listed.x_sc[:, : x.shape[1]] - x[listed.row_s])
@@ -57,7 +57,7 @@ class VirialOfPlaces(FollowingLists):
         self.place = [x_n[self.i] + shift_pc[:, a] for a, x_n in enumerate(axes(x_nc))]
 
     def virials(self, force: Axes) -> tuple[Array, Array]:
-        """Return the sums, that of all by places."""
+        """Return the sums, that of all from positions."""
         virial_ncc, whole_ncc = super().virials(force)
         if self.lists[self.at].newton[0]:
             whole = symmetric([[summed(self.total(x_a * f_b)) for f_b in force] for x_a in self.place])
@@ -66,12 +66,12 @@ class VirialOfPlaces(FollowingLists):
 
 
 def shows_virials(problem: Problem) -> bool:
-    """Return whether a virial is looked at."""
+    """Return whether a virial is compared."""
     return "stress/atom" in problem.fields or shows_sums(problem)
 
 
 def shows_sums(problem: Problem) -> bool:
-    """Return whether the virial of all particles is looked at."""
+    """Return whether the virial of all particles is compared."""
     return not set(OVERALL).isdisjoint(problem.fields)
 
 

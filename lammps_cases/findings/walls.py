@@ -1,4 +1,4 @@
-"""Findings about solids: their velocity and their densities as the fluid sees them, in steps and where runs begin."""
+"""Findings about solids: their velocity and densities as seen by the fluid, in steps and at the start of runs."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 
 class WallVelocityLost(ArrayEvaluator):
-    """The velocity that a fluid particle sees of a solid lacks the solid's own velocity."""
+    """The velocity of a solid as seen by a fluid particle lacks the solid's own velocity."""
 
     def wall_velocity(self, v_solid: Array, v_fluid: Array, ratio: Array) -> Array:
-        """Only the extrapolated difference."""
+        """Return only the extrapolated difference."""
         return (v_solid - v_fluid) * ratio
 
 
 def walls(problem: Problem) -> BoolArray:
-    """Return which particles are reconstructed solids, or may freeze to one, (n,)."""
+    """Return which particles are reconstructed solids, or may become one by freezing, (n,)."""
     model, state = problem.model, problem.state
     freezes_t = [properties.T_freeze is not None for properties in model.thermal or ()]
     wall_n = state.solid_n | (np.array(freezes_t)[state.type_n - 1] if any(freezes_t) else False)
@@ -44,14 +44,14 @@ def walls(problem: Problem) -> BoolArray:
 
 
 def has_moving_walls(problem: Problem) -> bool:
-    """Return whether reconstructed solids move, or may come to move."""
+    """Return whether reconstructed solids move, or may start to move."""
     wall_n = walls(problem)
     free = wall_n & ~_held(problem.model, problem.state.type_n)
     return bool(np.any(problem.state.v_nc[wall_n]) or free.any())
 
 
 def _held(model: Model, type_n: Any) -> Any:
-    """Return which particles are left without any force, (n,); what is added after it was set to 0 moves them."""
+    """Return which particles have no force, (n,); forces added after it was set to 0 move them."""
     held_n = np.zeros(len(type_n), bool)
     for force in model.forces:
         if force.style == "setforce" and all(component == 0 for component in force.vector):
@@ -62,10 +62,10 @@ def _held(model: Model, type_n: Any) -> Any:
 
 
 class WallsSummedAfterSetup(Simulation):
-    """After the set-up of a run solids show their summed density, not the one reconstructed and used for the forces."""
+    """After the set-up of a run solids show their summed density, not the reconstructed one used for the forces."""
 
     def setup(self) -> None:
-        """Sum once more at the end, if densities are asked for."""
+        """Sum again at the end, if densities are requested."""
         super().setup()
         s = self.state
         if "rho" in self.plan:
@@ -73,17 +73,17 @@ class WallsSummedAfterSetup(Simulation):
 
 
 def sums_walls(problem: Problem) -> bool:
-    """Return whether densities of reconstructed solids are summed as well, and looked at after the set-up."""
+    """Return whether densities of reconstructed solids are also summed, and compared after the set-up."""
     begins = {0, *(stop.step for stop in problem.stops if not stop.continued)}
     looked_at = not begins.isdisjoint(problem.steps)
     return looked_at and problem.model.fix.rho_sum and bool(walls(problem).any())
 
 
 class AccelerationsOfOldImages(FollowingLists):
-    """Right after lists were rebuilt, slots hold the accelerations of what was in them before, further slots 0."""
+    """Right after lists were rebuilt, slots hold the accelerations of their previous content, further slots 0."""
 
     def wall_sums(self, pressure_n: Array, rho_n: Array, acceleration_nc: Array) -> tuple[Array, ...]:
-        """Return the sums, to the last of which other accelerations than the particles' own add."""
+        """Return the sums; accelerations other than the particles' own add to the last one."""
         *sums, sum_n = super().wall_sums(pressure_n, rho_n, acceleration_nc)
         if not self.kept_sc.size:  # the set-up: nothing is kept yet
             return *sums, sum_n
@@ -97,9 +97,9 @@ class AccelerationsOfOldImages(FollowingLists):
             return *sums, sum_n + self.total(where(stale_p, self.w * rho_n[j] * dot(change, self.x), 0.0))
 
     def _read(self) -> FloatArray:
-        """Acceleration in the slot of j less that in the slot of i, for every pair; NaN for pairs not in the list.
+        """Return the acceleration in the slot of j minus that in the slot of i, for every pair; NaN if not in the list.
 
-        Of a pair that counts twice, as each of its particles meets an image of the other: the mean.
+        For a pair that counts twice, as each of its particles meets an image of the other, it is the mean.
         """
         listed = self.lists[self.at]
         new_sc = np.zeros((len(listed.row_s), self.model.dimension))[len(self.kept_sc) :]
@@ -117,14 +117,14 @@ def has_kept_images(problem: Problem) -> bool:
 
 
 class GradientOfSecond(FollowingLists):
-    """The pressure that is taken out of accelerations has, for both of a pair, the gradient of the second one.
+    """The pressure force subtracted from accelerations uses, for both particles of a pair, the second one's gradient.
 
     Without newton a pair across a boundary is listed twice, once for each particle, which then has its own gradient.
-    One that counts twice has it once, as the second of the entry under the other particle.
+    A pair that counts twice has it once, as the second of the entry under the other particle.
     """
 
     def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
-        """Return all terms as they are, and the pressure force kept from exchanged gradients."""
+        """Return all terms unchanged, and the kept pressure force from exchanged gradients."""
         terms, own = super().pair_terms(*fields, **options), self.g
         twice_p, known_p = self.twice_p(), self.reverse_p >= 0
         exchanged_p = (self.forward_p >= 0) & (self.backward_p < 0) & known_p
@@ -213,21 +213,21 @@ WALLS_DEPEND_ON_PAIR_ORDER = ModelFinding(
 class PressureForceKept(Simulation):
     """A run that is not the first begins with the pressure forces of the evaluation before, taken for accelerations.
 
-    A minimisation evaluates them with the positions and densities that it finds, and with the pressures of the
-    evaluation before but for solids, whose pressures follow from the energies that it finds.
+    A minimisation evaluates them with its final positions and densities, and with the pressures of the evaluation
+    before, except those of solids, which follow from its final energies.
     """
 
     used_n: Array
 
     def force_pressure(self) -> Array:
-        """Return the pressure that forces take, and keep it."""
+        """Return the pressure that forces use, and keep it."""
         self.used_n = super().force_pressure()
         return self.used_n
 
     def minimize(self) -> None:
         """Keep the pressure forces of the minimisation, which has the images of its positions."""
         super().minimize()
-        if self.model.deform:  # else particles are where the evaluation had them
+        if self.model.deform:  # else particles are still at the positions of the evaluation
             assert isinstance(self.evaluator, ArrayEvaluator)
             ArrayEvaluator.follow(self.evaluator, self.state.x_nc)
         pressure_n = where(self.evaluator.solid_n, super().force_pressure(), self.used_n)
@@ -240,17 +240,17 @@ class PressureForceKept(Simulation):
 
 
 def begins_again_with_walls(problem: Problem) -> bool:
-    """Return whether a run with reconstructed walls ends and another begins, of the same fixes."""
+    """Return whether a run with reconstructed walls ends and another begins, with the same fixes."""
     kept = any(stop.step <= problem.steps[-1] and not stop.new_n.all() for stop in problem.stops)
     return kept and bool(walls(problem).any())
 
 
 def minimises_beside_walls(scene: Scene) -> bool:
-    """Return whether a minimisation may keep other forces for walls: it corrects the kernel, or slots are of images."""
+    """Return whether a minimisation may keep other forces for walls: it corrects the kernel, or slots hold images."""
     stops = scene.evolve.stops if scene.evolve else ()
     if not (scene.rheo.interface_reconstruct and any(stop.by == "minimize" for stop in stops)):
         return False
-    periodic = getattr(scene.positions, "periodic", None)  # None: all axes; of files it may not be known
+    periodic = getattr(scene.positions, "periodic", None)  # None: all axes; unknown for files
     has_images = periodic is None or any(periodic) or scene.engine.ranks > 1
     return has_images or scene.rheo.kernel in ("RK1", "RK2")
 
@@ -258,7 +258,7 @@ def minimises_beside_walls(scene: Scene) -> bool:
 class PartsInSlots(AccelerationsOfOldImages):
     """When a run begins, slots of images hold the pressure forces of the pairs that list them second, not the sums.
 
-    An image of which further images were made has what these gathered too.
+    An image that was copied to further images also holds what these gathered.
 
     Attributes
     ----------
@@ -269,7 +269,7 @@ class PartsInSlots(AccelerationsOfOldImages):
     recording: bool = False
 
     def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
-        """Return all terms, of which the first sums, those of pressure, are kept pair by pair."""
+        """Return all terms; the first sums, those of pressure, are kept pair by pair."""
         self.recording, self.parts_pc = True, ()
         terms = super().pair_terms(*fields, **options)
         self.recording = False
@@ -288,13 +288,13 @@ class PartsInSlots(AccelerationsOfOldImages):
         sum_sc = np.zeros((len(listed.row_s), self.model.dimension))
         np.add.at(sum_sc, listed.pair_ps[self.backward_p[second_p], 1], np.column_stack(self.parts_pc)[second_p])
         source_s = listed.sources(self.box)
-        for slot in np.flatnonzero(source_s >= 0)[::-1]:  # sums come back the way that places went out
+        for slot in np.flatnonzero(source_s >= 0)[::-1]:  # sums return in the reverse order of the copies
             sum_sc[source_s[slot]] += sum_sc[slot]
         return sum_sc
 
 
 class BeginningWithParts(PressureForceKept, CountingSteps):
-    """Steps whose runs begin with pressure forces, of images with parts of them."""
+    """Steps whose runs begin with pressure forces, for images with parts of them."""
 
     evaluator: PartsInSlots
 
@@ -310,10 +310,10 @@ class BeginningWithParts(PressureForceKept, CountingSteps):
 
 
 class LeftInMemory(PressureForceKept, CountingSteps):
-    """Particles created anew begin a run with what the memory that they get has held: forces of other particles."""
+    """Particles created again begin a run with the old content of their memory: forces of other particles."""
 
     def kept_at_stop(self, new_n: BoolArray) -> Array:
-        """Return the pressure forces kept, of new particles those of the particles that had their slots."""
+        """Return the pressure forces kept, for new particles those of the particles that had their slots."""
         kept_nc = super().kept_at_stop(new_n)
         if new_n.all() or not new_n.any() or not self.evaluator.lists:
             return kept_nc
@@ -325,13 +325,13 @@ class LeftInMemory(PressureForceKept, CountingSteps):
 
 
 def creates_beside_walls(problem: Problem) -> bool:
-    """Return whether some particles are created anew before a run that is not the first of its fixes."""
+    """Return whether some particles are created again before a run that is not the first of its fixes."""
     some = any(stop.new_n.any() and not stop.new_n.all() for stop in problem.stops if stop.step <= problem.steps[-1])
     return some and begins_again_with_walls(problem)
 
 
 def begins_again_with_images(problem: Problem) -> bool:
-    """Return whether a run with reconstructed walls ends and another begins, among images."""
+    """Return whether a run with reconstructed walls ends and another begins, with images."""
     return problem.has_images and begins_again_with_walls(problem)
 
 
@@ -342,8 +342,8 @@ WALLS_BEGIN_WITH_PRESSURE = ModelFinding(
     gaps=(
         Gap(
             minimises_beside_walls,
-            "where the slots of images are others than in the step before, or the kernel is RK1 or RK2, a minimisation "
-            "keeps other forces for walls than those of its positions; which, is not known",
+            "where the slots of images differ from those of the step before, or the kernel is RK1 or RK2, a "
+            "minimisation keeps other forces for walls than those of its positions; which, is not known",
         ),
     ),
 )

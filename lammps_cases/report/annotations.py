@@ -1,6 +1,6 @@
-"""What CI services show next to the code: GitHub's workflow commands and job summary, GitLab's code quality.
+"""CI annotations next to the code: GitHub's workflow commands and job summary, GitLab's code quality.
 
-The functions are pure but for `announce`, which writes where the service that runs this job says.
+The functions are pure except `announce`, which writes where the service that runs this job requires.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from lammps_cases.report.findings import Outcome
 from lammps_cases.report.markdown import summary
 from lammps_cases.scene.casefile import SHIPPED
 
-MOST = 10  # annotations of one level that GitHub shows of a step; it drops the rest without a word
+MOST = 10  # annotations of one level that GitHub shows of a step; it drops the rest silently
 SUMMARY_LIMIT = 1_048_576  # bytes of a job summary; GitHub refuses a longer one altogether
 CODE_QUALITY = "gl-code-quality-report.json"
 
@@ -34,13 +34,13 @@ Severity = Literal["info", "minor", "major", "critical", "blocker"]
 SEVERITY: dict[str, Severity] = {"explained": "minor", "differs": "major", "refused": "major"}  # others: critical
 
 
-# --- where a case stands
+# --- the location of a case
 
 
 def case_lines(path: Path) -> dict[str, int]:
-    """Return the line, from 1, at which each case of a case file stands; empty if the file cannot be read.
+    """Return the line, from 1, of each case of a case file; empty if the file cannot be read.
 
-    A case of a matrix stands at its label, in the axis that has most labels: the others tell less.
+    A case of a matrix is located at its label, in the axis with the most labels, the most specific one.
     """
     try:
         root = yaml.compose(read_text(path, "case file", LARGEST), yaml.SafeLoader)
@@ -66,10 +66,10 @@ def _children(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:
 
 
 def source_of(case: CaseRecord) -> Path | None:
-    """Return the case file, or the audited deck, that a record is of; None if it does not say."""
+    """Return the case file, or the audited deck, of a record; None if it names none."""
     try:
         words = shlex.split(case.reproduce)
-    except ValueError:  # a quote without end, in a record that was not made here
+    except ValueError:  # an unclosed quote, in a record made elsewhere
         return None
     if words[1:2] == ["audit"] and len(words) > 2:
         return Path(words[2])
@@ -93,12 +93,12 @@ def place(case: CaseRecord, root: Path) -> tuple[str, int] | None:
     return inside.as_posix(), line
 
 
-_AT = re.compile(r"\(([^():\s]+):([0-9]{1,9})\)\s*$")  # of LAMMPS' error: file, from the deck's folder, and line
-_FIX = re.compile(r"\bfix (\S+) \(([\w/]+)\)")  # as warnings and findings name one
+_AT = re.compile(r"\(([^():\s]+):([0-9]{1,9})\)\s*$")  # in LAMMPS' error: file, from the deck's folder, and line
+_FIX = re.compile(r"\bfix (\S+) \(([\w/]+)\)")  # in warnings and findings
 
 
 def deck_place(case: CaseRecord, deck: Path) -> tuple[Path, int]:
-    """Return file and line of a deck at which LAMMPS stopped, or of the fix that a warning is about, or the first."""
+    """Return file and line of a deck at which LAMMPS stopped, or of the fix that a warning names, or the first line."""
     if (at := _AT.search(case.engine_error)) and (file := deck.parent / at[1]).is_file():
         return file, int(at[2])
     try:
@@ -118,12 +118,12 @@ def deck_place(case: CaseRecord, deck: Path) -> tuple[Path, int]:
 def workflow_commands(of_run: Outcome, root: Path) -> list[str]:
     """Return GitHub's annotations of a run: its headline, errors for cases not accepted, worst first, then the notes.
 
-    Where there are more than GitHub shows, the last says how many.
+    If there are more than GitHub shows, the last one counts them.
     """
     cases, headline = of_run.unaccepted, of_run.headline
     words = f"{headline.sentence}\n{wording.engine(of_run.run.engine)}"
     lines = [command(headline.look.level, words, {"title": f"eos-ref: {headline.state}"})]
-    room = MOST - 1  # with the headline
+    room = MOST - 1  # one is the headline
     for case in cases[: room if len(cases) <= room else room - 1]:
         at = place(case, root)
         where = {"file": at[0], "line": str(at[1])} if at else {}
@@ -136,7 +136,7 @@ def workflow_commands(of_run: Outcome, root: Path) -> list[str]:
 
 
 def command(level: Level, message: str, properties: Mapping[str, str]) -> str:
-    """Return one workflow command, escaped as GitHub's runner reads it."""
+    """Return one workflow command, escaped for GitHub's runner."""
     given = ",".join(f"{name}={_escaped(value, of_property=True)}" for name, value in properties.items())
     return f"::{level} {given}::{_escaped(message)}"
 
@@ -147,7 +147,7 @@ def _escaped(text: str, of_property: bool = False) -> str:
 
 
 def fitted(summary: str, taken: int, limit: int = SUMMARY_LIMIT) -> str:
-    """Keep as many whole lines of a summary as fit with ``taken`` bytes, and a word on what was left out."""
+    """Keep as many whole lines of a summary as fit with ``taken`` bytes, and a note about the omitted ones."""
     room = limit - taken
     if len(summary.encode()) <= room:
         return summary
@@ -181,11 +181,11 @@ def _entry(of_run: Outcome, case: CaseRecord, root: Path) -> dict[str, object]:
     }
 
 
-# --- where the service wants them
+# --- output for the service
 
 
 def announce(of_run: Outcome, directory: Path, environ: Mapping[str, str]) -> None:
-    """Tell the CI service that runs this job, if any, of a run whose report lies in ``directory``.
+    """Report a run, whose report lies in ``directory``, to the CI service that runs this job, if any.
 
     On GitHub the annotations are printed and the summary joins the job's; on GitLab `CODE_QUALITY` is written into the
     project's folder.
@@ -201,7 +201,7 @@ def announce(of_run: Outcome, directory: Path, environ: Mapping[str, str]) -> No
 
 
 def announce_changes(changes: Sequence[str], environ: Mapping[str, str]) -> None:
-    """Tell GitHub what a run does otherwise than its accepted baseline, a line each."""
+    """Report to GitHub how a run differs from its accepted baseline, a line each."""
     if not changes or environ.get("GITHUB_ACTIONS") != "true":
         return
     title = {"title": "eos-ref: changed against the baseline"}

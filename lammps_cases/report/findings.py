@@ -1,6 +1,6 @@
-"""Which findings of the ledger a run shows, and what the run is by them: headline, exit code, accepted or not.
+"""The findings of the ledger that a run shows, and its result: headline, exit code, accepted or not.
 
-And the particle model on one table: each field at each step, over all cases of a run.
+Also the particle model in one table: each field at each step, over all cases of a run.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from lammps_cases.scene.fields import FIELDS, in_step_order
 
 Status = Literal["seen", "unseen", "absent"]
 STATUSES: tuple[Status, ...] = ("seen", "unseen", "absent")
-NAMED = 3  # findings in the closing lines of a run that shows no severe one
+NAMED = 3  # findings in the closing lines of a run without a severe one
 
 
 @dataclass(frozen=True)
 class RunFinding:
-    """A ledger entry with the cases of a run that show it, and those that would if it were still there."""
+    """A ledger entry with the cases of a run that show it, and those that would if it were still present."""
 
     entry: Finding
     cases: list[str]
     unseen: list[str]
     listed: bool
-    new: bool = False  # shown, though neither this version nor the nearest one that is known had it
+    new: bool = False  # shown, though neither this version nor the nearest known one had it
 
     @property
     def status(self) -> Status:
@@ -45,7 +45,7 @@ class RunFinding:
 
     @property
     def words(self) -> str:
-        """The status in words."""
+        """Return the status in words."""
         if self.cases:
             return f"seen in {counted(len(self.cases), 'case')} of this run"
         if self.unseen:
@@ -57,18 +57,18 @@ class RunFinding:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run and all findings of a ledger, and what follows from both."""
+    """A run and all findings of a ledger, and the results of both."""
 
     run: RunRecord
     findings: list[RunFinding]
 
     @cached_property
     def of_decks(self) -> bool:
-        """Whether the run is the audit of a deck, or of several."""
+        """Return whether the run is the audit of one or more decks."""
         return bool(self.run.cases) and all("audit" in case.tags for case in self.run.cases)
 
     def change(self, finding: str) -> float:
-        """Return the largest effect of a finding on a deck, over the largest right value of a field."""
+        """Return the largest effect of a finding on a deck, relative to the largest correct value of a field."""
         changes = (deck_wording.change(case, finding) for case in self.run.cases if finding in case.findings)
         return max(changes, default=math.inf)
 
@@ -79,23 +79,23 @@ class Outcome:
 
     @cached_property
     def shown(self) -> list[RunFinding]:
-        """The findings that the run shows: new ones, then the most severe; of equal severity those of most cases."""
+        """Return the findings that the run shows: new ones, then the most severe, then those of most cases."""
         shown = [finding for finding in self.findings if finding.status == "seen"]
         severity = {name: SEVERITIES.index(level) for name, level in self.known.items()}
         return sorted(shown, key=lambda f: (not f.new, severity[f.entry.id], -len(f.cases), f.entry.number))
 
     @cached_property
     def regressions(self) -> list[str]:
-        """The findings that are new on this version of LAMMPS, and that nothing allows."""
+        """Return the findings that are new on this version of LAMMPS and not allowed."""
         return [one.entry.id for one in self.shown if one.new and one.entry.id not in self.run.allowed]
 
     @property
     def milder(self) -> list[RunFinding]:
-        """Those of them that are not severe."""
+        """Return the shown findings that are not severe."""
         return [finding for finding in self.shown if self.known[finding.entry.id] != "high"]
 
     def effect(self, finding: RunFinding) -> str:
-        """Say what a finding does: to the deck on which it does most, or in general."""
+        """Return the effect of a finding: on the deck that it affects most, or in general."""
         name, general = finding.entry.id, finding.entry.effect
         decks = [case for case in self.run.cases if self.of_decks and name in case.findings]
         most = max(decks, key=lambda case: deck_wording.change(case, name), default=None)
@@ -103,7 +103,7 @@ class Outcome:
 
     @cached_property
     def known(self) -> dict[str, Severity]:
-        """The findings that the run shows with their severities; on decks by what they change there."""
+        """Return the findings that the run shows with their severities; for decks by their changes there."""
         named = [finding.entry.id for finding in self.findings if finding.status == "seen"]
         named += [finding for case in self.run.cases for finding in case.findings]
         if self.of_decks:
@@ -114,7 +114,7 @@ class Outcome:
 
     @cached_property
     def rejected(self) -> frozenset[str]:
-        """The findings that fail the run, by its options."""
+        """Return the findings that fail the run, by its options."""
         if self.of_decks:
             return frozenset(name for case in self.run.cases for name in self._rejected_of(case))
         failing = (name for name, severity in self.known.items() if fails(severity, self.run.fail_on))
@@ -122,12 +122,12 @@ class Outcome:
 
     @property
     def exit_code(self) -> int:
-        """The exit code of the run."""
+        """Return the exit code of the run."""
         return self.run.exit_code(self.rejected)
 
     @cached_property
     def headline(self) -> Headline:
-        """The headline of the run."""
+        """Return the headline of the run."""
         new = [f"{counted(self.run.changed, 'change')} against the baseline"] if self.run.changed else []
         if self.run.faults:
             new.append(f"the report lacks {', '.join(fault.part for fault in self.run.faults)}")
@@ -159,24 +159,24 @@ class Outcome:
         return set(deck_wording.rejected(case, self.run.fail_on)) - self.run.allowed.keys()
 
     def rank(self, case: CaseRecord) -> int:
-        """Return the place of a case in a list by severity; all that is not accepted comes after all that is."""
+        """Return the place of a case in a list by severity; all rejected cases come after all accepted ones."""
         return wording.rank(case, self.accepted(case))
 
     def sentence(self, case: CaseRecord) -> str:
-        """Say in one sentence why a case is not accepted, or what it is: of a deck as its headline does."""
+        """Say in one sentence why a case is not accepted, or what it is; for a deck as its headline does."""
         if "audit" in case.tags:
             return of_decks([case], fail_on=self.run.fail_on, exempt=self.run.allowed).sentence
         return case.message or wording.kind(case)
 
     @property
     def unaccepted(self) -> list[CaseRecord]:
-        """The cases that turn the run red, worst first."""
+        """Return the cases that turn the run red, worst first."""
         return sorted((case for case in self.run.cases if not self.accepted(case)), key=lambda case: -self.rank(case))
 
     def closing(self) -> list[str]:
-        """Return what follows the headline on a terminal: new or severe findings, the others counted, the next command.
+        """Return the lines after the headline on a terminal: new or severe findings, the others counted, the next step.
 
-        Without severe ones the first few are named. Of decks the headline, or what is said of each, names them.
+        Without severe ones the first few are named. For decks, the headline or the statements name them.
         """
         command = self.next_command
         then = [f"next: {command}"] if command else []
@@ -195,9 +195,9 @@ class Outcome:
 
     @property
     def next_command(self) -> str:
-        """What to type next: the worst case alone, a bug report of the worst finding, or the claims of the manual.
+        """Return the next command: the worst case alone, a bug report of the worst finding, or the manual's claims.
 
-        Of a deck, whose audit has just been run: the finding that breaks it off, or nothing.
+        After the audit of a deck: the finding that ends it early, or nothing.
         """
         wrong = [case for case in self.unaccepted if not case.as_expected and case.reproduce]
         if wrong:
@@ -209,7 +209,7 @@ class Outcome:
         return self.report_bug(self.shown[0].entry) if self.shown else self._command("claims")
 
     def report_bug(self, finding: Finding) -> str:
-        """Return the command that writes a deck and an issue of a finding on the LAMMPS of this run."""
+        """Return the command that writes a deck and an issue for a finding on the LAMMPS of this run."""
         return self._command("report-bug", finding.id)
 
     def _command(self, *words: str) -> str:
@@ -218,7 +218,7 @@ class Outcome:
 
 
 def outcome(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> Outcome:
-    """Return what a run is by a ledger."""
+    """Return the result of a run by a ledger."""
     return Outcome(run, of_run(run, ledger))
 
 
@@ -231,10 +231,10 @@ def of_run(run: RunRecord, ledger: Sequence[Finding]) -> list[RunFinding]:
 
 
 def compare_with_ledger(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> CarriedOver | None:
-    """Return what a run says of the ledger; None on a known engine that shows what it showed when it was taken in."""
+    """Compare a run with the ledger; None on a known engine that shows the same findings as when it was adopted."""
     engine = run.engine.distribution
     if not engine:
-        return None  # LAMMPS did not live to say who it is
+        return None  # crashed before reporting its version
     every = of_run(run, ledger)
     first = {one.entry.id: len(one.cases) for one in every if one.new}
     expected = [one for one in every if one.listed and one.unseen]
@@ -253,14 +253,14 @@ def _finding(
     entry: Finding, explained: Sequence[tuple[CaseRecord, set[str]]], engine: str, accepted: Collection[str]
 ) -> RunFinding:
     showing, unseen, listed = [], [], entry.listed(engine)
-    # Whether a case would show what follows LAMMPS' lists is not known where they were not read: it did once.
+    # Without LAMMPS' lists it is unknown whether a case would show what follows them: it did once.
     by_name = accepted if entry.model_variant is not None and entry.model_variant.lists else ()
     for case, entries in explained:
         shown = entry.id in entries
         would = entry.id in case.unseen
-        # A finding of the particle model names the cases that would show it; the others speak of cases by name.
+        # A finding of the particle model names the cases that would show it; the others cover cases by name.
         if not shown and listed and entry.model_variant is None and entry.covers(case.case):
-            # Of what nothing reproduces yet only the list says whether it is the same on this engine.
+            # For findings not reproduced yet, only the list says whether this engine has them.
             shown = case.verdict == "differs" and not entry.named_variant
             would = not shown and (case.verdict == "differs" or _tells(case))
         would |= listed and case.case in by_name and bool(case.fields) and _tells(case)  # not where LAMMPS refuses
@@ -272,13 +272,13 @@ def _finding(
 
 
 def _tells(case: CaseRecord) -> bool:
-    """Return whether a case without a finding says that LAMMPS does not have it: not what was not judged, or is red."""
+    """Return whether a case without a finding proves that LAMMPS lacks it: not if it was not judged, or is red."""
     return case.as_expected and case.verdict != "skipped"
 
 
 @dataclass
 class WorstCase:
-    """Number of cases with some verdict, the largest difference/bound among them and whose it is."""
+    """Number of cases with some verdict, the largest difference/bound among them and its case."""
 
     cases: int = 0
     ratio: float | None = None
@@ -307,7 +307,7 @@ class AgreementCell:
 
     @property
     def cases(self) -> int:
-        """Number of cases that compare the field at the step."""
+        """Return the number of cases that compare the field at the step."""
         return self.agree + self.explained.cases + self.outside.cases
 
     @property
@@ -317,7 +317,7 @@ class AgreementCell:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst verdict of the cases."""
+        """Return the worst verdict of the cases."""
         if self.outside.cases:
             return "differs"
         return "explained" if self.explained.cases else "pass" if self.inside.cases else "exact"
@@ -350,7 +350,7 @@ class Matrix:
 
 
 def matrices(run: RunRecord) -> list[Matrix]:
-    """Return LAMMPS against the reference and, where a run has such cases, against itself; empty without the model."""
+    """Return LAMMPS against the reference and, if a run has such cases, against itself; empty without the model."""
     stepped = [case for case in run.cases if any(record.steps for record in case.fields)]
     kinds = {
         "LAMMPS against the reference": [case for case in stepped if not case.twin],

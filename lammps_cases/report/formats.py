@@ -1,4 +1,4 @@
-"""All that a report consists of, a run in the formats of other programs, and bare forms of what cannot be made.
+"""The parts of a report, a run in the formats of other programs, and bare forms of parts that fail.
 
 `junit` returns ``junit.xml``, as CI servers read it; `dashboard` the ``run.json`` of LAMMPS' dashboard, in the form of
 LAMMPS' tools/regression-tests/merge_results.py, as REPORTING.md in that folder and the archive
@@ -27,7 +27,7 @@ from lammps_cases.report.findings import Outcome, outcome
 from lammps_cases.report.history import Past
 from lammps_cases.report.statements import statements
 
-# XML 1.0 has no way to write most control characters, and LAMMPS echoes whatever a deck contains.
+# XML 1.0 cannot represent most control characters, and LAMMPS echoes whatever a deck contains.
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 Status = Literal["passed", "failed", "error", "runtest", "skipped"]
 STATUSES: tuple[Status, ...] = ("passed", "failed", "error", "runtest", "skipped")  # runtest: nothing was compared
@@ -52,16 +52,16 @@ def write_report(
     ledger : sequence of Finding, optional
         The findings to look for in the run; the project's own unless given.
     history : Past, optional
-        The runs before this one, as `lammps_cases.report.history.past` gives them; without them the page has no
-        such part.
+        The runs before this one, from `lammps_cases.report.history.past`; without them the page lacks that
+        part.
     making : Making, optional
-        What makes the articles of cases, such as other processes; this one unless given.
+        Makes the articles of cases, such as other processes; this one unless given.
 
     Returns
     -------
     Path
-        The page. The same input gives the same bytes. What cannot be made of the report is noted in the run's faults,
-        and costs that part; without its own page or summary the report has a bare one.
+        The page. The same input gives the same bytes. A part that cannot be made is noted in the run's faults and
+        missing from the report; without its own page or summary the report has a bare one.
     """
 
     def judged() -> Outcome:
@@ -80,7 +80,7 @@ def write_report(
 
     before = [fault.part for fault in run.faults]
     html, summary, document = made()
-    if [fault.part for fault in run.faults] != before:  # each says what the others lack
+    if [fault.part for fault in run.faults] != before:  # each lists what the others lack
         html, summary, document = made()
     write_atomically(directory / "summary.md", summary)
     (directory / "junit.xml").unlink(missing_ok=True)
@@ -92,12 +92,12 @@ def write_report(
 
 
 def bare_headline(run: RunRecord) -> Headline:
-    """Return the headline of a run whose findings are not known."""
+    """Return the headline of a run whose findings are unknown."""
     return Headline("FAIL", f"the report lacks {', '.join(fault.part for fault in run.faults)}")
 
 
 def bare_page(run: RunRecord) -> str:
-    """Return the page, which needs no template."""
+    """Return a page that needs no template."""
     title = escape(str(bare_headline(run)))
     rows = [
         f"<tr><td>{'</td><td>'.join(escape(text) for text in (case.case, wording.kind(case), case.message))}</td></tr>"
@@ -119,7 +119,7 @@ def bare_page(run: RunRecord) -> str:
 
 
 def bare_summary(run: RunRecord) -> str:
-    """Return the summary, in which texts are no HTML."""
+    """Return a summary whose texts contain no HTML."""
     wrong = [f"{case.case}: {wording.kind(case)}: {case.message}" for case in run.cases if not case.as_expected]
     lines = [f"## eos-ref: {bare_headline(run)}", *_bare_lines(run), *wrong]
     return "\n\n".join(escape(" ".join(line.split()), quote=False) for line in lines) + "\n"
@@ -175,7 +175,7 @@ def _add(suite: ET.Element, case: CaseRecord, outcome: str, sentence: str) -> No
 
 
 def case_text(case: CaseRecord) -> str:
-    """Return what is said of a case: how it ended, each field with its worst atom, how to run it alone."""
+    """Return the text of a case: how it ended, each field with its worst atom, how to run it alone."""
     lines = [f"{wording.kind(case)}: {case.message}" if case.message else wording.kind(case)]
     if case.expects:
         lines.append(f"expected refusal: {case.expects}")
@@ -207,7 +207,7 @@ def _legal(text: str) -> str:
 def dashboard(of_run: Outcome, title: str = "eos-ref") -> str:
     """Return a run in the dashboard's form.
 
-    A known bug is a failure, as it is for who mends LAMMPS; its message begins with the names of the findings.
+    A known bug is a failure, as it is for LAMMPS' developers; its message begins with the names of the findings.
     """
     run = of_run.run
     tests = {key(case): _entry(case) for case in run.cases}
@@ -233,7 +233,7 @@ def dashboard(of_run: Outcome, title: str = "eos-ref") -> str:
 
 
 def key(case: CaseRecord) -> str:
-    """Return class and name of a case, as they stand in junit.xml."""
+    """Return class and name of a case, as in junit.xml."""
     return f"eos-ref.{case.case.split('.')[0]}/{case.case}"
 
 
@@ -262,13 +262,13 @@ def _status(case: CaseRecord) -> Status:
 def _message(case: CaseRecord, status: Status) -> str:
     if status == "passed":
         return ""
-    if case.verdict == "timeout":  # which the dashboard counts apart by these words
+    if case.verdict == "timeout":  # the dashboard counts these words separately
         return f"failed, timeout ({round(case.seconds.total)}s expired): {case.message}"
     known = f"known: {wording.listed(case.findings)}: " if case.verdict == "explained" and case.findings else ""
     return f"{known}{case.message}" or case.verdict
 
 
 def _git(text: str) -> tuple[str, str, str]:
-    """Return branch, revision and commit of what LAMMPS says of its git, each empty if there is none."""
+    """Return branch, revision and commit from LAMMPS' text about its git, each empty if missing."""
     match = re.fullmatch(r"(\S+) / (\S+) / ([0-9a-f]{40})", text)
     return (match[1], match[2], match[3]) if match else ("", "", "")

@@ -44,7 +44,7 @@ def summary(of_run: Outcome) -> str:
 
 
 def news(of_run: Outcome) -> str:
-    """Return what is new in a run as GitHub-flavoured Markdown: its headline, and what is not as expected."""
+    """Return the news of a run as GitHub-flavoured Markdown: its headline, and the unexpected results."""
     blocks = [*_head(of_run), _failures(of_run.unaccepted), _triage(of_run.run)]
     return "\n\n".join(block for block in blocks if block) + "\n"
 
@@ -185,19 +185,19 @@ def folded(title: str, block: str) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a table; the cells are Markdown already: made by `text` and `code`, or numbers."""
+    """Return a table; the cells are already Markdown: made by `text` and `code`, or numbers."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
 
 
 def text(words: str) -> str:
-    """Return plain text for a table cell: nothing in it is markup."""
+    """Return plain text for a table cell, with all markup escaped."""
     flat = _flat(words).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
     return re.sub(r"([\\`*_\[\]|~#])", r"\\\1", flat)
 
 
 def code(words: str) -> str:
-    """Return words in a fixed-width font; nothing of nothing."""
+    """Return words in a fixed-width font; empty for empty text."""
     return "`" + _flat(words).replace("`", "'").replace("|", r"\|") + "`" if words else ""
 
 

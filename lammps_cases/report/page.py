@@ -1,4 +1,4 @@
-"""``report.html``: one page that opens offline, with everything inside, and the data that it draws each case from."""
+"""``report.html``: one page that opens offline, with everything inside, and the data from which it draws each case."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ from lammps_cases.verdict.case_arrays import SIDES, read
 ASSETS = Path(__file__).parent / "assets"
 HISTORY_CSS = Path(__file__).parent / "history" / "assets" / "history.css"
 ROWS = 200  # checks of an audit listed per case
-LISTED = 1000  # cases that the page lists: a browser opens twice as many in two seconds
-PICTURES = "pictures"  # what a case lacks
-WHOLE = 100  # cases of a run whose fields are all drawn at all steps
+LISTED = 1000  # cases listed on the page: a browser opens twice as many in two seconds
+PICTURES = "pictures"  # name of a missing part of cases
+WHOLE = 100  # cases of a run up to which all fields are drawn at all steps
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,9 @@ class WorstAtom:
 
 @dataclass(frozen=True)
 class Drawn:
-    """The data that the page draws a case from, as JSON; the fields in it; exact numbers of worst atoms.
+    """The data from which the page draws a case, as JSON; the fields in it; exact numbers of worst atoms.
 
-    ``more``: the other steps of fields but that in which a difference enters, whose steps are in the data.
+    ``more``: the other steps of all fields except the one in which a difference enters, whose steps are in the data.
     """
 
     data: Markup | None = None
@@ -68,13 +68,13 @@ class Drawn:
 
 def plot_data(case: CaseRecord, arrays: plots.Arrays, further: plots.Arrays = MappingProxyType({})) -> Drawn:
     """Return the data drawn from the arrays of a case, which may be empty, and from its file ``CASE@page.npz``."""
-    # A case without fields was not compared in this run: a file of its name is left over from an earlier one.
+    # A case without fields was not compared in this run: a file of its name is left from an earlier one.
     at_hand = bool(case.fields) and "id" in arrays and bool(arrays["id"].size)
     reduced = one_per_atom({name: np.asarray(arrays[name]) for name in sorted(arrays)}) if at_hand else None
     differences = {} if reduced is None else plots.differences(reduced)
     data, more = plots.payload(case, reduced, differences, further)
     fields = tuple((data or {}).get("fields", ()))
-    # Of the model only the field in which a difference enters: it has a dozen.
+    # For the model only the field in which a difference enters: it has a dozen.
     stepped = any(record.steps for record in case.fields)
     if stepped:
         exact_numbers = [name for name in fields if name == (data or {})["first"]]
@@ -89,7 +89,7 @@ def plot_data(case: CaseRecord, arrays: plots.Arrays, further: plots.Arrays = Ma
 
 
 def plot_data_of(case: CaseRecord, fields: Path, every_step: bool = True) -> Drawn:
-    """Return what is shown of the arrays of a case in the folder ``fields``, at the worst step of a field or at all."""
+    """Return the data shown of a case's arrays in the folder ``fields``, at the worst step of a field or at all."""
     own, further = read(fields, case.case) if case.fields else ({}, {})
     shown = further if every_step else {name: values for name, values in further.items() if name.startswith("@pairs ")}
     return plot_data(case, own, shown)
@@ -111,7 +111,7 @@ def one_per_atom(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArra
 
 
 def embedded(data: Any) -> Markup:
-    """Return JSON that cannot end the script element it stands in, nor open a comment there."""
+    """Return JSON that cannot close its script element, nor open a comment there."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
 
@@ -141,20 +141,20 @@ class SteppedField:
 
 @dataclass(frozen=True)
 class CaseEntry:
-    """A case that the page lists."""
+    """A case listed on the page."""
 
     record: CaseRecord
     accepted: bool
 
     @property
     def weight(self) -> int:
-        """Roughly what its article costs: particles drawn, at every step of every field."""
+        """Return the approximate cost of its article: particles drawn, at every step of every field."""
         return 100 + min(self.record.natoms, plots.ATOMS) * sum(1 + len(field.steps) for field in self.record.fields)
 
 
 @dataclass(frozen=True)
 class CaseArticle:
-    """A case as its article shows it."""
+    """A case as shown in its article."""
 
     record: CaseRecord
     accepted: bool
@@ -166,12 +166,12 @@ class CaseArticle:
 
 @dataclass(frozen=True)
 class Family:
-    """Cases that have the first part of their names in common, and much else: their articles are packed together.
+    """Cases with the same first part of their names, and much else in common: their articles are packed together.
 
     Attributes
     ----------
     fields : the folder of their arrays
-    marks : how cases went by version, of those that have a history
+    marks : the results of cases by version, for those with a history
     known : the findings of the ledger
     whole : whether all steps of all fields are drawn
     """
@@ -184,13 +184,13 @@ class Family:
 
     @property
     def names(self) -> list[str]:
-        """The names of the cases."""
+        """Return the names of the cases."""
         return [entry.record.case for entry in self.entries]
 
 
-FamilyArticles = tuple[Markup, list[MissingPart]]  # packed, empty if there are none; and what cases lack
+FamilyArticles = tuple[Markup, list[MissingPart]]  # packed, empty without articles; and what cases lack
 Articles = Callable[[], list[FamilyArticles]]  # of every family, to be waited for
-Making = Callable[[Sequence[Family]], Articles]  # what begins to make them
+Making = Callable[[Sequence[Family]], Articles]  # starts making them
 
 
 def articles(families: Sequence[Family]) -> list[FamilyArticles]:
@@ -232,7 +232,7 @@ def here(families: Sequence[Family]) -> Articles:
 class RunPage:
     """The page of a run, whose arrays lie in the folder ``fields``.
 
-    ``making`` begins with the articles of cases at once, if it is that of other processes.
+    ``making`` starts making the articles of cases at once, if it uses other processes.
     """
 
     def __init__(
@@ -308,12 +308,12 @@ class RunPage:
 
 
 def render(of_run: Outcome, fields: Path, history: Past | None = None) -> str:
-    """Return the page of a run, as `RunPage` makes it in one process."""
+    """Return the page of a run, made by `RunPage` in one process."""
     return RunPage(of_run, fields, history).render()
 
 
 def listed(of_run: Outcome, named: Collection[str] = ()) -> list[CaseRecord]:
-    """Return the cases that the page lists, all that it can: those not accepted, those named, others evenly by name."""
+    """Return the cases that the page lists, as many as it can: not accepted ones, named ones, others evenly by name."""
     cases = of_run.run.cases
     if len(cases) <= LISTED:
         return cases
@@ -325,7 +325,7 @@ def listed(of_run: Outcome, named: Collection[str] = ()) -> list[CaseRecord]:
 
 
 def _named(matrices: Sequence[findings.Matrix], claims: verdicts.Summary | None) -> set[str]:
-    """Return the cases that the page leads to from what it says of all of them."""
+    """Return the cases that the tables of the page link to."""
     cells = [cell for matrix in matrices for row in matrix.rows for cell in row.cells if cell is not None]
     worst = {extreme.case for cell in cells for extreme in (cell.inside, cell.explained, cell.outside)}
     return worst | {judged.evidence[0].case for judged in (claims.refuted if claims else ())}
@@ -387,7 +387,7 @@ def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
 
 
 def _sortable(value: float | None) -> str:
-    """Return a number as the page's script sorts it: what is not a number comes last."""
+    """Return a number in the form in which the page's script sorts it: NaN comes last."""
     return "" if value is None else repr(float(value)).replace("inf", "Infinity").replace("nan", "Infinity")
 
 
@@ -395,7 +395,7 @@ FILTERS: Mapping[str, Callable[..., object]] = {"shade": shade, "sortable": _sor
 
 
 def _plotly() -> Path:
-    """Find Plotly's script inside its Python package, without importing that (0.3 s)."""
+    """Find Plotly's script inside its Python package, without importing the package (0.3 s)."""
     spec = importlib.util.find_spec("plotly")
     if spec is None or not spec.submodule_search_locations:
         raise InputError("plotly", "must be installed: its script draws the plots of report.html")

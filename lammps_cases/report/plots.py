@@ -1,8 +1,8 @@
-"""The numbers that the page draws from: a few hundred atoms of a case, the curves of its laws, its checks.
+"""The numbers from which the page draws: a few hundred atoms of a case, the curves of its laws, its checks.
 
-Arrays travel as base64 of little-endian floats, NaN and infinity included, the first bytes of all numbers before their
-second ones: that, and digits that are zero, is what the page's compression lives on. A prefix says how many bytes a
-number has: ``d:`` float64, ``f:`` float32, ``b:`` the upper half of a float32. A constant is one number. The drawing
+Arrays are encoded as base64 of little-endian floats, NaN and infinity included, the first bytes of all numbers before
+their second ones: that, and digits that are zero, makes the page compressible. A prefix gives the size of each number:
+``d:`` float64, ``f:`` float32, ``b:`` the upper half of a float32. A constant is one number. The drawing
 itself happens in the browser, when a case is opened.
 """
 
@@ -28,18 +28,18 @@ from lammps_cases.records.run_record import CaseRecord
 Arrays = Mapping[str, npt.NDArray[Any]]
 Differences = Mapping[str, tuple[FloatArray, FloatArray]]
 ATOMS = 400  # atoms embedded per case
-MODEL_ATOMS = 200  # of the particle model, where they have a dozen fields
-CHECKS = 600  # looks of an audit embedded per case
+MODEL_ATOMS = 200  # for the particle model with a dozen fields
+CHECKS = 600  # checks of an audit embedded per case
 SINGLE = np.finfo(np.float32)
 CURVE, VALUE, SIZE = 20, 14, 8  # binary digits of a curve, of a value, and of a size on a logarithmic scale
 GRID = 200  # points of a curve
-NEIGHBOURS = 40  # nearest ones listed of an atom
+NEIGHBOURS = 40  # nearest neighbours listed for an atom
 
 
 def payload(
     case: CaseRecord, arrays: Arrays | None, by_field: Differences, further: Arrays = MappingProxyType({})
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
-    """Return what the page needs to draw a case, as JSON data, and more of it that a long page leaves out.
+    """Return the JSON data from which the page draws a case, and more of it that a long page leaves out.
 
     None if there is nothing to draw. ``further`` are the arrays of other steps and of pairs.
     """
@@ -58,7 +58,7 @@ def payload(
 def differences(arrays: Arrays) -> Differences:
     """Return the absolute difference and its ratio to the bound, shape (n,) each, with the rule of the comparison.
 
-    Of every field of which both sides and the bound are present, in the order of the names.
+    For every field with both sides and the bound, in the order of the names.
     """
     names = sorted(name.removesuffix(".lammps") for name in arrays if name.endswith(".lammps"))
     sides = {field: [arrays.get(f"{field}.{side}") for side in ("lammps", "reference", "bound")] for field in names}
@@ -111,9 +111,9 @@ def offsets(case: CaseRecord, type_n: npt.NDArray[Any], rho_n: FloatArray) -> Fl
 def _atoms(
     case: CaseRecord, arrays: Arrays, by_field: Differences, further: Arrays
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what is drawn of the atoms of a case; nothing of a model case whose fields all have the same bits.
+    """Return the data drawn of the atoms of a case; empty for a model case whose fields all have the same bits.
 
-    And of every field the other steps.
+    The other steps of every field are returned, too.
     """
     stepped = {record.field: record for record in case.fields if record.steps}
     law = "pressure" in by_field and not stepped
@@ -139,20 +139,20 @@ def _atoms(
 
 
 def _drawn_fields(case: CaseRecord, by_field: Differences, always: list[str]) -> list[str]:
-    """List the fields that make a picture, in the order of the record, which is that of a step.
+    """List the fields with a picture, in the order of the record, which is that of a step.
 
-    An input that LAMMPS holds exactly as given makes none, nor does a field of the model with the same bits.
+    An input that LAMMPS holds exactly as given has none, nor has a field of the model with the same bits.
     """
     recorded = dict.fromkeys(record.field for record in case.fields if record.field in by_field)
     return [field for field in {**recorded, **by_field} if field in always or by_field[field][0].any()]
 
 
 def _particles(case: CaseRecord, arrays: Arrays, picked: npt.NDArray[np.intp]) -> dict[str, Any]:
-    """Return the box, and number, id, type and place of the atoms picked."""
+    """Return the box, and number, id, type and position of the selected atoms."""
     x_nc = np.asarray(arrays["x"], float)[picked]
     dimension = case.dimension or (3 if np.ptp(x_nc[:, 2]) > 0 else 2)
     return {
-        "natoms": max(case.natoms, int(arrays["rho"].size)),  # of very many not all are kept
+        "natoms": max(case.natoms, int(arrays["rho"].size)),  # of very many atoms not all are kept
         "n": int(picked.size),
         "types": [int(t) for t in np.unique(arrays["type"])],
         "rho0": {str(law.type): law.rho0 for law in case.laws if math.isfinite(law.rho0)},
@@ -164,7 +164,7 @@ def _particles(case: CaseRecord, arrays: Arrays, picked: npt.NDArray[np.intp]) -
 
 
 def _of_model(case: CaseRecord, arrays: Arrays, fields: list[str], picked: npt.NDArray[np.intp]) -> dict[str, Any]:
-    """Return what a case of the particle model has in addition: steps, the first field outside its bound, phases."""
+    """Return the additional data of the particle model: steps, the first field outside its bound, phases."""
     data: dict[str, Any] = {
         "steps": {record.field: record.worst_step for record in case.fields if record.steps and record.field in fields},
         "other": "twin" if case.twin else "reference",
@@ -184,7 +184,7 @@ def _worst(case: CaseRecord, fields: Collection[str]) -> str:
 
 
 def _of_audit(case: CaseRecord, arrays: Arrays, fields: list[str], first: str) -> dict[str, Any]:
-    """Return the field to begin with; of an audit the step of the arrays, and of fields that were worse at others."""
+    """Return the field to begin with; for an audit also the step of the arrays, and the fields worse at other steps."""
     data: dict[str, Any] = {"first": first} if first in fields else {}
     if "step" not in arrays:
         return data
@@ -220,7 +220,7 @@ def _field(arrays: Arrays, field: str, picked: npt.NDArray[np.intp], model: bool
     with np.errstate(all="ignore"):
         difference_n = lammps_n - reference_n
         difference_n[~(np.isfinite(lammps_n) & np.isfinite(reference_n))] = np.inf
-        # Few digits will do, unless they decide on which side of the bound an atom is: each may be off by half a unit.
+        # Few digits suffice, unless they decide on which side of the bound an atom is: each may be off by half a unit.
         decided = np.abs(np.abs(difference_n) / bound_n - 1) > 2.0 ** (2 - SIZE)
         digits = SIZE if bool(np.all(decided | (difference_n == 0))) else None
     return {
@@ -243,14 +243,14 @@ def _other_steps(further: Arrays, fields: list[str], picked: npt.NDArray[np.intp
 
 
 def _pairs(further: Arrays) -> dict[str, Any]:
-    """Return the nearest pairs of the atoms that are looked at, with what each adds, and the sums over all pairs."""
+    """Return the nearest pairs of the selected atoms, with the contributions of each, and the sums over all pairs."""
     if "@pairs step" not in further:
         return {}
     of = {name.removeprefix("@pairs "): values for name, values in further.items() if name.startswith("@pairs ")}
     names, begin_k = of["names"].tolist(), np.cumsum(of["count"]) - of["count"]
     shown_k = np.minimum(of["count"], NEIGHBOURS)
     rows = np.concatenate([np.arange(a, a + n) for a, n in zip(begin_k, shown_k, strict=True)]).astype(int)
-    # Where all of the force is of pressure, once will do.
+    # If all of the force is due to pressure, it is given once.
     columns = [k for k, name in enumerate(names) if not name.startswith("pressure_force") or not _same(of, names, k)]
     return {
         "pairs": {
@@ -280,7 +280,7 @@ def _curves(case: CaseRecord, arrays: Arrays) -> list[dict[str, Any]]:
             continue
         try:
             law = EOS(cast(Style, record.style), record.rho0, record.cs, record.parameter, record.background)
-        except InputError:  # a scene may test what LAMMPS makes of parameters outside the law's domain: no curve
+        except InputError:  # a scene may test parameters outside the law's domain: no curve
             continue
         named = {"type": record.type, "style": record.style, "rho0": record.rho0}
         curves.append(named | _curve(law, rho_n, energy_n))
@@ -328,7 +328,7 @@ def _abscissa(rho0: float, rho_n: FloatArray) -> tuple[str, dict[str, Any]]:
 
 
 def _grid(values: FloatArray, scale: dict[str, Any]) -> FloatArray:
-    """Return a grid over the values, shape (`GRID`,), even on the axis they are drawn on."""
+    """Return a grid over the values, shape (`GRID`,), uniform on the axis they are drawn on."""
     low, high = float(values.min()), float(values.max())
     if scale["kind"] == "log":
         return np.geomspace(low, high, GRID)
@@ -351,9 +351,9 @@ def _checks(checks: list[CheckRecord]) -> dict[str, Any]:
 
 
 def thinned_checks(checks: list[CheckRecord], limit: int) -> list[int]:
-    """Return positions of at most ``limit`` looks of an audit: the worst, others evenly over field, type and time."""
+    """Return positions of at most ``limit`` checks of an audit: the worst, others evenly over field, type and time."""
     ratio = np.array([check.max_over_bound for check in checks], float)
-    ratio[np.isnan(ratio)] = np.inf  # not a number is the worst there is
+    ratio[np.isnan(ratio)] = np.inf  # NaN is the worst
     group = np.unique([f"{check.field} {check.type}" for check in checks], return_inverse=True)[1]
     return [int(i) for i in thinned(ratio, np.arange(len(checks), dtype=float), group, limit)]
 
@@ -380,7 +380,7 @@ def _fits(values: FloatArray) -> bool:
 
 def _shortened(single: npt.NDArray[np.float32], digits: int) -> str:
     """Pack float32 rounded to so many binary digits, the leading one included; NaN and infinity stay."""
-    zeroed = np.uint32(SINGLE.nmant + 1 - digits)  # last digits of the 24 that float32 has
+    zeroed = np.uint32(SINGLE.nmant + 1 - digits)  # last digits of the 24 in float32
     bits = np.where(np.isnan(single), np.float32("nan"), single).view("<u4")
     half, kept = np.uint32(1) << (zeroed - np.uint32(1)), np.uint32(0xFFFFFFFF) << zeroed
     rounded = np.where(np.isfinite(single), (bits + half) & kept, bits & kept).astype("<u4")

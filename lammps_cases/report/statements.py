@@ -1,6 +1,6 @@
-"""What an audit states about a deck in addition to the verdicts of its fields, the same in every output.
+"""Statements of an audit about a deck in addition to the verdicts of its fields, the same in every output.
 
-Of a known bug: what it does to the deck, what is possible there against it and not yet done, and a version without it.
+For a known bug: its effect on the deck, the workarounds possible and not yet used there, and a version without it.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from lammps_cases.scene.fields import FIELDS
 
 _VERSION = re.compile(r"\b20\d\d\.\d")  # a workaround that names versions itself
 Subject = Literal["state", "lost atoms", "stopped", "known bug", "warning", "stability", "not checked"]
-SUBJECTS: tuple[Subject, ...] = get_args(Subject)  # what matters most first
-NEVER = {name: field.unaudited for name, field in FIELDS.items() if field.unaudited}  # and why
+SUBJECTS: tuple[Subject, ...] = get_args(Subject)  # the most important first
+NEVER = {name: field.unaudited for name, field in FIELDS.items() if field.unaudited}  # with the reasons
 
 
 def advice(finding: Finding, case: CaseRecord) -> str:
@@ -35,7 +35,7 @@ def advice(finding: Finding, case: CaseRecord) -> str:
 
 
 def _unit_volumes(finding: Finding, case: CaseRecord) -> str:
-    """Name the volumes that are not 1: if all are, there is nothing left to choose."""
+    """Name the volumes other than 1; if there are no such volumes, nothing is left to choose."""
     known = [(law.type, law.mass / law.rho0) for law in case.laws if law.mass and law.style != "ideal/gas"]
     if not known or len(known) < len(case.laws):
         return finding.workaround
@@ -50,13 +50,13 @@ def _unit_volumes(finding: Finding, case: CaseRecord) -> str:
 
 
 def _over_density(finding: Finding, case: CaseRecord) -> str:
-    """Ask for no factor of 1."""
+    """Return the workaround unless all densities, the factors, are already 1."""
     all_one = bool(case.laws) and all(law.rho0 == 1 for law in case.laws)
     return "rho0 is 1 already; what remains is the mean density of the pair." if all_one else finding.workaround
 
 
 def _walls(finding: Finding, case: CaseRecord) -> str:
-    """Ask for walls at rest where solids are walls: ice moves with the fluid."""
+    """Recommend walls at rest, unless solids may be ice, which moves with the fluid."""
     return "" if any(law.freezes for law in case.laws) else finding.workaround
 
 
@@ -68,7 +68,7 @@ _OF_DECK: Mapping[str, Callable[[Finding, CaseRecord], str]] = {
 
 
 class Statement(NamedTuple):
-    """One line on a deck; of a known bug with its name."""
+    """One line about a deck; for a known bug with its name."""
 
     subject: Subject
     text: str
@@ -79,9 +79,9 @@ class Statement(NamedTuple):
 
 
 def statements(case: CaseRecord, never: Mapping[str, str] | None = None) -> list[Statement]:
-    """Return all that is said of an audited deck, what matters most first; nothing of other cases.
+    """Return all statements about an audited deck, the most important first; empty for other cases.
 
-    Fields that ``never`` are checked, with the reason of each, stand in one line without it.
+    Fields that are ``never`` checked, with the reason of each, share one line without it.
     """
     if "audit" not in case.tags:
         return []
@@ -99,7 +99,7 @@ def statements(case: CaseRecord, never: Mapping[str, str] | None = None) -> list
 
 
 def known_bugs(case: CaseRecord) -> dict[str, str]:
-    """Say, by finding, what each does to a deck, or else in general, and what to do about it."""
+    """Describe, by finding, the effect of each on a deck, or else in general, and what to do about it."""
     does, ledger = deck_wording.effects(case), {entry.id: entry for entry in LEDGER}
     said = {}
     for finding in deck_wording.bugs(case):

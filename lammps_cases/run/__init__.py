@@ -1,4 +1,4 @@
-"""The main job: a campaign over cases, its folder, shards, tables. Called, it is `lammps_cases.run.command.run`."""
+"""The main job: a campaign over cases, its folder, shards, tables; the function is `lammps_cases.run.command.run`."""
 
 import sys
 

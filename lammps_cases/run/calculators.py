@@ -1,9 +1,9 @@
-"""ASE calculators of one interface: the reference, and real LAMMPS, for the particles of an `ase.Atoms`.
+"""ASE calculators with one interface: the reference, and real LAMMPS, for the particles of an `ase.Atoms`.
 
-A calculation is one force evaluation of the state that the `ase.Atoms` has, as the set-up of a run makes it. Beside
-positions and velocities it takes the per-atom arrays ``type`` (default 1), ``rho`` (density, unless it is summed) and
+A calculation is one force evaluation of the state in the `ase.Atoms`, as in the set-up of a run. In addition to
+positions and velocities it uses the per-atom arrays ``type`` (default 1), ``rho`` (density, unless it is summed) and
 ``e`` (energy per unit mass, if the model is thermal), all in the units of the model. An integrator of ASE moves
-particles by the forces, and knows nothing of density and energy: it keeps both arrays as they are. A model with rho/sum
+particles by the forces, but ignores density and energy: it leaves both arrays unchanged. A model with rho/sum
 has the densities of the positions.
 """
 
@@ -38,18 +38,18 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 
 FIELDS_OF = {"forces": "f", "pressure": "pressure", "density": "rho"}
-ARRAYS = ("type", "rho", "e", "momenta")  # that a result depends on, besides what every calculator looks at
+ARRAYS = ("type", "rho", "e", "momenta")  # inputs of a result, in addition to those that every calculator compares
 
 
 class RheoCalculator(Calculator):  # type: ignore[misc]
-    """What both calculators share: settings, particles, results.
+    """The common base of both calculators: settings, particles, results.
 
     Results are ``forces`` (n, 3), ``pressure`` and ``density`` (n,), of every particle; there is no energy.
 
     Parameters
     ----------
     settings : Scene or Model
-        The model; of a scene its particles are left out. The types of a `Model` are all fluid.
+        The model; the particles of a scene are ignored. The types of a `Model` are all fluid.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class RheoCalculator(Calculator):  # type: ignore[misc]
         Raises
         ------
         InputError
-            Particles that the model cannot take.
+            Particles that the model cannot represent.
         CalculationFailed
             LAMMPS gave no answer.
         """
@@ -106,7 +106,7 @@ class EosRefCalculator(RheoCalculator):
     ----------
     settings : Scene or Model
     findings : sequence of str
-        Findings of the ledger to be reproduced: the reference then does as a LAMMPS that has them.
+        Findings of the ledger to reproduce: the reference then behaves like a LAMMPS that has them.
     """
 
     def __init__(self, settings: Scene | Model, findings: Sequence[str] = ()) -> None:
@@ -123,14 +123,14 @@ class EosRefCalculator(RheoCalculator):
         problem = Problem(model, reference_side.box(self.scene, atoms), state, 0.0, self.scene.compare, (0,))
         made = combined(self.variants, problem, {})
         if made is None:
-            raise InputError("findings", "one of them follows LAMMPS' own numbers, which there are none of")
+            raise InputError("findings", "one of them follows LAMMPS' own numbers, which are not available")
         stages, stepping = made
         self.simulation = stepping(model, problem.box, state, problem.fields, stages)
         self.simulation.setup()
         return {field: self.simulation.output(field) for field in problem.fields}
 
     def bounds(self) -> dict[str, FloatArray]:
-        """Return the bound of every result of the last calculation: what rounding alone can make of it."""
+        """Return the bound of every result of the last calculation: the possible effect of rounding alone."""
         if self.simulation is None:
             raise InputError("bounds", "need a calculation first")
         rounded = self.simulation.rounded(type(self.simulation.evaluator))
@@ -138,7 +138,7 @@ class EosRefCalculator(RheoCalculator):
 
 
 class LammpsRheoCalculator(RheoCalculator):
-    """Real LAMMPS as an ASE calculator, in a process of its own, which `close` ends.
+    """Real LAMMPS as an ASE calculator, in its own process, which `close` ends.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class LammpsRheoCalculator(RheoCalculator):
         self.close = weakref.finalize(self, self.workers.__exit__, None, None, None)
 
     def _evaluated(self, atoms: Atoms) -> dict[str, Any]:
-        reference_side.state(self.scene, atoms)  # refuses what has no meaning before LAMMPS sees it
+        reference_side.state(self.scene, atoms)  # rejects undefined input before LAMMPS sees it
         limit = self.scene.engine.time_limit
         outcome = self.workers.outcome(self.workers.submit(job(self.scene, atoms, plan(self.scene)), limit))
         if isinstance(outcome, Failure):
@@ -162,20 +162,20 @@ class LammpsRheoCalculator(RheoCalculator):
 
 
 def padded(values: Any) -> FloatArray:
-    """Return a field as ASE has it: vectors with three components."""
+    """Return a field in ASE's form: vectors with three components."""
     array = np.array(values, float)
     return np.pad(array, [(0, 0), (0, 3 - array.shape[1])]) if array.ndim == 2 else array
 
 
 def particles(atoms: ase.Atoms, scene: Scene) -> Atoms:
-    """Return the particles of an `ase.Atoms`, inside the box along the axes that are periodic.
+    """Return the particles of an `ase.Atoms`, wrapped into the box along the periodic axes.
 
     Its cell, with the corner ``info["Origin"]`` (default 0), is the box; in 2D a third edge has no meaning.
 
     Raises
     ------
     InputError
-        A cell that LAMMPS cannot have, types that the scene has not, no density.
+        A cell that LAMMPS cannot represent, types that the scene lacks, no density.
     """
     n, d = len(atoms), scene.dimension
     cell_cc, low_c = np.array(atoms.cell.array), np.array(atoms.info.get("Origin", np.zeros(3)), float)

@@ -1,4 +1,4 @@
-"""The main job: cases against LAMMPS, one after another through the workers, into the folder of their report."""
+"""The main job: compare cases with LAMMPS, one after another through the workers, and write their report."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ from lammps_cases.scene import FromFile, casefile
 from lammps_cases.scene.casefile import Case
 
 OPENING = 30.0  # seconds that opening LAMMPS may take at least
-AHEAD = 4  # cases under way for each worker
-KEPT = 1000  # cases of which this process keeps particles, record and picture; of more it keeps the names
-MaybePrepared = PreparedCase | Case  # beyond `KEPT` cases the latter: checked, and prepared when it is its turn
+AHEAD = 4  # cases in progress for each worker
+KEPT = 1000  # above this many cases, keep only names in memory
+MaybePrepared = PreparedCase | Case  # beyond `KEPT` cases the latter: checked, and prepared in its turn
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class Request:
 
     Attributes
     ----------
-    part : the name of a shard, and what it has in common with the others (`lammps_cases.run.shards.divided`)
-    allow : findings that fail nothing
+    part : the name of a shard, and the identity it shares with the others (`lammps_cases.run.shards.divided`)
+    allow : findings that never fail the run
     """
 
     command: str = ""
@@ -63,7 +63,7 @@ class Request:
 
     @property
     def recorded(self) -> dict[str, Any]:
-        """The fields of the record, besides the command."""
+        """Return the fields of the record, except the command."""
         shard, divided = self.part
         allowed = dict.fromkeys(self.allow, "--allow")
         return {"fail_on": self.fail_on, "shard": shard, "divided": divided, "allowed": allowed}
@@ -71,7 +71,7 @@ class Request:
 
 @dataclass(frozen=True, eq=False)
 class Running:
-    """A case that LAMMPS runs."""
+    """A case that LAMMPS is running."""
 
     ready: PreparedCase
     futures: list[Future[Any]]
@@ -79,7 +79,7 @@ class Running:
 
 @dataclass(frozen=True, eq=False)
 class Judging:
-    """A case whose answers are judged."""
+    """A case whose answers are being judged."""
 
     ready: PreparedCase
     kept: Kept
@@ -98,17 +98,17 @@ def run_cases(
 ) -> RunRecord:
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
 
-    With a store, predictions of the reference are taken from there and kept there. With ``resume`` an interrupted run
-    is continued; None: the command that runs has no such option.
+    With a store, predictions of the reference are read from it and kept in it. With ``resume`` an interrupted run
+    is resumed; None: the calling command has no such option.
 
     Raises
     ------
     InputError
         Bad case, or a folder that cannot be written or is in use.
     EngineMissing
-        There is no LAMMPS with RHEO.
+        LAMMPS with RHEO is missing.
     KeyboardInterrupt
-        With where the partial report is, if any case is judged.
+        With the location of the partial report, if any case is judged.
     """
     begin, request = time.perf_counter(), request or Request()
     with output_folder(directory, bool(resume)) as folder:
@@ -138,7 +138,7 @@ def run_cases(
 
 def _finished(campaign: Campaign, workers: Workers, begin: float) -> RunRecord:
     """Return the record of a campaign whose cases are judged, and write the report."""
-    campaign.collect()  # and what workers left half-written that were killed goes
+    campaign.collect()  # also removes half-written files of killed workers
     run = campaign.run()
     run.triage = part("triage", run.faults, lambda: triaged(run, campaign.cases, campaign.folder, campaign.store), None)
     run.seconds = round(time.perf_counter() - begin, 3)
@@ -149,14 +149,14 @@ def _finished(campaign: Campaign, workers: Workers, begin: float) -> RunRecord:
 
 
 class Campaign:
-    """Cases on their way through the workers, each in the journal of a folder when it is judged.
+    """Cases on their way through the workers, each kept in the journal of a folder once it is judged.
 
-    Its memory does not grow with the cases that are judged beyond `KEPT`, which wait for the report in the journal.
+    Beyond `KEPT`, judged cases wait for the report in the journal, so that memory does not grow with them.
 
     Attributes
     ----------
     judged : the names of the cases that are judged
-    records : those in memory: what no journal has, `KEPT` others, and all of them after `collect`
+    records : those in memory: cases not in a journal, `KEPT` others, and all of them after `collect`
     """
 
     def __init__(
@@ -169,27 +169,27 @@ class Campaign:
         self.judged = set[str]()
         self.records: dict[str, CaseRecord] = {}
         self.collect()
-        for name in [name for name, record in self.records.items() if record.harness_error]:  # by code mended since
+        for name in [name for name, record in self.records.items() if record.harness_error]:  # by code fixed since
             self.records.pop(name)
             self.judged.remove(name)
         if len(self.judged) > KEPT:
             self.records.clear()
 
     def run_all(self, workers: Workers, engine: Engine) -> None:
-        """Run and judge all cases that are not judged.
+        """Run and judge all cases that are not judged yet.
 
         Raises
         ------
         InputError
-            A bad case, or a resumed run that was another one.
+            A bad case, or a resumed run that differs.
         EngineMissing
         """
         workers.check_shared(self.folder)
         identity = workers.identify(_patience(self.cases))
-        # What does not depend on LAMMPS is done while it starts.
+        # Work independent of LAMMPS is done while it starts.
         with stage("preparing"):
             left = ordered(case for case in self.cases if case.name not in self.judged)
-            # None is bad: of those shipped tests say so, and they are prepared while LAMMPS runs others.
+            # None is bad, as tests prove for shipped cases, which are prepared while LAMMPS runs others.
             rest = [case if case.shipped else _kept(prepare(case), k) for k, case in enumerate(left)]
         begun = run_record(EngineRecord(), self.request.command).model_copy(update=self.request.recorded)
         now = start(begun, self.cases)
@@ -214,9 +214,9 @@ class Campaign:
     def _recorded(
         self, workers: Workers, cases: Sequence[MaybePrepared], engine: EngineRecord
     ) -> Iterator[tuple[PreparedCase, Future[CaseRecord]]]:
-        """Yield every case when it is recorded; no more are under way than keep the workers busy.
+        """Yield every case when it is recorded; no more are in progress than keep the workers busy.
 
-        LAMMPS' runs of a case are tasks, and then, of the files with their answers, its judgement.
+        LAMMPS' runs of a case are tasks; its judgement, from the files with their answers, is another.
         """
         assert self.begun is not None
         judgements = replace(self.store, context=self.begun.code) if self.store else None
@@ -240,17 +240,17 @@ class Campaign:
                 discard(over.kept)
 
     def collect(self) -> int:
-        """Read the cases that were judged and are not in memory; return how many are judged."""
+        """Load judged cases that are not in memory; return how many cases are judged."""
         self.records = self.journal.records(self.records) if self.begun else {}
         self.judged.update(self.records)
         return len(self.judged)
 
     def lost(self) -> list[str]:
-        """Return the cases that were judged and of which the journal has no more all there was."""
+        """Return the judged cases whose entries in the journal are no longer complete."""
         return sorted({*self.journal.lost(self.records), *self.judged.difference(self.records)})
 
     def run(self) -> RunRecord:
-        """Return the record of the cases that are judged."""
+        """Return the record of the judged cases."""
         assert self.begun is not None
         return run_of(self.begun, self.records)
 
@@ -265,9 +265,9 @@ def run_of(begun: RunStart, records: Mapping[str, CaseRecord]) -> RunRecord:
 
 
 def left(directory: Path) -> tuple[RunRecord, Path] | None:
-    """Write the report of the cases that an interrupted or broken run has judged; return it, and its folder.
+    """Write the report of the judged cases of an interrupted or broken run; return it, and its folder.
 
-    ``directory`` is where the report would be, or where the run left its journal; None if there is no such run.
+    ``directory`` is the place of the report, or of the journal left by the run; None without such a run.
 
     Raises
     ------
@@ -290,12 +290,12 @@ def left(directory: Path) -> tuple[RunRecord, Path] | None:
 
 
 def _kept(ready: PreparedCase, number: int) -> MaybePrepared:
-    """Return a prepared case; of many, what takes half a millisecond to prepare once more."""
+    """Return a prepared case; with many cases, drop the parts that take half a millisecond to prepare again."""
     return ready if number < KEPT else ready.case
 
 
 def following(each: MaybePrepared, manual: Manual) -> MaybePrepared:
-    """Return a case prepared, or checked, by the manual's version that the reference is to follow."""
+    """Return a case prepared, or checked, for the version of the manual that the reference is to follow."""
     before = each.case if isinstance(each, PreparedCase) else each
     if (case := before.by(manual)) is before:
         return each
@@ -304,14 +304,14 @@ def following(each: MaybePrepared, manual: Manual) -> MaybePrepared:
 
 
 def cases_of(run: RunRecord, paths: Sequence[Path] = ()) -> list[Case]:
-    """Return the cases that there are now: those shipped, and those of files that a finished run names or of others."""
+    """Return the present cases: those shipped, and those of files named by a finished run or given."""
     named = [Path(source) for source in sorted({record.source for record in run.cases})]
     own = paths or [path for path in named if path.is_absolute() and path.is_file()]
     return [*casefile.load(), *(casefile.load(own) if own else [])]
 
 
 def triaged(run: RunRecord, cases: Sequence[Case], folder: Path, store: Store | None = None) -> Triage | None:
-    """Return the triage of a run from its arrays in the folder of its report; a green run costs nothing."""
+    """Return the triage of a run from its arrays in the folder of its report; free for a green run."""
     if all(record.as_expected or record.limits for record in run.cases):
         return None
     from lammps_cases.verdict.diagnosis.triage import triage  # only a red run needs it
@@ -320,14 +320,14 @@ def triaged(run: RunRecord, cases: Sequence[Case], folder: Path, store: Store | 
 
 
 def _patience(cases: Sequence[Case]) -> float:
-    """Return how many seconds LAMMPS may take to be opened: what a case may, and what a busy machine needs."""
+    """Return how many seconds LAMMPS may take to open: a case's limit, or a busy machine's needs."""
     return max(OPENING, *(case.scene.engine.time_limit for case in cases))
 
 
 def ordered(cases: Iterable[Case]) -> list[Case]:
     """Return cases in the order of submission: those that may kill a worker late, those that take long to read last.
 
-    Those that are known to kill one come after all others, which would have to open LAMMPS, and its ranks, once more.
+    Cases known to kill one come after all others, which would have to open LAMMPS, and its ranks, again.
     """
     crashes = [entry for entry in LEDGER if entry.outcome == "crashed"]
 

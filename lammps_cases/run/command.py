@@ -1,4 +1,4 @@
-"""`run`: what ``eos-ref run`` does, as a function that prints nothing and returns record, report and tables."""
+"""`run`: the function behind ``eos-ref run``, which prints nothing and returns record, report and tables."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from lammps_cases.run import campaign, tables
 from lammps_cases.run.options import RunOptions, several
 from lammps_cases.scene import casefile
 
-if TYPE_CHECKING:  # pandas and ASE are imported where tables and atoms are made
+if TYPE_CHECKING:  # pandas and ASE are imported only for tables and atoms
     import ase
     import pandas as pd
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """What `run` and `audit` return: a run, or the audit of a deck, which is a run of one case.
+    """The result of `run` and `audit`: a run, or the audit of a deck, which is a run of one case.
 
     Attributes
     ----------
     record : RunRecord
-        All that is known of it, the content of run.json.
+        The complete record, the content of run.json.
     folder : Path
         Its report; a temporary folder lives as long as the result.
     """
@@ -53,49 +53,49 @@ class Result:
 
     @cached_property
     def outcome(self) -> Outcome:
-        """The findings of the ledger in this run, and what follows from them."""
+        """Return the findings of the ledger in this run, and the run's result from them."""
         return outcome(self.record)
 
     @property
     def headline(self) -> Headline:
-        """The headline: ``state`` is PASS, KNOWN BUGS, FAIL or EMPTY, ``sentence`` says why."""
+        """Return the headline: ``state`` is PASS, KNOWN BUGS, FAIL or EMPTY, ``sentence`` says why."""
         return self.outcome.headline
 
     @property
     def exit_code(self) -> int:
-        """The exit code of the command."""
+        """Return the exit code of the command."""
         return self.outcome.exit_code
 
     @property
     def verdicts(self) -> dict[str, int]:
-        """The number of cases of every verdict."""
+        """Return the number of cases of every verdict."""
         return self.record.summary
 
     @property
     def cases(self) -> pd.DataFrame:
-        """See `lammps_cases.run.tables.cases`."""
+        """Return the table of cases; see `lammps_cases.run.tables.cases`."""
         return tables.cases(self.record)
 
     @property
     def fields(self) -> pd.DataFrame:
-        """See `lammps_cases.run.tables.fields`."""
+        """Return the table of fields; see `lammps_cases.run.tables.fields`."""
         return tables.fields(self.record)
 
     @property
     def findings(self) -> pd.DataFrame:
-        """See `lammps_cases.run.tables.findings`."""
+        """Return the table of findings; see `lammps_cases.run.tables.findings`."""
         return tables.findings(self.record)
 
     def values(self, select: str | Iterable[str] = "*") -> pd.DataFrame:
-        """See `lammps_cases.run.tables.values`."""
+        """Return the table of values; see `lammps_cases.run.tables.values`."""
         return tables.values(self.folder, select)
 
     def particles(self, case: str | None = None) -> pd.DataFrame:
-        """See `lammps_cases.run.tables.particles`; by default those of the only case."""
+        """Return the table of particles; see `lammps_cases.run.tables.particles`; by default those of the only case."""
         return tables.particles(self.folder, self._case(case))
 
     def atoms(self, case: str | None = None) -> ase.Atoms:
-        """See `lammps_cases.scene.ase_io.as_atoms`; by default those of the only case."""
+        """Return the atoms of a case; see `lammps_cases.scene.ase_io.as_atoms`; by default those of the only case."""
         from lammps_cases.scene.ase_io import as_atoms
 
         return as_atoms(read_arrays(self.folder / "fields" / f"{self._case(case)}.npz"))
@@ -116,7 +116,7 @@ class Result:
 
 @contextmanager
 def report_folder(out: str | Path | None) -> Iterator[tuple[Path, bool]]:
-    """Yield the folder to write a report into, and whether it is temporary; then it is left to the result."""
+    """Yield the folder for a report, and whether it is temporary; in that case the result owns it."""
     if out is not None:
         yield Path(out), False
         return
@@ -129,7 +129,7 @@ def report_folder(out: str | Path | None) -> Iterator[tuple[Path, bool]]:
 
 
 def remove_with(result: object, folder: Path, temporary: bool) -> None:
-    """Remove a temporary report when its result is gone."""
+    """Remove a temporary report together with its result."""
     if temporary:
         weakref.finalize(result, shutil.rmtree, folder.parent, ignore_errors=True)
 
@@ -142,7 +142,7 @@ def run(options: RunOptions, *, out: str | Path | None = None) -> Result:
     Parameters
     ----------
     out : path, optional
-        Folder of the report; by default a temporary one, which goes with the result.
+        Folder of the report; by default a temporary one, removed with the result.
     (options)
 
     Raises
@@ -150,7 +150,7 @@ def run(options: RunOptions, *, out: str | Path | None = None) -> Result:
     InputError
         Bad input, in one line.
     EngineMissing
-        There is no LAMMPS with RHEO.
+        LAMMPS with RHEO is missing.
     """
     chosen, allowed, engine = several(options.names), several(options.allow), options.engine
     given = [

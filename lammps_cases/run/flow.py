@@ -1,14 +1,14 @@
-"""The way of a case, from its file to its record.
+"""The path of a case, from its file to its record.
 
 1. `lammps_cases.scene.casefile.load`: case files to cases.
-2. `lammps_cases.run.prepared_case.prepare`: what both sides are given, particles, laws, and the jobs for LAMMPS.
-3. `lammps_cases.run.prepared_case.Answers`: LAMMPS' answers to the jobs, and what it is run again for.
+2. `lammps_cases.run.prepared_case.prepare`: the input of both sides, particles, laws, and the jobs for LAMMPS.
+3. `lammps_cases.run.prepared_case.Answers`: LAMMPS' answers to the jobs, and further ones from running it again.
 4. `lammps_cases.comparison.predictor.Predictor`: the reference's fields with their bounds, computed or stored.
 5. `lammps_cases.verdict.cases.compare_case`: each field of the answer against the prediction.
-6. `lammps_cases.verdict.particle_model.Trial.explain`: the findings that reproduce what is outside, and what is left.
+6. `lammps_cases.verdict.particle_model.Trial.explain`: the findings that reproduce differences, and the remainder.
 7. `record_case`: arrays and record into the folder of the run. All else (pictures, triage, reports) reads these.
 
-A campaign (`lammps_cases.run.campaign`) takes the cases through these steps in its workers.
+A campaign (`lammps_cases.run.campaign`) passes the cases through these steps in its workers.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def judge(
 ) -> tuple[CaseRecord, Arrays]:
     """Compare the answers to a case and explain what differs; return its record and arrays, see `case_arrays`.
 
-    A fault of the harness costs its case alone, as one of LAMMPS does.
+    A fault of the harness costs only its case, as one of LAMMPS does.
     """
     return _judged(Answers(site, ready, outcomes), engine, store)[:2]
 
@@ -99,9 +99,9 @@ def _judged(answers: Answers, engine: EngineRecord, store: Store | None) -> tupl
         try:
             if lists_decide(ready, record) and (listed := answers.with_lists()):
                 record, arrays = compared(ready, listed, engine, predictor)
-        except Exception as error:  # without the lists there is no verdict
+        except Exception as error:  # no verdict without the lists
             set_fault(record, error, "neighbour lists: ")
-        with contextlib.suppress(Exception):  # the verdict stands without its first step
+        with contextlib.suppress(Exception):  # the verdict is valid without its first step
             if reason := first_step_outside(answers, record, engine.distribution, predictor):
                 record.blame, record.beyond = reason.first, reason.beyond
                 record.message = case_wording.message(record)
@@ -110,7 +110,7 @@ def _judged(answers: Answers, engine: EngineRecord, store: Store | None) -> tupl
             arrays |= pair_arrays(record, *ready.sides[0], ready.case.where, steps, predictor)
     record.exercises = exercises
     if record.unexercised:
-        record.verdict = "error" if record.as_expected else record.verdict  # a difference comes first
+        record.verdict = "error" if record.as_expected else record.verdict  # a difference takes precedence
         record.message = case_wording.message(record)
     return record, sampled(arrays), listed
 

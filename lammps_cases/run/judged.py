@@ -1,12 +1,12 @@
-"""Cases that are judged already: in this run, by the journal in its folder; in earlier ones, by the store.
+"""Cached judgements: of this run, in the journal in its folder; of earlier ones, in the store.
 
-The journal is a file per case, written when the case is judged, and all that ``--resume`` reads. A kill at any moment
-costs the cases under way and no other: an entry is written whole, after the arrays, for which it vouches by their
-hashes. What is damaged, or has no entry, counts as not judged.
+The journal is a file per case, written when the case is judged, and the only input of ``--resume``. A kill at any
+moment costs only the cases in progress: an entry is written whole, after the arrays, which it verifies by their
+hashes. A damaged or missing entry counts as not judged.
 
-In the store lies the judgement of an answer, which is judged again only if it differs by a bit. LAMMPS runs as in a
-first run; what is looked up follows from the case, the arrays that LAMMPS returned, its neighbour lists if they are
-read, and the release whose findings are known. Only what is as expected is kept; what differs is judged each time.
+The store holds the judgement of an answer, which is judged again only if it differs by a bit. LAMMPS runs as in a
+first run; the key follows from the case, the arrays that LAMMPS returned, its neighbour lists if they are
+read, and the release whose findings are known. Only expected results are kept; differences are judged each time.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from lammps_cases.records.wording import counted
 from lammps_cases.run.prepared_case import Answers, Outcomes
 from lammps_cases.scene.casefile import Case
 
-RESUME = "--resume"  # what complaints call it
+RESUME = "--resume"  # its name in messages
 _RECORD = "record"
-_LISTS = "lists"  # an entry with this name alone: the judgement is that of the answer with its lists
+_LISTS = "lists"  # an entry with only this name: the judgement is that of the answer with its lists
 
 
 class RunStart(BaseModel):
-    """Identity of a run: one that resumes it must be equal, but for the code."""
+    """Identity of a run; resuming requires an equal one, except for the code."""
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True)
 
@@ -53,7 +53,7 @@ class RunStart(BaseModel):
 
 
 class Entry(BaseModel):
-    """A case that is judged, and the hashes of its files of arrays by their names."""
+    """A judged case, and the hashes of its files of arrays by their names."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -66,7 +66,7 @@ _START = Document("journal", RunStart)
 
 @dataclass(frozen=True)
 class CaseJournal:
-    """The journal of a folder in the making."""
+    """The journal of a report folder in progress."""
 
     folder: Path
 
@@ -79,7 +79,7 @@ class CaseJournal:
         return self.folder / folders.JOURNAL / "run.json"
 
     def begun(self) -> RunStart | None:
-        """Return the identity of the run in this folder; None if there is no readable one."""
+        """Return the identity of the run in this folder; None without a readable one."""
         try:
             return _START.read(self._start)
         except InputError:
@@ -91,7 +91,7 @@ class CaseJournal:
         Raises
         ------
         InputError
-            The run that is resumed was another one.
+            The resumed run was a different one.
         """
         if begun := self.begun():
             _check_same(begun, now)
@@ -107,7 +107,7 @@ class CaseJournal:
         write_atomically(self._entries / f"{record.case}.json", entry.model_dump_json(by_alias=True))
 
     def records(self, read: Mapping[str, CaseRecord] = MappingProxyType({})) -> dict[str, CaseRecord]:
-        """Return the cases that are judged by their names, those known unread; drop what no entry vouches for."""
+        """Return the judged cases by name, known ones without reading; drop files that no entry verifies."""
         records = dict(read)
         vouched = {path for case in read for path in (self._entries / f"{case}.json", *self.arrays(case))}
         for path in sorted({*self._entries.glob("*.json")} - vouched):
@@ -128,7 +128,7 @@ class CaseJournal:
         return records
 
     def lost(self, records: Mapping[str, CaseRecord]) -> list[str]:
-        """Return the cases that were judged and whose entries or arrays are there no more."""
+        """Return the judged cases whose entries or arrays no longer exist."""
         return [
             name
             for name, record in records.items()
@@ -137,7 +137,7 @@ class CaseJournal:
         ]
 
     def forget(self) -> None:
-        """Take everything away."""
+        """Delete everything."""
         for folder in (folders.JOURNAL, "fields"):
             shutil.rmtree(self.folder / folder, ignore_errors=True)
 
@@ -157,7 +157,7 @@ def start(run: RunRecord, cases: Sequence[Case]) -> RunStart:
 
 
 def _text(case: Case) -> tuple[object, ...]:
-    """Return all of a case but its name, and what lies in other files."""
+    """Return everything of a case except its name and the content of other files."""
     return case.about, case.tags, case.exercises, str(case.source), case.scene.model_dump_json()
 
 
@@ -198,9 +198,9 @@ class JudgedBefore:
 
     Attributes
     ----------
-    store : where judgements lie
-    key : of the case, and of what LAMMPS answered
-    lammps : seconds that it took this time
+    store : the store of judgements
+    key : of the case, and of LAMMPS' answer
+    lammps : seconds that LAMMPS took this time
     """
 
     store: Store
@@ -209,7 +209,7 @@ class JudgedBefore:
 
     @classmethod
     def of(cls, store: Store, answers: Answers, engine: EngineRecord) -> JudgedBefore | None:
-        """Return where the judgement of LAMMPS' answers lies; None for failures, which are judged at once."""
+        """Return the place of the judgement of LAMMPS' answers; None for failures, which are judged at once."""
         given = [outcome for outcome in answers.outcomes if isinstance(outcome, Answer)]
         if len(given) < len(answers.outcomes):
             return None
@@ -220,7 +220,7 @@ class JudgedBefore:
         return cls(store, key, sum(answer.seconds for answer in given))
 
     def find(self, folder: Path, answers: Answers) -> CaseRecord | None:
-        """Return the record, and put its arrays into a folder; None: to be judged.
+        """Return the record, and copy its arrays into a folder; None: not judged yet.
 
         LAMMPS is run again for its neighbour lists, if answers with these were judged.
         """

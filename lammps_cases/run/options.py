@@ -1,4 +1,4 @@
-"""The options of commands that run cases: plain declarations, for which nothing heavy is imported."""
+"""The options of commands that run cases: plain declarations, without heavy imports."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class CaseOptions:
 
     @property
     def paths(self) -> list[Path]:
-        """The case files and folders of the user."""
+        """Return the case files and folders of the user."""
         return paths(self.cases)
 
     @property
     def processes(self) -> int:
-        """The number of LAMMPS processes at a time."""
+        """Return the number of LAMMPS processes at a time."""
         return processes(self.jobs)
 
 
@@ -64,13 +64,13 @@ class LevelOptions:
 
     @property
     def level(self) -> FailOn:
-        """The least severity of known findings that fails."""
+        """Return the least severity of known findings that fails."""
         return "low" if self.strict else self.fail_on or "new"
 
 
 @dataclass(frozen=True)
 class RunOptions(LevelOptions, CaseOptions):
-    """What runs on which engine, and what fails."""
+    """What is run on which engine, and what fails."""
 
     names: Annotated[Names, Positional(NAMES, metavar="[CASE]...", complete="cases")] = ()
     _: KW_ONLY
@@ -87,7 +87,7 @@ class RunOptions(LevelOptions, CaseOptions):
 
 @dataclass(frozen=True)
 class CompareOptions(CaseOptions):
-    """On which cases sides are compared, and what counts as a change."""
+    """The cases on which sides are compared, and what counts as a change."""
 
     _: KW_ONLY
     strict: Annotated[bool, Option("Exit 1 also for different bits within the bounds.")] = False

@@ -31,19 +31,19 @@ class PreparedCase:
 
     @property
     def sides(self) -> list[tuple[Scene, Atoms]]:
-        """The scene and its particles, or those of the original and its twin."""
+        """Return the scene and its particles, or those of the original and its twin."""
         if self.twin is None:
             return [(self.case.scene, self.atoms)]
         return [(self.twin.scene, self.twin.atoms), (self.twin.other_scene, self.twin.other_atoms)]
 
     @property
     def jobs(self) -> list[Job]:
-        """The jobs for LAMMPS: one, or those of the original and its twin."""
+        """Return the jobs for LAMMPS: one, or those of the original and its twin."""
         return [job(scene, atoms, plan(scene)) for scene, atoms in self.sides]
 
     @property
     def reading_lists(self) -> list[Job]:
-        """The same jobs, read at every step with the neighbour lists."""
+        """Return the same jobs, read at every step with the neighbour lists."""
         return [job(scene, atoms, plan(scene), every_step=True, lists=True) for scene, atoms in self.sides]
 
 
@@ -57,13 +57,13 @@ def prepare(case: Case) -> PreparedCase:
     eos = None if case.scene.expect else case.scene.eos(case.where)
     atoms = build(case, eos)
     if case.scene.whole_model and not case.scene.expect:
-        reference_side.state(case.scene, atoms, case.where)  # refuses what has no meaning before LAMMPS sees it
+        reference_side.state(case.scene, atoms, case.where)  # rejects undefined input before LAMMPS sees it
     return PreparedCase(case, eos, atoms, twins.make(case, atoms) if case.scene.twin else None)
 
 
 @dataclass(frozen=True)
 class Answers:
-    """The outcomes of a case, by a LAMMPS at ``site``; what they do not hold LAMMPS is run again for."""
+    """The outcomes of a case, by a LAMMPS at ``site``, which is run again for missing data."""
 
     site: str | None
     ready: PreparedCase
@@ -71,7 +71,7 @@ class Answers:
 
     @classmethod
     def read(cls, site: str | None, ready: PreparedCase, kept: Kept) -> Answers:
-        """Read answers from files; LAMMPS is run again where a temporary file was deleted meanwhile."""
+        """Read answers from files; LAMMPS is run again if a temporary file no longer exists."""
 
         def outcome(each: Answer | KeptAnswer | Failure, job: Job) -> Answer | Failure:
             if not isinstance(each, KeptAnswer):
@@ -84,7 +84,7 @@ class Answers:
         return cls(site, ready, [outcome(*of) for of in zip(kept, ready.jobs, strict=True)])
 
     def with_lists(self) -> Outcomes:
-        """Return the outcomes with the neighbour lists of the same runs; nothing if these are other runs."""
+        """Return the outcomes with the neighbour lists of the same runs; empty if the runs differ."""
         return with_lists(self.site, self.ready, self.outcomes, self.ready.reading_lists)
 
     def at_every_step(self, lists: bool) -> Answer:
@@ -94,7 +94,7 @@ class Answers:
 
 
 def with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, reading: Sequence[Job]) -> Outcomes:
-    """Return outcomes with the lists that ``reading`` jobs read at every step; nothing if these are other runs."""
+    """Return outcomes with the lists that ``reading`` jobs read at every step; empty if the runs differ."""
     reread: Outcomes = []
     for (scene, _), outcome, every_step in zip(ready.sides, outcomes, reading, strict=True):
         if isinstance(outcome, Failure):
@@ -108,12 +108,12 @@ def with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, readin
 
 
 def _same(arrays: dict[str, Array], others: dict[str, Array]) -> bool:
-    """Return whether two runs have their particles, of which lists follow, in the same places."""
+    """Return whether the particles of two runs, on which the lists depend, are in the same places."""
     return all(arrays[name].tobytes() == others[name].tobytes() for name in ("id", "x"))
 
 
 def discard(kept: Kept) -> None:
-    """Delete the files of the answers of a case that is judged."""
+    """Delete the files of the answers of a judged case."""
     for each in kept:
         if isinstance(each, KeptAnswer):
             each.forget()

@@ -1,4 +1,4 @@
-"""Where a run comes from: engine, versions, machine, command."""
+"""Provenance of a run: engine, versions, machine, command."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lammps_cases.records.run_record import EngineRecord, RunRecord
 
 
 def engine_record(engine: Engine, who: dict[str, str] | Failure) -> EngineRecord:
-    """Return who answered (nothing is known of one that died), with the hash of its library."""
+    """Return the engine's identity (unknown if it died), with the hash of its library."""
     identity = {} if isinstance(who, Failure) else who
     return EngineRecord(name=engine.name, library_sha256=library_sha256(identity.get("library", "")), **identity)
 

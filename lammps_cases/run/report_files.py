@@ -23,7 +23,7 @@ from lammps_cases.report.page import Articles, Family, FamilyArticles, Making
 WHAT = "output folder"
 REPORT = {"run.json", "fields", "report.html", "summary.md", "junit.xml", folders.JOURNAL}
 SHARES = 4  # tasks for each worker that make articles: the largest first, so that all end at about the same time
-LIMIT = 600.0  # seconds that such a task may take
+LIMIT = 600.0  # seconds allowed for such a task
 
 
 @contextmanager
@@ -35,7 +35,7 @@ def output_folder(directory: Path, resume: bool | None = None) -> Iterator[Path]
     Raises
     ------
     InputError
-        It cannot be written, holds something else than a report, or another run is writing into it.
+        It cannot be written, holds something other than a report, or another run is writing into it.
     """
     if len(os.fsencode(directory.name)) > folders.LONGEST_NAME:
         raise InputError(WHAT, f"must have a name of at most {folders.LONGEST_NAME} bytes", str(directory))
@@ -55,7 +55,7 @@ def output_folder(directory: Path, resume: bool | None = None) -> Iterator[Path]
 
 
 def _foreign(directory: Path) -> bool:
-    """Return whether a folder holds anything that is not an earlier report, which would be lost with it."""
+    """Return whether a folder holds anything that is not an earlier report and would be lost with it."""
     names = {path.name for path in directory.iterdir()}
     if not names:
         return False
@@ -79,7 +79,7 @@ def write_run(
         if part("report", run.faults, made, None) is None:
             write_atomically(folder / "summary.md", formats.bare_summary(run))
             write_atomically(folder / "report.html", formats.bare_page(run))
-        write_atomically(folder / "run.json", run.to_json())  # last: it holds what the report lacks
+        write_atomically(folder / "run.json", run.to_json())  # last: it lists what the report lacks
 
 
 def write_kept_run(run: RunRecord, folder: Path, making: Making | None = None) -> None:
@@ -93,13 +93,13 @@ def write_kept_run(run: RunRecord, folder: Path, making: Making | None = None) -
 
 
 def past_of(run: RunRecord) -> Past | None:
-    """Return what the report of a run shows of the runs before it."""
+    """Return the earlier runs that the report of a run shows."""
     return part("history", run.faults, lambda: history.past(run), None)
 
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Make a report without a search for garbage, of which it leaves little: a fifth of the time."""
+    """Make a report without garbage collection: there is little garbage, and it would take a fifth of the time."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -110,7 +110,7 @@ def _uncollected() -> Iterator[None]:
 
 
 def write_partial(run: RunRecord, folder: Path) -> None:
-    """Write what there is in a moment of the report of an interrupted run; ``eos-ref report`` makes the page."""
+    """Write the quickly made parts of the report of an interrupted run; ``eos-ref report`` makes the page."""
 
     def made() -> tuple[str, bytes]:
         of_run = outcome(run)
@@ -130,7 +130,7 @@ def make_articles(site: str | None, families: Sequence[Family]) -> list[FamilyAr
 
 
 def begin_articles(workers: Workers, families: Sequence[Family]) -> Articles:
-    """Begin with the articles of a run; what no worker brings is made here when it is waited for."""
+    """Start making the articles of a run; those that no worker delivers are made here when waited for."""
     shares = article_shares(families, SHARES * workers.count)
     futures = [workers.call(make_articles, [families[k] for k in share], time_limit=LIMIT) for share in shares]
 
@@ -147,7 +147,7 @@ def begin_articles(workers: Workers, families: Sequence[Family]) -> Articles:
 
 
 def article_shares(families: Sequence[Family], most: int) -> list[list[int]]:
-    """Divide families, by their places, into about equal shares, the largest first."""
+    """Divide families, by their indices, into about equal shares, the largest first."""
     weights = [sum(entry.weight for entry in family.entries) for family in families]
     shares: list[list[int]] = [[] for _ in range(min(most, len(families)))]
     full = [0] * len(shares)

@@ -18,7 +18,7 @@ FOLDER = Path(__file__).parents[1]
 
 
 def scene_schema() -> dict[str, Any]:
-    """Return the schema of a case file; the scene's keys are optional, as patches of the matrix may bring them."""
+    """Return the schema of a case file; the scene's keys are optional, as patches of the matrix may provide them."""
     file, scene = CaseFile.model_json_schema(), Scene.model_json_schema()
     definitions = scene.pop("$defs")
     scene.pop("required")
@@ -29,7 +29,7 @@ def scene_schema() -> dict[str, Any]:
     file["properties"]["scene"] = {"$ref": "#/$defs/Scene"}
     axis = {"type": "object", "additionalProperties": {"$ref": "#/$defs/Patch"}}
     file["properties"]["matrix"]["additionalProperties"] = axis
-    # A patch gives parts of what a scene needs: none of its objects is complete. But a list of particles has x or
+    # A patch gives parts of a complete scene: none of its objects is complete. But a list of particles has x or
     # types, and a data file its name: without them, a spacing and periodic are those of a lattice.
     for definition in (
         "Lattice",
@@ -53,7 +53,7 @@ def run_schema() -> dict[str, Any]:
 
 
 def _with_infinities(schema: Any) -> Any:
-    """Admit, wherever a number may stand, what is written for one that is not finite."""
+    """Admit, wherever a number is allowed, the text written for NaN and infinity."""
     if isinstance(schema, list):
         return [_with_infinities(part) for part in schema]
     if not isinstance(schema, dict):

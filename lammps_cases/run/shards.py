@@ -1,6 +1,6 @@
-"""A run divided into shards, the same on every machine, and runs joined into one: shards, or runs of other cases.
+"""Division of a run into shards, the same on every machine, and merging of runs: shards, or runs of other cases.
 
-A shard is every n-th case, or a part of equal cost, by what each case was measured to cost.
+A shard is every n-th case, or a part of equal cost, from the measured cost of each case.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from lammps_cases.run.provenance import command_line
 from lammps_cases.run.report_files import output_folder, write_kept_run
 from lammps_cases.scene.casefile import Case
 
-NAMED = 100  # missing shards in a complaint
+NAMED = 100  # missing shards named in an error
 Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Costs(BaseModel):
-    """What cases cost, measured once and then the same for all shards."""
+    """The costs of cases, measured once and then the same for all shards."""
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True)
 
@@ -84,12 +84,12 @@ def balanced(seconds: Mapping[str, float], count: int) -> list[set[str]]:
 
 
 def divided(names: Iterable[str]) -> str:
-    """Return what all shards of a run have in common: a hash of the names of its cases."""
+    """Return the identity shared by all shards of a run: a hash of the names of its cases."""
     return hashlib.sha256("\n".join(sorted(names)).encode()).hexdigest()[:16]
 
 
 def check_complete(runs: Sequence[RunRecord]) -> None:
-    """Refuse shards that are not all there, or not of one run; runs that are not shards may be joined freely.
+    """Reject shards that are incomplete, or not of one run; runs that are not shards may be joined freely.
 
     Raises
     ------

@@ -29,9 +29,9 @@ if TYPE_CHECKING:  # imported where a table is made
 
 Arrays = dict[str, npt.NDArray[Any]]
 SIDES = ("lammps", "reference", "bound")
-OF_ALL = ("box", "step", "periodic")  # arrays that are of no single particle
+OF_ALL = ("box", "step", "periodic")  # arrays that do not belong to a single particle
 VALUE_COLUMNS = ("case", "step", "id", "type", "field", "component", *SIDES, "ratio", "verdict")
-# Units of length, mass, time and temperature; those of lj are what the user takes them for.
+# Units of length, mass, time and temperature; those of lj are defined by the user.
 BASE = {
     "lj": ("length", "mass", "time", "temperature"),
     "si": ("m", "kg", "s", "K"),
@@ -113,7 +113,7 @@ def findings(run: str | Path | RunRecord) -> pd.DataFrame:
 def particles(run: str | Path, case: str) -> pd.DataFrame:
     """Tabulate the particles of a case, one a row: id, type, position, density and both sides of every compared field.
 
-    Components of vectors and tensors have columns of their own: ``f/x.lammps``, ``grad/v/xy.bound``. Fields are those
+    Components of vectors and tensors have separate columns: ``f/x.lammps``, ``grad/v/xy.bound``. Fields are those
     of the step at which they come closest to their bounds, see ``.attrs["step"]``.
 
     Raises
@@ -143,9 +143,9 @@ def particles(run: str | Path, case: str) -> pd.DataFrame:
 def values(run: str | Path, select: str | Iterable[str] = "*") -> pd.DataFrame:
     """Tabulate every value compared, one a row: `VALUE_COLUMNS`.
 
-    ``step`` is the one at which the field comes closest to its bound (none for what is carried over a stop), and
-    ``verdict`` that of the field there; of every value by itself ``ratio``, the difference over the bound, says whether
-    it is inside (at most 1). Of a twin ``reference`` is the other run of LAMMPS.
+    ``step`` is the one at which the field comes closest to its bound (none for values carried over a stop), and
+    ``verdict`` that of the field there; for a single value ``ratio``, the difference over the bound, shows whether it
+    is inside (at most 1). For a twin ``reference`` is the other run of LAMMPS.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def write(frame: pd.DataFrame, path: str | Path) -> None:
     Raises
     ------
     InputError
-        Another ending, a file that cannot be written, or no pyarrow for Parquet.
+        Another suffix, a file that cannot be written, or no pyarrow for Parquet.
     """
     path = Path(path)
     try:
@@ -204,7 +204,7 @@ def write(frame: pd.DataFrame, path: str | Path) -> None:
 
 
 def unit(field: str, style: str, dimension: int) -> str:
-    """Return the unit of a field in a system of units: ``kg m^-1 s^-2``; 1 of counts, classes and ratios.
+    """Return the unit of a field in a system of units: ``kg m^-1 s^-2``; 1 for counts, classes and ratios.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def unit(field: str, style: str, dimension: int) -> str:
 
 
 def _product(style: str, powers: Dimension, dimension: int, own: str, temperature: int = 0) -> str:
-    """Return a unit of its own times powers of base units."""
+    """Return a separate unit times powers of base units."""
     of_base = (powers.mass, powers.length + dimension * powers.volume, powers.time, temperature)
     length, mass, time, kelvin = BASE[style]
     factors = [own] * bool(own)
@@ -280,7 +280,7 @@ def _unit(case: CaseRecord, field: str) -> str:
 
 
 def _step(case: CaseRecord, field: FieldRecord) -> int | None:
-    """Return the step of a field's arrays: of a law that after all steps, of input that before them."""
+    """Return the step of a field's arrays: for a law that after all steps, for input that before them."""
     if field.worst_step is not None:
         return field.worst_step
     laws = all(other.worst_step is None for other in case.fields)
@@ -291,7 +291,7 @@ def _long(case: CaseRecord, arrays: Arrays) -> Iterator[dict[str, Any]]:
     """Yield the columns of `values` for every component of every field that was compared for all particles."""
     for name in dict.fromkeys(field.field for field in case.fields):
         if f"{name}.bound" not in arrays:
-            continue  # an audit compared it for some atoms alone
+            continue  # an audit compared it only for some atoms
         sides = [np.asarray(arrays[f"{name}.{side}"], float) for side in SIDES]
         field = next(field for field in case.fields if field.field == name)
         one: dict[str, Any] = {"case": case.case, "field": name, "id": arrays["id"], "type": arrays["type"]}
@@ -305,14 +305,14 @@ def _verdicts(case: CaseRecord, field: FieldRecord, type_n: npt.NDArray[Any]) ->
     """Return the verdict of a field at the step of its arrays for every particle; that of its type in an audit."""
     at_step = next((at.verdict for at in field.steps if at.step == field.worst_step), field.verdict)
     verdict_n = np.full(len(type_n), at_step, "<U9")
-    for check in case.checks:  # the last look comes last
+    for check in case.checks:  # the last check comes last
         if check.field == field.field:
             verdict_n[type_n == check.type if check.type else slice(None)] = check.verdict
     return verdict_n
 
 
 def _components(*arrays: npt.NDArray[Any]) -> Iterator[tuple[str, list[npt.NDArray[Any]]]]:
-    """Yield the components of some fields of one shape, by their axes; "" of a scalar."""
+    """Yield the components of some fields of one shape, by their axes; "" for a scalar."""
     first = arrays[0]
     axes = itertools.product("xyz"[: first.shape[-1]] if first.ndim > 1 else "", repeat=first.ndim - 1)
     for at, axis in enumerate(axes):

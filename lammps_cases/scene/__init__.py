@@ -1,4 +1,4 @@
-"""A scene: everything that defines one case, as validated data. No raw LAMMPS text, so safe from strangers.
+"""A scene: everything that defines one case, as validated data. Without raw LAMMPS text it is safe from strangers.
 
 The models are the file format: `lammps_cases/scene/scene.schema.json` (for editors) is generated from them. Quantities
 are in the scene's LAMMPS units; energies are per unit mass.

@@ -1,4 +1,4 @@
-"""ASE in and out: extended XYZ files as scenes, pressures of an `ase.Atoms`, results as an `ase.Atoms`."""
+"""Conversion from and to ASE: extended XYZ files as scenes, pressures of an `ase.Atoms`, results as an `ase.Atoms`."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def as_atoms(arrays: dict[str, Any]) -> ase.Atoms:
 
     Types become chemical symbols in the order H, He, ... for viewers; the array ``type`` keeps the numbers. Arrays are
     named and shaped so that extended XYZ takes them: ``grad_v_lammps`` (n, 4) of ``grad/v.lammps`` (n, 2, 2), row by
-    row. The corner of the box, from which an `ase.Atoms` has none, is ``info["Origin"]``. Velocities and masses are in
-    the units of the scene, as everything else.
+    row. The corner of the box, which an `ase.Atoms` lacks, is ``info["Origin"]``. Velocities and masses are in the
+    units of the scene, like everything else.
     """
     import ase
 
@@ -68,7 +68,7 @@ def as_atoms(arrays: dict[str, Any]) -> ase.Atoms:
     if "mass" in arrays:  # a run of an earlier version has neither
         atoms.set_masses(arrays["mass"])
         atoms.set_velocities(arrays["v"])
-        atoms.set_array("velo", np.asarray(arrays["v"]))  # what OVITO takes for them in extended XYZ
+        atoms.set_array("velo", np.asarray(arrays["v"]))  # OVITO's name of velocities in extended XYZ
     for name in sorted(arrays):
         values = np.asarray(arrays[name])
         if name not in ("box", "x", "v", "mass", "periodic", "step"):
@@ -83,7 +83,7 @@ def read_extxyz(path: Path, scene: Scene) -> dict[str, Any]:
     Raises
     ------
     InputError
-        Unreadable, truncated, empty, without an orthogonal cell, or with particles outside of it.
+        Unreadable, truncated, empty, without an orthogonal cell, or with particles outside it.
     """
     arrays = _arrays(path)
     x_nc, cell_cc, place = arrays["positions"], arrays["cell"], path.name
@@ -139,13 +139,13 @@ def _read_with_ase(content: bytes, path: Path) -> dict[str, Any]:
 
     try:
         text = content.decode("utf-8")
-        if int(text.partition("\n")[0]) > text.count("\n"):  # ASE would ask for so many lines
+        if int(text.partition("\n")[0]) > text.count("\n"):  # ASE would read that many lines
             raise ValueError("it ends before the particles that its first line counts")
         atoms: Any = ase.io.read(io.StringIO(text), index=0, format="extxyz")
         arrays = {"positions": np.array(atoms.positions, float), "cell": atoms.cell.array, "pbc": np.asarray(atoms.pbc)}
         for name, kind in (("type", int), ("rho", float), ("e", float)):
             if name in atoms.arrays:
-                with np.errstate(invalid="ignore"):  # of a type that is NaN
+                with np.errstate(invalid="ignore"):  # from a type that is NaN
                     arrays[name] = np.asarray(atoms.arrays[name]).astype(kind)
                 if arrays[name].ndim != 1:
                     raise ValueError(f"{name} must hold one number per particle")

@@ -1,4 +1,4 @@
-"""Particles of a scene: positions, types and fields as arrays, the same doubles for both sides."""
+"""Particles of a scene: positions, types and fields as arrays, the same doubles for LAMMPS and the reference."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Atoms:
         return len(self.id_n)
 
     def within(self, box: Box) -> Atoms:
-        """Return the particles where they are, in another box along some axes."""
+        """Return the same particles in another box along some axes."""
         d = len(box.low_c)
         low_c, high_c = np.array([*box.low_c, *self.low_c[d:]]), np.array([*box.high_c, *self.high_c[d:]])
         xy, xz, yz = (*box.tilt, 0.0, 0.0, 0.0)[:3]
@@ -86,8 +86,8 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
     Parameters
     ----------
     eos : EOSTable or None
-        The reference's laws, against whose domain the densities are checked; None for a scene that LAMMPS is
-        expected to refuse.
+        The reference's laws, whose domain must contain the densities; None for a scene that LAMMPS is expected to
+        refuse.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def _build(case: Case, eos: EOSTable | None) -> Atoms:
         if isinstance(scene.positions, FromFile):
             _check_tilt_of_file(case, tilt)
         atoms = replace(atoms, tilt=(*tilt, *(0.0,) * (3 - len(tilt))))
-        if isinstance(scene.positions, Lattice):  # which fills the upright box
+        if isinstance(scene.positions, Lattice):  # it fills the upright box
             atoms = replace(atoms, x_nc=x_nc - atoms.box().shift(atoms.box().images(x_nc)))
     if scene.interacts:
         _check_positions(case, atoms)
@@ -183,7 +183,7 @@ def _listed(listed: Listed, dimension: int) -> dict[str, Any]:
 def _region_types(case: Case, lattice: Lattice, place_nc: FloatArray) -> IntArray:
     """Return the types of all sites, given in fractions of the lattice; 0 where there is no particle.
 
-    The types that no region names are dealt out to the sites that no region takes (type 1 if there are none).
+    Types named by no region are dealt out to the sites in no region (type 1 if no type is left).
     """
     type_n = np.full(len(place_nc), -1)
     for region in lattice.regions:
@@ -218,7 +218,7 @@ def _velocities(case: Case, type_n: IntArray, of_file_nc: FloatArray | None) -> 
 
 
 def _check_positions(case: Case, atoms: Atoms) -> None:
-    """Check that particles that interact lie in the box, and not on top of one another."""
+    """Check that interacting particles lie in the box, and not on top of one another."""
     x_nc, low_c, high_c, periodic = atoms.x_nc, atoms.low_c, atoms.high_c, atoms.periodic
     outside = np.flatnonzero(atoms.box().outside(x_nc))
     if outside.size:
@@ -292,7 +292,7 @@ def _column(folder: Path, table: ValueTable, key: str) -> FloatArray:
     except (InputError, csv.Error) as error:
         rule = error.rule if isinstance(error, InputError) else f"cannot be read: {error}"
         raise InputError("table", rule, name, key, key) from None
-    names = [name for name in rows[0] if name] if rows else []  # None: of what stands beyond the last column
+    names = [name for name in rows[0] if name] if rows else []  # None: values beyond the last column
     if column not in names:
         raise InputError("column", f"must be one of {', '.join(names) or 'none (no rows)'}", column, key, key)
     values_n = np.empty(len(rows))
@@ -345,7 +345,7 @@ def _check_fields(
 
 
 def _from_file(case: Case, positions: FromXYZ | FromData | FromDump) -> dict[str, Any]:
-    """Return the particles of a scene's file: x, low, high, periodic, spacing and what else it holds."""
+    """Return the particles of a scene's file: x, low, high, periodic, spacing and the other arrays it holds."""
     folder, scene = case.source.parent, case.scene
     if isinstance(positions, FromXYZ):
         from lammps_cases.scene.ase_io import read_extxyz
@@ -367,7 +367,7 @@ def _from_file(case: Case, positions: FromXYZ | FromData | FromDump) -> dict[str
 
 
 def _check_tilt_of_file(case: Case, tilt: tuple[float, ...]) -> None:
-    """Check what a scene that gives its box itself is checked for when it is read."""
+    """Apply the box checks once the box is known from the file."""
     twin, evolve = case.scene.twin, case.scene.evolve
     translated = twin is not None and twin.translate is not None
     if translated or (evolve and (evolve.deform or any(stop.stretch for stop in evolve.stops))):

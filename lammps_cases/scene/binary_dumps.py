@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from eos_ref.errors import InputError
 
-WORD = b"DUMP"  # with which the word begins
+WORD = b"DUMP"  # first bytes of the word
 LONGEST = 64  # characters of that word
 ORDER, REVISION = 1, 2
 
@@ -36,7 +36,7 @@ class BinarySnapshot(NamedTuple):
 
 
 def is_binary(content: bytes) -> bool:
-    """Return whether a file begins as a binary dump does."""
+    """Return whether a file begins like a binary dump."""
     return len(content) >= 12 and -LONGEST <= struct.unpack_from("<q", content)[0] < 0 and content[8:12] == WORD
 
 
@@ -46,7 +46,7 @@ def snapshots(content: bytes) -> Iterator[BinarySnapshot]:
     Raises
     ------
     InputError
-        Of another byte order, or of a LAMMPS before 2021, whose dumps do not name their columns.
+        Another byte order, or a LAMMPS before 2021, whose dumps do not name their columns.
     Short
     """
     reader = _Reader(content)

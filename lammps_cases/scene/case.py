@@ -1,4 +1,4 @@
-"""All of a scene, and what its parts have to do with each other."""
+"""The scene model and the checks across its parts."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from lammps_cases.scene.runs import AS_TEXT, FOR_EACH_ATOM, LOSES_MASSES, Engine
 from lammps_cases.scene.settings import DeformSettings, Evolve, ForceSettings, PairSettings, RheoSettings
 from lammps_cases.scene.values import BrokenRule, SceneModel
 
-METHOD_KEYS = ("method", "tolerance")  # of the Python interface; a scene is judged by the reference's own body
+METHOD_KEYS = ("method", "tolerance")  # of the Python interface; a scene is judged with the reference's own method
 MAX_ATOMS = 10_000_000
-# Where rules of what goes on in time are broken.
+# Locations of broken rules about time steps.
 STOPS, DEFORM = ("evolve", "stops"), ("evolve", "deform")
 
 
@@ -75,7 +75,7 @@ class Scene(SceneModel):
     @model_validator(mode="before")
     @classmethod
     def _without_method(cls, content: Any) -> Any:
-        """Refuse the keys that choose a method, and name the place where one is chosen."""
+        """Reject the keys that choose a method, and name the location of one."""
         for key in METHOD_KEYS:
             if isinstance(content, Mapping) and key in content:
                 raise BrokenRule(
@@ -128,7 +128,7 @@ class Scene(SceneModel):
         try:
             same = self._says(example)
         except InputError:
-            return  # the line is against the manual's own syntax: nothing can say the same
+            return  # the line violates the manual's own syntax: no keys can state the same
         if not same:
             raise BrokenRule("the keys of the scene must say what the manual's line says", "example")
 
@@ -222,7 +222,7 @@ class Scene(SceneModel):
         if stops and (not self.whole_model or self.expect):
             raise BrokenRule("stops compares fields of the whole model: it needs more in compare than pressure", *STOPS)
         if stops and self.twin:
-            raise BrokenRule("stops go with no twin, whose runs are held against each other", *STOPS)
+            raise BrokenRule("stops go with no twin, whose runs are compared with each other", *STOPS)
         for stop in stops:
             if stop.by in FOR_EACH_ATOM and self.engine.ranks > 1:
                 raise BrokenRule(
@@ -247,7 +247,8 @@ class Scene(SceneModel):
     def _check_replaced(self) -> None:
         if not (self.rho0 and self.cs):
             raise BrokenRule("stops: replaced needs rho0 and cs, in whose place others come", *STOPS)
-        if self.rheo.interface_reconstruct or self.rheo.rho_sum:  # the evaluation with others leaves other densities
+        # The evaluation with the replaced values leaves other densities.
+        if self.rheo.interface_reconstruct or self.rheo.rho_sum:
             raise BrokenRule("stops: replaced goes with neither interface_reconstruct nor rho_sum", *STOPS)
 
     def _check_stretch(self, stretch: Stretch) -> None:
@@ -364,14 +365,14 @@ class Scene(SceneModel):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The other files that a scene is read from."""
+        """Return the other files that a scene is read from."""
         positions = (self.positions.file,) if isinstance(self.positions, FromFile) else ()
         tables = (values.table for values in (self.mass, self.rho, self.energy) if values)
         return (*positions, *(table.csv for table in tables if table))
 
     @property
     def whole_model(self) -> bool:
-        """Return whether the particle model is compared, not the equation of state alone."""
+        """Return whether the particle model is compared, not only the equation of state."""
         return self.compare != ("pressure",) or (self.evolve is not None and self.evolve.compare_at is not None)
 
     @property
@@ -386,14 +387,14 @@ class Scene(SceneModel):
 
     @property
     def snapshots(self) -> tuple[int, ...]:
-        """Return the steps at which fields are compared; those of an equation of state at the end alone."""
+        """Return the steps at which fields are compared; for an equation of state, only the last one."""
         if self.evolve is None:
             return (0,)
         return self.evolve.snapshots if self.whole_model else (self.evolve.steps,)
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Return LAMMPS' own count at the steps at which fields are compared; `reset_timestep` may set it."""
+        """Return LAMMPS' own count at the compared steps; `reset_timestep` may set it."""
         return self.evolve.counted(self.snapshots) if self.evolve else self.snapshots
 
     def eos(self, where: str = "") -> EOSTable:

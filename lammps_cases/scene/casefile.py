@@ -2,7 +2,7 @@
 
 A file holds ``name``, ``about``, ``tags``, a ``scene`` and, optionally, a ``matrix``: axes of named patches that are
 merged into the scene (``key+`` appends to a list, null removes), every combination one case ``name.label1.label2``.
-``exercises`` names the changes of the reference (`lammps_cases.scene.changes`) that its cases have to see, by
+``exercises`` names the changes of the reference (`lammps_cases.scene.changes`) that its cases must detect, by
 patterns of their labels.
 """
 
@@ -37,7 +37,7 @@ SHIPPED = DATA / "cases"
 
 @dataclass(frozen=True)
 class Case:
-    """One case: a scene with a name, where it comes from, its seed (the name itself), and the changes it has to see."""
+    """One case: a scene with a name, its source, its seed (from the name), and the changes that it must detect."""
 
     name: str
     about: str
@@ -49,16 +49,16 @@ class Case:
 
     @property
     def labels(self) -> list[str]:
-        """Return the labels of the matrix that make it."""
+        """Return the labels of its place in the matrix."""
         return self.name.split(".")[1:]
 
     @property
     def where(self) -> str:
-        """Return the place for messages: file and case."""
+        """Return the location for messages: file and case."""
         return f"{self.source.name}, case {self.name}"
 
     def by(self, manual: Manual) -> Case:
-        """Return the case with the manual's version that the reference is to follow."""
+        """Return the case for the version of the manual that the reference is to follow."""
         if manual == self.scene.manual:
             return self
         return replace(self, scene=self.scene.model_copy(update={"manual": manual}))
@@ -71,7 +71,7 @@ class Case:
 
 
 def _offer_changes(schema: dict[str, Any]) -> None:
-    """Have editors complete the changes; a wrong one has a complaint of its own."""
+    """Let editors complete the changes; the check of a wrong one has its own message."""
     schema["additionalProperties"]["items"]["enum"] = list(catalogue())
 
 
@@ -159,7 +159,7 @@ def _check_name(name: str, source: Source, keys: Keys, at_key: bool = False) -> 
 
 
 def _of_scenes(data: Mapping[str, Any], source: Source) -> list[Complaint]:
-    """Return what is wrong with the scenes of a file that has other mistakes, too, as far as there are scenes."""
+    """Return the mistakes in the scenes of a file that also has other mistakes, as far as there are scenes."""
     try:
         file = CaseFile.model_validate({"name": "unnamed", "about": ""} | {k: data[k] for k in data if k in SCENES})
     except ValidationError:
@@ -174,7 +174,7 @@ def _of_scenes(data: Mapping[str, Any], source: Source) -> list[Complaint]:
 
 
 def _combined(file: CaseFile, source: Source) -> Iterator[Combination]:
-    """Yield the scenes that a file makes, as they are written.
+    """Yield the scenes that a file makes, as written.
 
     Raises
     ------
@@ -212,7 +212,7 @@ def _exercises(file: CaseFile, name: str) -> tuple[str, ...]:
 
 
 def _check_exercises(file: CaseFile, names: Sequence[str], source: Source) -> None:
-    """Check that a file's patterns are of its cases, and its changes in the catalogue.
+    """Check that a file's patterns match its cases, and that its changes are in the catalogue.
 
     Raises
     ------
@@ -229,7 +229,7 @@ def _check_exercises(file: CaseFile, names: Sequence[str], source: Source) -> No
 
 
 def _case(file: CaseFile, made: Combination, source: Source, shipped: bool) -> Case:
-    def where(*keys: str) -> str:  # of a mistake alone: to find a place takes as long as to read the file
+    def where(*keys: str) -> str:  # only for mistakes: finding a location takes as long as reading the file
         return source.place(keys, made.labels) + (f", case {made.case}" if made.labels else "")
 
     scene = Scene.model_validate(made.content)
@@ -250,7 +250,7 @@ def _case(file: CaseFile, made: Combination, source: Source, shipped: bool) -> C
 def load(paths: Sequence[Path] = (), tag: str | None = None) -> list[Case]:
     """Return all cases of some files and folders (default: those shipped), sorted by name.
 
-    Of those shipped a ``tag`` leaves out what cannot have it: files that do not say the word are not read.
+    With a ``tag``, shipped files that do not contain the word are not read.
 
     Raises
     ------
@@ -266,7 +266,7 @@ def load(paths: Sequence[Path] = (), tag: str | None = None) -> list[Case]:
 
 @functools.cache
 def _shipped(word: str = "") -> tuple[Case, ...]:
-    """Return the cases that come with the package, which do not change while it runs, of files that say a word."""
+    """Return the cases that come with the package, fixed while it runs, from files that contain a word."""
     return tuple(_load([path for path in _files([SHIPPED]) if word in path.read_text(encoding="utf-8")], shipped=True))
 
 
@@ -276,7 +276,7 @@ def _files(paths: Sequence[Path]) -> list[Path]:
     Raises
     ------
     InputError
-        There is none.
+        No case files.
     """
     files: list[Path] = []
     for path in paths:
@@ -303,7 +303,7 @@ def _load(files: Sequence[Path], shipped: bool) -> list[Case]:
 
 
 def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = None) -> list[Case]:
-    """Return the cases by name or wild-card pattern and by tag; without either, all that are not tagged long.
+    """Return the cases by name or wildcard pattern and by tag; without either, all that are not tagged long.
 
     A name also selects the cases below it: ``near-rho0`` selects ``near-rho0.linear.2d``.
 
@@ -336,7 +336,7 @@ def only(cases: Sequence[Case], name: str) -> Case:
     Raises
     ------
     InputError
-        There is none, or more than one.
+        No case, or more than one.
     """
     chosen = select(cases, (name,))
     if len(chosen) > 1:

@@ -32,7 +32,7 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class Change:
-    """One way in which the reference could be wrong; `lammps_cases.comparison.changed` makes it.
+    """One way in which the reference could be wrong; `lammps_cases.comparison.changed` applies it.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Change:
         an edit of the source:
     function : the function or method, ``eos_ref.MODULE:NAME``
     replace, by : the expression or the statements in it, and those in their place
-    at : which of several matches, from 1 on; None: there is exactly one
+    at : the number of the match, from 1; None: there is exactly one
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")

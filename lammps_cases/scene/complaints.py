@@ -1,4 +1,4 @@
-"""What is wrong with a case file, in the words of the file: key, rule, value, line and column; all of it at once."""
+"""Mistakes in a case file, all at once, in terms of the file: key, rule, value, line and column."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from lammps_cases.records.yaml_files import FlowText, compose, flow, position
 from lammps_cases.scene.values import BrokenRule
 
 Keys = tuple[str | int, ...]  # from the top of the file
-MANY = 12  # values that a key can have, beyond which only the nearest is named
-# pydantic's types of errors in words of YAML: a verb, which alternatives share, and the rest.
+MANY = 12  # allowed values of a key, beyond which only the nearest is named
+# pydantic's types of errors in terms of YAML: a verb, which alternatives share, and the rest.
 RULES = {
     "missing": ("", "is required"),
     "extra_forbidden": ("", "unknown key"),
@@ -56,7 +56,7 @@ class Complaint:
     Attributes
     ----------
     rules : what is valid, by verb (or none); any of them will do
-    below : keys in that part that the rules speak of
+    below : keys in that part that the rules concern
     mark : line and column, from 0
     case : the case of a matrix that breaks it
     """
@@ -71,21 +71,21 @@ class Complaint:
 
     @property
     def rule(self) -> str:
-        """Return the rules as a sentence, in which a verb that is the first's is said once."""
+        """Return the rules as a sentence, joining rules that share a verb."""
         (verb, _), *_ = self.rules
         more = (text if each == verb else f"{each} {text}".strip() for each, text in self.rules)
         either = f"{verb} {' or '.join(more)}".strip()
-        return re.sub(r"(?<=') or (?='[^']*' or ')", ", ", either)  # of words in a choice within a choice
+        return re.sub(r"(?<=') or (?='[^']*' or ')", ", ", either)  # for words in a choice within a choice
 
     @property
     def what(self) -> str:
-        """Return the key as complaints name it: from the scene on."""
+        """Return the key as named in messages: from the scene on."""
         return ".".join(map(str, self.keys[self.keys[:1] == ("scene",) :])) or "scene"
 
 
 @dataclass(frozen=True)
 class Combination:
-    """A scene that a file makes, as it is written: its case, the labels of the matrix, tags."""
+    """A scene that a file makes, as written: its case, the labels of the matrix, tags."""
 
     case: str
     labels: tuple[str, ...]
@@ -94,7 +94,7 @@ class Combination:
 
 
 class Source:
-    """A case file's text, for the lines of what is in it."""
+    """A case file's text, for the line numbers of its content."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -112,11 +112,11 @@ class Source:
         return f"{self.path}, {position(*mark)}"
 
     def mark(self, keys: Keys, labels: Sequence[str] = (), at_key: bool = False) -> tuple[int, int]:
-        """Return line and column, from 0, of a value, or of its key; of what it is missing in, if it is not there.
+        """Return line and column, from 0, of a value or of its key, or of the mapping that lacks it.
 
         Parameters
         ----------
-        labels : of the patches that a matrix puts over the scene
+        labels : of the patches that a matrix applies to the scene
         """
         nodes, mark = [self._root], self._root.start_mark
         for depth, part in enumerate(keys, 1):
@@ -132,7 +132,7 @@ class Source:
     def key(self, key: str, labels: Sequence[str]) -> str:
         """Return file, line and column of a key of a scene or of its positions, or else of the positions."""
         mark = self.mark(("scene", key), labels)
-        if mark == self.mark(("scene",), labels):  # there is no such key
+        if mark == self.mark(("scene",), labels):  # no such key
             mark = self.mark(("scene", "positions", key), labels)
         return f"{self.path.name}, {position(*mark)}"
 
@@ -145,8 +145,8 @@ class Source:
 def _below(nodes: Sequence[yaml.Node], part: str | int) -> tuple[yaml.Node | None, list[yaml.Node]]:
     """Return the last node of a key and the nodes of its value, in mappings each of which patches those before.
 
-    As `lammps_cases.scene.casefile.merge` has it: mappings are joined, ``key+`` is put behind a list,
-    and anything else stands instead of what was there.
+    As in `lammps_cases.scene.casefile.merge`, mappings are joined, ``key+`` is appended to a list,
+    and anything else replaces the old value.
     """
     if isinstance(part, int):
         members = [each for node in nodes if isinstance(node, yaml.SequenceNode) for each in node.value]
@@ -165,7 +165,7 @@ def _below(nodes: Sequence[yaml.Node], part: str | int) -> tuple[yaml.Node | Non
 
 
 def complaints(error: ValidationError, content: Any, source: Source) -> list[Complaint]:
-    """Return what pydantic finds wrong with a file, or with a scene that it makes."""
+    """Return pydantic's errors about a file, or about a scene that it makes."""
     made = content if isinstance(content, Combination) else None
     content, under, labels = (content, (), ()) if made is None else (made.content, ("scene",), made.labels)
     case = made.case if made and labels else ""
@@ -177,7 +177,7 @@ def complaints(error: ValidationError, content: Any, source: Source) -> list[Com
     for (place, _), of_alternative in grouped.items():
         best.setdefault(place, []).append(of_alternative)
     wrong: list[Complaint] = []
-    for alternatives in best.values():  # of a value that may be this or that: what is the least trouble
+    for alternatives in best.values():  # for a value with alternatives: the one with the fewest errors
         least = min(map(len, alternatives))
         wrong += [each for alternative in alternatives if len(alternative) == least for each in alternative]
     at_key = ("extra_forbidden", "invalid_key")
@@ -188,9 +188,9 @@ def complaints(error: ValidationError, content: Any, source: Source) -> list[Com
 
 
 def _keys(loc: tuple[str | int, ...], content: Any, kind: str) -> tuple[Keys, tuple[int, str]]:
-    """Return the keys of a place of pydantic's, and the alternative that it speaks of, with the keys before that.
+    """Return the keys of pydantic's location, and the alternative that it concerns, with the keys before that.
 
-    Parts of the place that are no keys of the content are pydantic's names of alternatives and validators.
+    Parts of the location that are not keys of the content are pydantic's names of alternatives and validators.
     """
     keys: list[str | int] = []
     alternative = (0, "")
@@ -222,8 +222,8 @@ def _complaint(error: ErrorDetails, keys: Keys) -> Complaint:
 
 
 def _of_validator(error: ValueError, keys: Keys, value: Any) -> Complaint:
-    """Say what a validator refuses: a rule of a scene, or of what the reference reads of it."""
-    if not isinstance(error, BrokenRule):  # says itself what is there
+    """Format a validation error: a rule of a scene, or of the reference's input."""
+    if not isinstance(error, BrokenRule):  # its text includes the value
         return Complaint(keys, (("", str(error)),))
     found = flow(value) if error.found is None and not isinstance(value, dict) else error.found
     shown = found if error.found is None else FlowText(found)
@@ -231,7 +231,7 @@ def _of_validator(error: ValueError, keys: Keys, value: Any) -> Complaint:
 
 
 def _inside(path: Keys, content: Any) -> Keys:
-    """Return some keys, as far as they are in a content."""
+    """Return the leading keys that exist in a content."""
     keys: Keys = ()
     for part in path:
         if not isinstance(content, Mapping) or part not in content:
@@ -259,17 +259,17 @@ def _with_hint(complaint: Complaint, words: Sequence[str]) -> Complaint:
 
 
 class Format:
-    """The keys that a case file can hold, by the schema of the file."""
+    """The keys that a case file can hold, from the schema of the file."""
 
     def __init__(self, schema: Mapping[str, Any]) -> None:
         self._schema = schema
 
     def sibling_keys(self, keys: Keys) -> set[str]:
-        """Return the keys that can stand where some key stands."""
+        """Return the keys allowed at the location of a key."""
         return set(self._children(self._level(keys[:-1])))
 
     def words(self, keys: Keys) -> list[str]:
-        """Return the words that the value of some key can be."""
+        """Return the words allowed as the value of a key."""
         return list(dict.fromkeys(word for node in self._level(keys) for word in self._words(node)))
 
     def _level(self, keys: Keys) -> list[Any]:
@@ -285,7 +285,7 @@ class Format:
             yield from self._words(part)
 
     def homes(self, name: str) -> list[tuple[str, ...]]:
-        """Return the keys under which a key can stand."""
+        """Return the keys under which a key is allowed."""
         return list(dict.fromkeys(place for place, key in self._places([self._schema], ()) if key == name))
 
     def _places(self, level: Sequence[Any], place: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -320,7 +320,7 @@ def _parts(node: Mapping[str, Any]) -> list[Any]:
 
 
 def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
-    """Return complaints with unknown keys first, and what was probably meant; a key so meant is not missing, too."""
+    """Return complaints with unknown keys first, with suggestions; a suggested key is not reported as missing, too."""
     missing = {each.keys for each in every if each.kind == "missing"}
     first, meant = list[Complaint](), set[Keys]()
     for each in every:
@@ -333,7 +333,7 @@ def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
         for each in every
         if each.kind != "extra_forbidden" and each.keys not in meant
     ]
-    # A list that is too short has perhaps but bad members.
+    # A list that is too short may just have bad members.
     above = {each.keys[:at] for each in others for at in range(len(each.keys))}
     rest = [each for each in others if each.kind != "too_short" or each.keys not in above]
     return [each for part in (first, rest) for each in sorted(part, key=lambda each: each.mark)]
@@ -358,7 +358,7 @@ def _meant(keys: Keys, missing: set[Keys], allowed: Format) -> tuple[str, Keys]:
 
 
 def refused(every: Sequence[Complaint], source: Source) -> InputError:
-    """Return complaints about a file as one exception: what stands in one place once, for the first case it is of."""
+    """Return complaints about a file as one exception, merged by location: each location once, for its first case."""
     once: dict[tuple[Any, ...], InputError] = {}
     for each in every:
         place = source.said(each.mark) + (f", case {each.case}" if each.case else "")

@@ -1,6 +1,6 @@
-"""The fields that a scene can compare: what LAMMPS shows of each quantity of the model, and how it is judged.
+"""The fields that a scene can compare: LAMMPS' output for each quantity of the model, and how it is judged.
 
-What a field is - its rank and dimension, what it is computed from - says `eos_ref.model.quantities`.
+Rank, dimension and inputs of a field are defined in `eos_ref.model.quantities`.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ VIRIAL = "LAMMPS computes virials only on steps for which they were requested in
 
 @dataclass(frozen=True)
 class Field:
-    """What LAMMPS shows of a quantity.
+    """LAMMPS' output for a quantity.
 
     Attributes
     ----------
     name : of the quantity
     stage : of a time step, which is blamed for a difference
-    column : of compute rheo/property/atom; empty if there is none
-    array : of the atom style, or of its properties; empty if there is none
-    compute : another compute that shows it, by its style and arguments; empty if there is none
+    column : of compute rheo/property/atom; empty without one
+    array : of the atom style, or of its properties; empty without one
+    compute : another compute that shows it, by its style and arguments; empty without one
     overall : whether that compute has one number or tensor for all atoms, which each of them gets
     unaudited : why no audit can check it; None if the audit has the same array under another name
-    of_solids : whether it is a number of solids alone, 0 for fluid; LAMMPS' phases are read with it
+    of_solids : whether it exists only for solids, and is 0 for fluid; LAMMPS' phases are read with it
     """
 
     name: str
@@ -64,16 +64,16 @@ class Field:
 
     @property
     def key(self) -> str:
-        """Return the name of its array among those read after a job: of the compute ``q`` where that has it."""
+        """Return the name of its array among those read after a job: that of the compute ``q`` if it has one."""
         return f"q.{self.name}" if self.column else self.array or self.compute_id
 
     @property
     def compute_id(self) -> str:
-        """Return the id of its own compute, by which its array is named, too."""
+        """Return the id of its own compute, also the name of its array."""
         return f"own_{self.name.replace('/', '_')}"
 
     def words(self) -> str:
-        """Return its words in the compute's command; ``NAME/*`` expands to components, those in the plane in 2D."""
+        """Return its words in the compute's command; ``NAME/*`` expands to components, in 2D to those in the plane."""
         return self.column + "/*" * (self.quantity.rank > 0) + " phase" * self.of_solids
 
     def shape(self, dimension: int) -> tuple[int, ...]:
@@ -81,7 +81,7 @@ class Field:
         return (2,) if self.of_solids else (dimension,) * self.quantity.rank
 
     def of(self, arrays: Mapping[str, Any], dimension: int) -> Any:
-        """Return its values among the arrays of a job, vectors with as many axes as dimensions."""
+        """Return its values from the arrays of a job, vectors with as many axes as dimensions."""
         array = arrays[self.key]
         return array[:, 0] * array[:, 1] if self.of_solids else self.planar(array, dimension)
 
@@ -103,8 +103,8 @@ def _column(name: str, stage: Stage, array: str = "", unaudited: str = "") -> Fi
     return Field(name, stage, name, array, unaudited)
 
 
-# In the order in which a step computes them, and a difference is blamed; after the first step the state comes out at
-# the end, but for positions and phases, which an evaluation begins with, and densities of walls, which it makes.
+# In the order in which a step computes them, by which a difference is blamed; after the first step the state is final
+# at the end, except positions and phases, which an evaluation starts from, and densities of walls, which it computes.
 FIELDS: dict[str, Field] = {
     field.name: field
     for field in (
@@ -153,11 +153,11 @@ def place(name: str) -> int:
 
 
 def in_step_order(names: Iterable[str]) -> list[str]:
-    """Return the fields in the order of a step, other names behind them."""
+    """Return the fields in the order of a step, followed by other names."""
     return sorted(names, key=lambda name: (place(name), name))
 
 
 if TYPE_CHECKING:
     FieldName = str
 else:
-    FieldName = Literal[tuple(FIELDS)]  # what a scene may name
+    FieldName = Literal[tuple(FIELDS)]  # the names that a scene may use

@@ -22,7 +22,7 @@ from lammps_cases.scene import Scene, binary_dumps
 
 Array = npt.NDArray[Any]
 LARGEST = 2048 * MIB
-GZIP, HEAD = b"\x1f\x8b", 100  # the first bytes of a file of gzip, and how many tell a binary one
+GZIP, HEAD = b"\x1f\x8b", 100  # magic number of gzip, and the number of bytes that identify a binary file
 SOLID = 1  # bit of the status of a particle
 STYLES = {
     "rheo": ("id", "type", "status", "rho", "x", "y", "z"),
@@ -36,7 +36,7 @@ _SECTION = re.compile(r"([A-Z][A-Za-z ]*?)\s*(?:#\s*(\S+))?\s*$")
 
 
 class CutOff(InputError):
-    """A file ends within a snapshot; ``found`` says what there is of it."""
+    """A file ends within a snapshot; ``found`` says how much of it there is."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class FileSnapshot:
     periodic : one flag per axis; all true where the file does not say
     tilt : xy, xz and yz, or nothing
     columns : values by the names of the file, (n,), as text, or numbers of a binary file
-    exact : whether these are LAMMPS' own numbers, in place of their printed digits
+    exact : whether these are LAMMPS' own numbers, not printed digits
     """
 
     step: int
@@ -62,12 +62,12 @@ class FileSnapshot:
     exact: bool = False
 
     def numbers(self, name: str, kind: type = float) -> Array:
-        """Return a column as numbers, of kind int as whole numbers; NaN and infinity are such of kind float.
+        """Return a column as numbers, whole ones for kind int; NaN and infinity are allowed for kind float.
 
         Raises
         ------
         InputError
-            There is no such column, or not all of it are numbers.
+            No such column, or not all of its values are numbers.
         """
         if name not in self.columns:
             raise InputError("column", f"must be one of {', '.join(self.columns)}{nearest(name, self.columns)}", name)
@@ -82,7 +82,7 @@ class FileSnapshot:
             raise self._refused(name, f"must hold {'whole ' * (kind is int)}numbers", wrong) from None
 
     def finite(self, name: str) -> Array:
-        """Return a column as finite numbers; raises as `numbers`, also of NaN and infinity."""
+        """Return a column as finite numbers; raises as `numbers`, also for NaN and infinity."""
         values_n = self.numbers(name)
         for wrong in np.flatnonzero(~np.isfinite(values_n)).tolist():
             raise self._refused(name, "must hold finite numbers", wrong)
@@ -99,7 +99,7 @@ class FileSnapshot:
 
 
 def read_data(path: Path, scene: Scene, periodic: tuple[bool, ...] | None) -> dict[str, Any]:
-    """Return the particles of a data file, by id: what a scene takes of them.
+    """Return the particles of a data file, by id: the arrays that a scene takes.
 
     Returns
     -------
@@ -127,12 +127,12 @@ def read_dump(path: Path, scene: Scene, step: int | None, named: Mapping[str, st
     step : int or None
         Of the snapshot; the last one unless given.
     named : mapping
-        Columns that hold rho and energy where they are not called so.
+        Columns that hold rho and energy under other names.
 
     Raises
     ------
     InputError
-        As `read_data`; or there is no such snapshot or column.
+        As `read_data`; or no such snapshot or column.
     """
     with _at(path.name):
         every = list(snapshots(path))
@@ -172,7 +172,7 @@ def _box(snapshot: FileSnapshot, scene: Scene) -> dict[str, Any]:
 
 
 def data_file(path: Path) -> FileSnapshot:
-    """Read a data file of an atom style of RHEO; its columns are those of `STYLES`, and vx, vy, vz if they are there.
+    """Read a data file of an atom style of RHEO; its columns are those of `STYLES`, and vx, vy, vz if present.
 
     Raises
     ------
@@ -230,7 +230,7 @@ def snapshots(path: Path) -> Iterator[FileSnapshot]:
             raise CutOff("dump", WHOLE, str(short)) from None
         return
     text = _plain(content)
-    *whole, rest = text.split("\n")  # LAMMPS ends every line: of one without an end, a part may be missing
+    *whole, rest = text.split("\n")  # LAMMPS ends every line: part of a line without an end may be missing
     lines = iter(line.removesuffix("\r") for line in whole)
     for line in lines:
         if line.split() != ["ITEM:", "TIMESTEP"]:
@@ -292,7 +292,7 @@ def arrays(snapshot: FileSnapshot, named: Mapping[str, str]) -> dict[str, Array]
     Parameters
     ----------
     named : mapping
-        Columns that hold rho and energy (of the whole particle) where they are not called so.
+        Columns that hold rho and energy (of the whole particle) under other names.
     """
     number = snapshot.finite
     id_n = snapshot.numbers("id", int)
@@ -311,7 +311,7 @@ def arrays(snapshot: FileSnapshot, named: Mapping[str, str]) -> dict[str, Array]
 
 
 def _unpacked(path: Path) -> bytes:
-    """Return the content of a dump, of one compressed by gzip as well."""
+    """Return the content of a dump, decompressed if needed."""
     content = _bytes(path)
     if content.startswith(GZIP):
         try:
@@ -351,7 +351,7 @@ def _text(path: Path) -> str:
 
 
 def _sections(lines: Sequence[str]) -> tuple[list[str], dict[str, tuple[str, list[str]]]]:
-    """Return the lines of the header, and by its name the style and the lines of each section."""
+    """Return the lines of the header, and style and lines of each section by its name."""
     header: list[str] = []
     sections: dict[str, tuple[str, list[str]]] = {}
     rows = header
@@ -365,7 +365,7 @@ def _sections(lines: Sequence[str]) -> tuple[list[str], dict[str, tuple[str, lis
 
 
 def _table(rows: Sequence[str], section: str, *widths: int) -> Array:
-    """Return rows as text, all with one of the numbers of columns."""
+    """Return rows as text, all with one of the given numbers of columns."""
     cells = [row.split() for row in rows]
     width = len(cells[0]) if cells else widths[0]
     for row in cells:
@@ -374,7 +374,7 @@ def _table(rows: Sequence[str], section: str, *widths: int) -> Array:
             raise InputError(section, f"must hold {words} columns on every line", " ".join(row)[:60])
     for line in rows:
         if not line.isascii():
-            raise InputError(section, "must be ASCII but for comments", line[:60])
+            raise InputError(section, "must be ASCII except in comments", line[:60])
     return np.array(cells, dtype=bytes).reshape(len(cells), width)
 
 

@@ -1,6 +1,6 @@
-"""What a scene takes from the manual: example lines that LAMMPS gets unchanged, and rules that it breaks on purpose.
+"""Input that a scene takes from the manual: example lines passed to LAMMPS unchanged, and rules broken on purpose.
 
-A scene names the example or the rule; it cannot give commands of its own, so a case file from elsewhere runs nothing
+A scene names the example or the rule; it cannot give its own commands, so a foreign case file runs nothing
 but the model.
 """
 
@@ -29,10 +29,10 @@ EXAMPLES: dict[Page, tuple[str, ...]] = {
     ),
 }
 Number = Annotated[int, Field(strict=True, ge=1, le=3)]
-TextEdits = tuple[tuple[str, str], ...]  # regular expressions of lines, and what stands in their place
+TextEdits = tuple[tuple[str, str], ...]  # regular expressions of lines, and their replacements
 _NO_PRESSURE = (r"^fix pressure .*\n", "")
 _SOME = ("^fix rheo all", "group some id 1\nfix rheo all")
-# What breaks each rule, in the commands of a scene that keeps it.
+# The edits that break each rule, in the commands of a scene that keeps it.
 VIOLATIONS: Mapping[str, TextEdits] = MappingProxyType(
     {
         "atom-style-atomic": ((r"^atom_style .*", "atom_style atomic"), (r"^set type \d+ rheo/status .*\n", "")),

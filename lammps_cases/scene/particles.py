@@ -1,4 +1,4 @@
-"""The particles of a scene: their types and equations of state, where they are, and what each of them carries."""
+"""The particles of a scene: their types and equations of state, their positions, and their properties."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class AtomType(SceneModel):
 
 
 def entries(law: EOS) -> list[dict[str, Any]]:
-    """Return the entries of fix rheo/pressure, as a scene has them, that give all types one law."""
+    """Return the entries of fix rheo/pressure, in a scene's form, that give all types one law."""
     argument = {} if law.law.parameter is None else {law.law.parameter: law.parameter}
     background = [{"types": "*", "style": "background", "P_b": law.background}] if law.background else []
     return [{"types": "*", "style": law.style, **argument}, *background]
@@ -110,12 +110,12 @@ class LawSettings(SceneModel):
 
     @property
     def entry(self) -> PressureEntry:
-        """Return the entry as the reference takes it."""
+        """Return the entry in the reference's form."""
         return PressureEntry(self.types, self.style, self.value)
 
 
 def check_tilt(tilt: tuple[float, ...] | None, periodic: tuple[bool, ...] | None, dimension: int, *above: str) -> None:
-    """Check that edges tilt between periodic axes alone, and that there are as many numbers as edges can tilt.
+    """Check that edges tilt only between periodic axes, and that there is one number for each possible tilt.
 
     Parameters
     ----------
@@ -179,19 +179,19 @@ class Lattice(SceneModel):
 
 
 class FromFile(SceneModel):
-    """Particles from a file beside the scene."""
+    """Particles from a file next to the scene."""
 
     @property
     @abstractmethod
     def file(self) -> str:
-        """Name of the file."""
+        """Return the name of the file."""
 
 
 class FromXYZ(FromFile):
     """Particles from an extended XYZ file, read by ASE; its cell is the box."""
 
     extxyz: LocalFile = Field(
-        description="file beside the scene; per-atom arrays type, rho, e (energy per unit mass) are used if present"
+        description="file next to the scene; per-atom arrays type, rho, e (energy per unit mass) are used if present"
     )
 
     @property
@@ -205,7 +205,7 @@ class FromData(FromFile):
     Densities, energies and velocities are those of the file where the scene gives none.
     """
 
-    data: LocalFile = Field(description="file beside the scene; solid particles must be of types that are solid here")
+    data: LocalFile = Field(description="file next to the scene; solid particles must be of types that are solid here")
     periodic: tuple[bool, ...] | None = Field(None, description="one flag per axis, as no such file has; default: true")
 
     @property
@@ -227,7 +227,7 @@ class FromDump(FromFile):
     that are printed there.
     """
 
-    dump: LocalFile = Field(description="file beside the scene")
+    dump: LocalFile = Field(description="file next to the scene")
     step: int | None = Field(None, ge=0, description="time step of the snapshot; default: the last one")
     columns: Columns = Columns()
 
@@ -274,7 +274,7 @@ def _kind_of_positions(positions: object) -> str:
     return "by lattice"
 
 
-# One key decides on the kind, so that a mistake in one kind is not reported as a mistake in another.
+# One key decides the kind, so that a mistake in one kind is not reported as a mistake in another.
 Positions = Annotated[
     Annotated[Lattice, Tag("by lattice")]
     | Annotated[FromXYZ, Tag("by extxyz")]

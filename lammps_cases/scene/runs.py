@@ -1,4 +1,4 @@
-"""How LAMMPS runs a scene: stops between its runs, settings, a second run as a twin, and what it must refuse."""
+"""Runs of a scene, and the expected engine messages: stops, settings, a second run as a twin, required refusals."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pydantic import Field, model_validator
 from eos_ref.model.units import UnitStyle
 from lammps_cases.scene.values import BrokenRule, Finite, Positive, SceneModel, TypeRange, Vector
 
-# What the state goes through at a stop, and why it must come out as it was.
+# Operations on the state at a stop, and why it must come out unchanged.
 Route = Literal[
-    "run",  # the next run begins with a set-up of its own
+    "run",  # the next run begins with its own set-up
     "restart",  # write_restart, clear, read_restart: a binary file holds every attribute of an atom
     "data",  # write_data, clear, read_data: a text file holds them to the digits that it has
-    "data nofix",  # the same without what fixes add to the file
+    "data nofix",  # the same without the fixes' sections in the file
     "redefined",  # fixes, compute and pair style removed and defined again: they hold no part of the state
     "other scene",  # write_restart, another scene in the same process, read_restart: clear leaves nothing behind
     "refused command",  # commands that LAMMPS refuses, one of them a run: a refusal changes nothing
@@ -33,8 +33,8 @@ ROUTES: tuple[Route, ...] = get_args(Route)
 AS_TEXT: tuple[Route, ...] = ("data", "data nofix")
 FROM_FILE: tuple[Route, ...] = ("restart", *AS_TEXT, "other scene", "by hand")
 REDEFINED: tuple[Route, ...] = (*AS_TEXT, "redefined", "by hand")
-QUARTER = 4  # of all atoms, those recreated are one part in so many
-LOSES_MASSES: tuple[Route, ...] = (*AS_TEXT, "replicated", "recreated", "by hand")  # that particles have of their own
+QUARTER = 4  # one atom in this many is recreated
+LOSES_MASSES: tuple[Route, ...] = (*AS_TEXT, "replicated", "recreated", "by hand")  # particles' own masses
 FOR_EACH_ATOM: tuple[Route, ...] = ("set", "recreated", "by hand")  # commands that hold LAMMPS' values of every atom
 Factor = Annotated[Finite, Field(ge=0.5, le=2.0)]
 Boundary = Literal["f", "s", "m", "fs", "sf", "fm", "mf", "sm", "ms"]
@@ -50,7 +50,7 @@ class Displacement(SceneModel):
 
     @property
     def vector(self) -> tuple[float, float, float]:
-        """Return what is added to the positions."""
+        """Return the displacement."""
         return self.x, self.y, self.z
 
 
@@ -144,7 +144,7 @@ class EngineSettings(Rebuild):
     )
     search: Literal["bin", "nsq", "multi"] = Field("bin", description="how lists of neighbours are built")
     boundary: Boundary = Field(
-        "f", description="of faces that are not periodic: both alike, or the lower and the upper one"
+        "f", description="of faces that are not periodic: one for both, or the lower and the upper one"
     )
     time_limit: Annotated[Finite, Field(gt=0, le=3600)] = Field(60.0, description="seconds")
 

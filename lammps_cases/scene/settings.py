@@ -1,4 +1,4 @@
-"""How a scene is computed: arguments of the RHEO fixes and of pair_style rheo, forces, time steps."""
+"""Computation settings of a scene: arguments of the RHEO fixes and of pair_style rheo, forces, time steps."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ OnOrShift = Annotated[
 
 
 class RheoSettings(SceneModel):
-    """Arguments of fix rheo, but for those of the types."""
+    """Arguments of fix rheo, except those of the types."""
 
     kernel: KernelStyle = "quintic"
     cut: Positive | None = Field(None, description="kernel cutoff; default 3 spacings")
@@ -160,7 +160,7 @@ class Evolve(SceneModel):
             given = [stop.timestep for stop in timed]
             raise BrokenRule("stops: dt/reset keeps its time step to the end", "stops", found=given)
         if any(stop.by == "dt/reset" for stop in self.stops) and any(stop.count is not None for stop in self.stops):
-            raise BrokenRule("stops: dt/reset goes with no count, which LAMMPS refuses to set beside it", "stops")
+            raise BrokenRule("stops: dt/reset goes with no count, which LAMMPS refuses to set with it", "stops")
         if self.deform and self.every:
             raise BrokenRule(
                 f"deform goes without every, whose runs all begin in a box of their own: {self.every}", "deform"

@@ -1,4 +1,4 @@
-"""What the models of a scene are made of: numbers, type ranges, files; and their common base."""
+"""The common base and the building blocks of a scene's models: numbers, type ranges, files."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 
 class BrokenRule(ValueError):
-    """A rule that a part of a scene breaks, as a validator raises it.
+    """A rule that a part of a scene breaks, as raised by a validator.
 
     Parameters
     ----------
     rule : what is valid
-    at : keys of the part that the rule speaks of, from the model on that checks it
-    found : what is there, if the rule does not speak for itself
+    at : keys of the part that the rule concerns, relative to the model that checks it
+    found : the value, if the rule does not include it
     """
 
     def __init__(self, rule: str, *at: str, found: object = None) -> None:
@@ -47,7 +47,7 @@ def _range(types: object) -> object:
     return text
 
 
-# A number is a number: neither true nor "1.5" is taken for one.
+# A number is a number: neither true nor "1.5" is accepted.
 Finite = Annotated[float, Field(strict=True), AfterValidator(_finite)]
 Positive = Annotated[Finite, Field(gt=0)]
 NonNegative = Annotated[Finite, Field(ge=0)]
@@ -63,7 +63,7 @@ LocalFile = Annotated[str, AfterValidator(_inside)]
 
 
 class SceneModel(BaseModel):
-    """Part of a scene: immutable, and without keys that it does not know."""
+    """Part of a scene: immutable, without unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

@@ -1,1 +1,1 @@
-"""Judging a case: fields, first cause, findings that explain, formulas that a scene cannot tell apart."""
+"""Judgement of cases: fields, first cause, findings that explain, formulas that a scene cannot tell apart."""

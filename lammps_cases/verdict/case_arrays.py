@@ -1,8 +1,8 @@
-"""The per-atom arrays of a case: LAMMPS' fields by name, both sides and the bound of each, and the files they lie in.
+"""The per-atom arrays of a case: LAMMPS' fields by name, both sides and the bound of each, and their files.
 
-``CASE.npz`` holds the atoms and every field at its worst step; ``CASE@page.npz`` what the page of a report shows in
-addition, which begins with ``@``: other steps, pairs of the worst atoms; ``CASE@steps.npz`` LAMMPS' fields of a red
-case at all steps compared. No case has a name with ``@``.
+``CASE.npz`` holds the atoms and every field at its worst step; ``CASE@page.npz`` the additional data of a report's
+page, with names that begin with ``@``: other steps, pairs of the worst atoms; ``CASE@steps.npz`` LAMMPS' fields of a
+red case at all steps compared. No case has a name with ``@``.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from lammps_cases.verdict.problems import problem_of
 
 Arrays = dict[str, Any]
 SIDES = ("lammps", "reference", "bound")
-ALL_KEPT = 50_000  # atoms of a case; of more only some are written to disk
-SAMPLE, WORST = 5000, 50  # evenly spaced ones, and the worst of each field
+ALL_KEPT = 50_000  # atoms of a case; of larger cases only some are written to disk
+SAMPLE, WORST = 5000, 50  # evenly spaced atoms, and the worst of each field
 
 
 def snapshot(scene: Scene, arrays: dict[str, Array]) -> Snapshot:
@@ -61,7 +61,7 @@ def field_arrays(
 ) -> Arrays:
     """Return the arrays of ``fields/CASE.npz``: the atoms, their box, and both sides and the bound of fields.
 
-    And those of fields that differ at the other steps of a ``table``, by names such as ``@10 lammps f``.
+    The other steps of a ``table`` at which fields differ are included, by names such as ``@10 lammps f``.
     """
     arrays: Arrays = {name: got[name] for name in ("id", "type", "x", "v", "rho")}
     arrays["mass"] = atoms.mass_n
@@ -85,9 +85,9 @@ def field_arrays(
 def pair_arrays(
     record: CaseRecord, scene: Scene, atoms: Atoms, where: str, steps: Sequence[int], predictor: Predictor
 ) -> Arrays:
-    """Return the pairs of these atoms by the reference; see `lammps_cases.comparison.pair_sums.columns`.
+    """Return the reference's pairs of these atoms; see `lammps_cases.comparison.pair_sums.columns`.
 
-    None of a scene whose particles do not interact, nor of a large one.
+    Empty for a scene whose particles do not interact, and for a large one.
     """
     looked = looked_at(record, steps)
     if not looked or not scene.interacts or len(atoms) > LARGEST:
@@ -99,7 +99,7 @@ def pair_arrays(
 
 
 def looked_at(record: CaseRecord, steps: Sequence[int]) -> list[tuple[int, int]]:
-    """Return steps and ids: where each field leaves its bound furthest, and where the first does so first."""
+    """Return steps and ids: where each field exceeds its bound most, and where the first one does so first."""
     outside = [field for field in record.fields if field.steps and field.verdict not in ("exact", "pass")]
     places: list[tuple[int | None, int | None]] = [(record.blame.step, record.blame.atom)] if record.blame else []
     places += [(field.worst_step, field.worst_id) for field in outside]
@@ -108,9 +108,9 @@ def looked_at(record: CaseRecord, steps: Sequence[int]) -> list[tuple[int, int]]
 
 
 def sampled(arrays: Arrays) -> Arrays:
-    """Return the arrays of some atoms of a case that has very many: evenly spaced ones, and the worst of every field.
+    """Return the arrays of some atoms of a very large case: evenly spaced ones, and the worst of every field.
 
-    Their ids distinguish them; verdicts are of all atoms.
+    Their ids identify them; verdicts cover all atoms.
     """
     n = len(arrays.get("id", ()))
     if n <= ALL_KEPT:
@@ -140,7 +140,7 @@ def write(fields: Path, case: str, arrays: Arrays) -> None:
 
 
 def read(fields: Path, case: str) -> tuple[Arrays, Arrays]:
-    """Return the arrays of a case, and those of its page, of the files that exist."""
+    """Return the arrays of a case, and those of its page, from the files that exist."""
     own, further = (read_arrays(path) if path.is_file() else {} for path in arrays_files(fields, case)[:2])
     return own, further
 

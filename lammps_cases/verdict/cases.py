@@ -1,8 +1,8 @@
 """One case compared: LAMMPS' answer against the reference, with the findings that explain what differs.
 
-First the input: what LAMMPS is given and carries over at stops, against what it holds (stage `input`). Then a case of
-laws compares the pressure of LAMMPS' own density and energy; one of the whole model compares every field at every step
-asked for.
+The input comes first: the input and the state carried over at stops against what LAMMPS holds (stage `input`). Then a
+case of laws compares the pressure of LAMMPS' own density and energy; one of the whole model compares every field at
+every requested step.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ from lammps_cases.verdict.problems import TEXT_DIGITS, problem_of, stops_of
 from lammps_cases.verdict.runaway import Attempts, diverged, left_open
 
 BY_IMAGES = "; two roundings of place and edge of a particle outside the box; fractions of tilted edges"
-LINT_ATOMS = 2000  # a mistake that 2000 evenly spaced states do not show is taken as undetected
+LINT_ATOMS = 2000  # a mistake not visible in 2000 evenly spaced states counts as undetected
 
 
 def compare_model_inputs(
     case: Case, atoms: Atoms, answer: Answer, predictor: Predictor
 ) -> list[tuple[int, Comparison]]:
-    """Compare what LAMMPS holds at the beginning and carries over at stops, each with its step."""
+    """Compare LAMMPS' state at the beginning and what it carries over at stops, each with its step."""
     scene = case.scene
     through_text = any(stop.step == 0 and stop.digits for stop in stops_of(scene, atoms))
     unchanged = scene.snapshots[0] == 0 and not scene.rheo.interface_reconstruct and not through_text
@@ -65,7 +65,7 @@ def compare_model_inputs(
 
 
 def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> list[Comparison]:
-    """Compare the input with what LAMMPS holds (stage `input`, bound 0), for arrays that have not changed since."""
+    """Compare the input with LAMMPS' state (stage `input`, bound 0), for arrays that have not changed since."""
     zero_n = np.zeros(len(atoms))
     given: Arrays = {"type": atoms.type_n}
     if unchanged and atoms.rho_n is not None and not case.scene.rho_sum:
@@ -89,23 +89,23 @@ def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> li
 def compare_carried(
     case: Case, atoms: Atoms, answer: Answer, digits: int, problem: Problem
 ) -> list[tuple[int, Comparison]]:
-    """Compare the state after every stop with that before it (stage `input`): bit for bit, or to a text's digits.
+    """Compare the state after every stop with that before it (stage `input`): bit for bit, or to the digits of a text.
 
-    Positions are those of any image: LAMMPS may move a particle into the box at a stop. Returned with the steps.
+    Positions may be those of any image: LAMMPS may move a particle into the box at a stop. Returned with the steps.
     """
     comparisons = []
     scene = case.scene
     stops = scene.evolve.stops if scene.evolve else ()
     for stop, carried in zip(stops, answer.carried, strict=True):
         text = stop.by in AS_TEXT
-        half = 0.5 * 10.0 ** (1 - digits) + EPS / 2 if text else 0.0  # and what reading the text rounds
+        half = 0.5 * 10.0 ** (1 - digits) + EPS / 2 if text else 0.0  # and the rounding of reading the text
         derivation = f"half a unit of the {digits}th digit of the text" if text else "the same doubles"
         for name, before_n in carried.before.items():
             if name == "id" or (name == "x" and (stop.displace or stop.stretch)):
                 continue
             after_n, why = carried.after[name], derivation
             bound_n = half * np.abs(before_n)
-            if name == "rheo_status" and stop.by in FOR_EACH_ATOM:  # set gives the phase alone
+            if name == "rheo_status" and stop.by in FOR_EACH_ATOM:  # set gives only the phase
                 before_n, after_n = before_n & 1, after_n & 1
             if name == "x":
                 around = problem.box_before(stop.at)
@@ -113,7 +113,7 @@ def compare_carried(
                 box = replace(box, tilt=box.tilt or (0.0,) * 3) if around.tilt else box
                 places = box, before_n, after_n, half, kernel_cut(scene, atoms.spacing)
                 after_n, bound_n = _images(*places)
-                if scene.dimension == 2:  # a file has 0 where a box that is stretched has rounded it
+                if scene.dimension == 2:  # a file has 0 where a stretched box has rounded it
                     before_n, after_n, bound_n = before_n[:, :2], after_n[:, :2], bound_n[:, :2]
                 why += BY_IMAGES if bound_n.any() and not text else ""
             comparisons.append(
@@ -134,9 +134,9 @@ def compare_carried(
 
 
 def _images(box: Box, before_nc: Any, after_nc: Any, half: float, reach: float) -> tuple[Any, Any]:
-    """Return positions as those of the images that were there before, and the bound of each, both (n, 3).
+    """Return positions moved to the images that existed before, and the bound of each, both (n, 3).
 
-    A period that is added and taken away again rounds twice; tilted edges see `Box.rounding`.
+    A period that is added and subtracted again rounds twice; for tilted edges see `Box.rounding`.
     """
     turned_nc = box.shift(box.periods(before_nc - after_nc))
     left_nc = box.images(before_nc) != 0
@@ -146,17 +146,17 @@ def _images(box: Box, before_nc: Any, after_nc: Any, half: float, reach: float) 
 
 
 def first_input_outside(comparisons: Sequence[tuple[int, Comparison]], id_n: Any) -> Blame | None:
-    """Return the first of some comparisons, each with its step, that leaves its bound."""
+    """Return the first of some comparisons, each with its step, that exceeds its bound."""
     outside = (blame_of(comparison, id_n, step) for step, comparison in comparisons if comparison.record.outside)
     return next(outside, None)
 
 
 def prefer_input(reason: Reason | None, news: Blame | None) -> Reason | None:
-    """Return why a case differs with the first of its inputs outside, which no finding explains, in its place."""
+    """Return why a case differs, replaced by the first input outside its bound, which no finding explains."""
     if reason is None or news is None:
         return reason if news is None else Reason(news)
     step, left = news.step or 0, reason.beyond
-    if step <= (reason.first.step or 0):  # the input comes before what is made of it
+    if step <= (reason.first.step or 0):  # the input comes before the fields computed from it
         return Reason(news)
     if (left is None and not reason.explained) or (left and step > (left.blame.step or 0)):
         return reason
@@ -172,7 +172,7 @@ def compare_case(
     engine: EngineRecord,
     predictor: Predictor | None = None,
 ) -> tuple[CaseRecord, Arrays]:
-    """Judge how a case ended; returns its record and the arrays of ``fields/CASE.npz`` (empty without an answer).
+    """Judge how a case ended; return its record and the arrays of ``fields/CASE.npz`` (empty without an answer).
 
     Without a predictor everything is computed again.
     """
@@ -195,7 +195,7 @@ def compare_case(
     else:
         arrays = compare_laws(record, case, eos, atoms, outcome)
     if case.scene.whole_model and diverged(record):
-        with contextlib.suppress(InputError):  # the reference does not take the particles as they are
+        with contextlib.suppress(InputError):  # the reference rejects the particles as they are
             start = problem_of(case.scene, atoms, case.where, (0,), predictor)
             outlook = Attempts(start, case.scene.snapshots[-1], atoms.id_n).cause(engine.distribution, 1, 0)
             if outlook.cause == "not understood" and (names := left_open(start, engine.distribution)):
@@ -208,12 +208,12 @@ def compare_case(
 
 
 def compare_laws(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, answer: Answer) -> Arrays:
-    """Judge the pressure of LAMMPS' own density and energy, as the forces read it and as it is output."""
+    """Judge the pressure of LAMMPS' own density and energy, as read by the forces and as output."""
     got = answer.arrays
     unchanged = case.scene.evolve is None and not case.scene.rheo.interface_reconstruct
     comparisons = compare_inputs(case, atoms, got, unchanged=unchanged)
     state = EosState(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
-    # Twice: the array that the forces read, and the output, which LAMMPS evaluates again from the density.
+    # Twice: the array read by the forces, and the output, which LAMMPS evaluates again from the density.
     used = compare_pressure(eos, state, got["pressure"], "pressure_used", digits=False)
     pressure = compare_pressure(eos, state, got["q.pressure"])
     for comparison in (used, pressure):
@@ -281,7 +281,7 @@ def compare_model(
     first = judged.beyond.blame if judged.beyond else judged.first
     gaps = [entry for entry in with_gap(scene, engine) if first is None or _reaches(entry, problem.model, first)]
     known_limits = [entry.id for entry in gaps if not is_nondeterministic(entry)]
-    record.unseen = [entry.id for entry in judged.unseen if entry.id not in known_limits]  # else nothing tells
+    record.unseen = [entry.id for entry in judged.unseen if entry.id not in known_limits]  # undecided for known limits
     record.limits = known_limits if record.verdict == "differs" else []
     record.lint = judged.lint
     leave_unchecked(record, judged.unpredictable)
@@ -294,12 +294,12 @@ def compare_model(
 
 
 def _reaches(entry: Finding, model: Model, first: Blame) -> bool:
-    """Return whether a finding reaches what LAMMPS differs in first; after a step all depends on all."""
+    """Return whether a finding reaches the first difference; after a step everything depends on everything."""
     return bool(first.step) or entry.model_variant is None or entry.model_variant.reaches(model, first.field)
 
 
 def is_nondeterministic(entry: Finding) -> bool:
-    """Return whether a variant leaves the values that it cannot tell without a bound: the others it does tell."""
+    """Return whether a variant leaves the values that it cannot predict without a bound, and predicts the others."""
     return entry.model_variant is not None and entry.model_variant.undefined
 
 

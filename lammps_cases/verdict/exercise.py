@@ -1,4 +1,4 @@
-"""Which changes of the reference a case sees: those that move a field it compares out of its bound."""
+"""The changes of the reference that a case detects: those that move a compared field out of its bound."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def can_see(case: Case) -> bool:
 def exercised(
     case: Case, eos: EOSTable | None, atoms: Atoms, predictor: Predictor, names: Sequence[str] | None = None
 ) -> dict[str, int]:
-    """Return how many particles some changes move out of their bounds; by default those that the case is for.
+    """Return how many particles some changes move out of their bounds; by default the changes that the case is for.
 
     A change is 0 if no field that the case compares leaves its bound on any particle, at any step.
     """
@@ -58,7 +58,7 @@ def exercised(
 def rows(
     case: Case, eos: EOSTable | None, atoms: Atoms, predictor: Predictor, every: bool = False
 ) -> list[dict[str, Any]]:
-    """List the changes that a case has to see, or every one that it sees, with the number of particles moved."""
+    """List the changes that a case must detect, or every one that it detects, with the number of particles moved."""
     moved = exercised(case, eos, atoms, predictor, tuple(catalogue()) if every else None)
     return [
         {"change": name, "what": catalogue()[name].what, "moved": count, "for": name in case.exercises}
@@ -118,9 +118,9 @@ def _changed(change: Change, problem: Problem) -> Generator[dict[str, Any]]:
 
 
 def count_outside(fields: Sequence[tuple[Any, Any, Any]]) -> int:
-    """Return how many particles, or components of a global value, leave the bound of a field: the most of any field.
+    """Return how many particles, or components of a global value, leave the bound of a field: the maximum over fields.
 
-    Where the reference has no number, or no bound, nothing shows.
+    Where the reference has no number, or no bound, nothing counts.
     """
     most = 0
     for changed, reference, bound in fields:

@@ -1,10 +1,10 @@
 """Plausible mistakes in a law or in the particle model, to find out what a scene can distinguish.
 
-A mistake in a law takes the laws and the state and returns the pressure that the mistaken formula gives, or None where
-the scene has nothing that the mistake could change. One in the model is a variant of the reference's stages, with the
+A mistake in a law takes the laws and the state and returns the pressure of the mistaken formula, or None if the scene
+has nothing that the mistake could change. One in the model is a variant of the reference's stages, with the
 quantities that it changes: it goes undetected where a scene compares these and every field of its first evaluation
-stays within the bound. The lint names the mistakes that a scene cannot distinguish; tests plant them to prove that some
-case detects each.
+stays within the bound. The lint names the mistakes that a scene cannot distinguish; tests insert them to prove that
+some case detects each.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ LAW_MUTANTS: dict[str, Mutant] = {
 
 
 def undetected_in_laws(table: EOSTable, state: EosState, reference_n: FloatArray, bound_n: FloatArray) -> list[str]:
-    """Return the names of the mistakes that stay within the bound on every particle: the scene is blind to them."""
+    """Return the names of the mistakes that stay within the bound on every particle, undetectable in the scene."""
     blind = []
     for name, mutant in LAW_MUTANTS.items():
         with np.errstate(all="ignore"):
@@ -143,7 +143,7 @@ class _UnitMasses(ArrayEvaluator):
         self.mass_n = np.ones(self.n)
 
     def weigh(self, mass_n: FloatArray) -> None:
-        """Ignore masses of the particles' own, too."""
+        """Also ignore the particles' own masses."""
 
 
 class _UnitDensity(ArrayEvaluator):
@@ -219,7 +219,7 @@ MODEL_MUTANTS: dict[str, ModelMutant] = {
 
 
 def undetected_in_model(problem: Problem, prediction: Prediction) -> list[str]:
-    """Return the mistakes that the first evaluation of a scene does not show although it compares what they change."""
+    """Return the mistakes invisible in the first evaluation of a scene that compares the quantities they change."""
     compared = set(shown(problem))
     walls = problem.model.fix.interface_reconstruct and bool(problem.state.solid_n.any())
     return [
@@ -239,7 +239,7 @@ def shown(problem: Problem) -> Iterator[str]:
         if name == "rho" and not model.fix.rho_sum:
             continue
         if name == "drho" and (not model.pair.rho_damp or model.corrects_gradients or not several):
-            continue  # rho0 of a single type cancels, and RK1 and RK2 do without
+            continue  # rho0 of a single type cancels, and RK1 and RK2 do not use it
         yield name
     if "f" in problem.fields and model.pair.artificial_viscosity:
         yield "artificial"

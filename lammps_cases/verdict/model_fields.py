@@ -1,4 +1,4 @@
-"""All fields of the particle model at all steps: LAMMPS against a prediction, and the first of them outside."""
+"""All fields of the particle model at all steps: LAMMPS against a prediction, and the first one outside its bound."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ def compare_all(
 def sides(
     problem: Problem, field: str, snapshot: Snapshot, prediction: Prediction, at: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a field of LAMMPS, of the reference, and its bound, at one of the steps."""
+    """Return LAMMPS' field, the reference's field and its bound, at one of the steps."""
     lammps_n, reference_n = snapshot[field], prediction.fields[at][field]
     step = problem.steps[at]
     if field == "x":
         lammps_n = nearest_image(problem.box_of_images(step), lammps_n, reference_n)
     moving_cc = problem.image_velocity(step) if field == "v" else None
-    if moving_cc is not None:  # of a particle that has left through a boundary LAMMPS has the image's
+    if moving_cc is not None:  # for a particle that has left through a boundary LAMMPS has the image's
         image_nc = problem.box_of_images(step).periods(prediction.fields[at]["x"] - snapshot["x"])
         lammps_n = lammps_n + image_nc @ moving_cc
     return lammps_n, reference_n, np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
 
 
 def derived(step: int) -> str:
-    """Return in words how a bound comes about."""
+    """Return the derivation of a bound, in words."""
     one = "4 x 2^-53 per operation, carried through the formulas; a sum by its absolute terms"
     return one if step == 0 else f"{one}; plus the spread of runs moved by that in every one of {step} steps"
 
@@ -93,9 +93,9 @@ def first_outside(problem: Problem, table: dict[str, list[Comparison]], id_n: An
 
 
 def first_left(problem: Problem, outside: Callable[[str, int], Blame | None]) -> Blame | None:
-    """Return what is left outside first, by a function of field and step; None: nothing is.
+    """Return the first field and step outside its bound, or None; ``outside`` is a function of both.
 
-    What has no bound is blamed only if all that has one is inside, at all steps.
+    Values without a bound are blamed only if all values with one are inside, at all steps.
     """
     without_bound = None
     for at, field in itertools.product(range(len(problem.steps)), in_step_order(problem.fields)):
@@ -109,7 +109,7 @@ def first_left(problem: Problem, outside: Callable[[str, int], Blame | None]) ->
 def blame_of(comparison: Comparison, id_n: Any, step: int) -> Blame:
     """Return the first atom of a comparison outside, and both sides and the bound of its worst component.
 
-    Of values with a bound, if any of them is outside.
+    Only values with a bound count, if any of them is outside.
     """
     lammps_n, reference_n, bound_n = comparison.lammps_n, comparison.reference_n, comparison.bound_n
     ratio_n = excess(lammps_n, reference_n, bound_n)[1]

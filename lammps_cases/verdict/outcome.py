@@ -1,4 +1,4 @@
-"""Records of how cases ended: without numbers, without all atoms, or with fields; what every judgement shares."""
+"""Records of how cases ended: without numbers, without all atoms, or with fields; the base of every judgement."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, seed
 from lammps_cases.scene.casefile import Case
 
-# LAMMPS' error on a style or keyword that it does not have, and that word
+# LAMMPS' error on a style or keyword that it lacks, and that word
 LACKS = re.compile(
     r"(?:Unrecognized|Unknown(?! command)|Illegal|Invalid(?= keyword))\b.*?\b(?:style|keyword|command|option[^,]*)\b"
     r"[:,]? '?(?!keyword|missing)([a-zA-Z][\w/]*)"
@@ -73,7 +73,7 @@ def record_failure(record: CaseRecord, failure: Failure, scene: Scene | None = N
 
 
 def other_atoms(atoms: Atoms, answer: Answer) -> IntArray | None:
-    """Return the ids of the first state of an answer that are not those given, sorted; None if all are."""
+    """Return the ids in the first state of an answer that differ from those given, sorted; None if none does."""
     states = [
         *answer.snapshots,
         *(side for each in answer.carried for side in (each.before, each.after)),
@@ -84,7 +84,7 @@ def other_atoms(atoms: Atoms, answer: Answer) -> IntArray | None:
 
 
 def record_lost_atoms(record: CaseRecord, atoms: Atoms, got: IntArray) -> None:
-    """Judge an answer in which atoms are missing, doubled or renamed: no other comparison has a meaning."""
+    """Judge an answer in which atoms are missing, doubled or renamed: no other comparison is meaningful."""
     wrong = np.setxor1d(got, atoms.id_n)
     first = wrong[0] if wrong.size else got[np.flatnonzero(np.diff(got) <= 0)[0]]
     record.verdict, record.ended = "differs", "unusable"
@@ -92,7 +92,7 @@ def record_lost_atoms(record: CaseRecord, atoms: Atoms, got: IntArray) -> None:
 
 
 def explain_ending(record: CaseRecord, scene: Scene | None = None) -> None:
-    """Attribute how a case ended to the finding that predicts it, if there is one."""
+    """Attribute the ending of a case to the finding that predicts it, if there is one."""
     entry = explain_outcome(record, scene)
     if entry is not None:
         record.verdict, record.explained_by = "explained", [entry.id]

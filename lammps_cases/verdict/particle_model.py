@@ -1,9 +1,9 @@
-"""A case of the particle model: LAMMPS' fields at some steps against the reference, and what explains a difference.
+"""A case of the particle model: LAMMPS' fields at some steps against the reference, and the explanation of differences.
 
-A field that leaves its bound is compared with the ledger: the smallest set of findings is looked for whose variants,
-together, are inside their bounds on every atom, at every step, in every field. No list of engines decides here. The
-findings that an engine is known to have are tried first, as they are the most likely; then sets of those that apply to
-the scene, so that a LAMMPS in which one fault of several is mended is explained by those that are left.
+A field that exceeds its bound is compared with the ledger: the search is for the smallest set of findings whose
+variants, together, are inside their bounds on every atom, at every step, in every field. No list of engines decides
+here. The findings that an engine is known to have are tried first, as the most likely; then sets of those that apply
+to the scene, so that a LAMMPS in which one of several faults is fixed is explained by the remaining ones.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from lammps_cases.scene.fields import FIELDS, in_step_order
 from lammps_cases.verdict.mistakes import undetected_in_model
 from lammps_cases.verdict.model_fields import blame_of, compare_all, first_left, first_outside, over_steps, sides
 
-SETS = 300  # findings that are tried together, at most: all sets of eight, those of up to three of a dozen
+SETS = 300  # sets of findings tried, at most: all sets of eight, those of up to three of a dozen
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """Findings that explain a difference, or else what is left beyond those that come furthest."""
+    """Findings that explain a difference, or else the remainder beyond those that come furthest."""
 
     entries: list[Finding]
     beyond: Beyond | None = None
@@ -53,7 +53,7 @@ class Trial:
     Attributes
     ----------
     problem, snapshots, id_n : the scene, LAMMPS' fields at its steps, and the ids of its particles
-    reference : what the reference without any finding predicts
+    reference : the reference's prediction without any finding
     random : seed of the moved runs
     """
 
@@ -67,7 +67,7 @@ class Trial:
 
     @cached_property
     def applicable(self) -> list[Finding]:
-        """The findings that make a difference to the scene."""
+        """Return the findings that make a difference to the scene."""
         return applicable(self.problem, "lists" in self.snapshots[0])
 
     def listed(self, engine: str) -> list[Finding]:
@@ -77,8 +77,8 @@ class Trial:
     def explain(self, engine: str, first: Blame) -> Explanation:
         """Return the smallest set of findings tried that is inside the bounds everywhere, each of them necessary.
 
-        ``first`` is what the reference leaves outside first. Where no set is inside, what is left beyond the set that
-        comes furthest beyond that is returned, without the findings that it does without.
+        ``first`` is the reference's first value outside. If no set is inside, the remainder beyond the set that comes
+        furthest is returned, without the findings that are unnecessary for it.
         """
         listed = self.listed(engine)
         if listed and self._inside(listed, at_once=True):
@@ -86,7 +86,7 @@ class Trial:
         for entries in itertools.islice(self._sets(self.applicable, listed), SETS):
             if self._inside(entries):
                 return Explanation(list(entries))
-        # Some findings show only with others; and sets of all but one of many are not among those tried.
+        # Some findings show only together with others; and sets of all but one of many are not among those tried.
         for large in (self.applicable, *(tuple(e for e in listed if e is not mended) for mended in listed)):
             if len(large) > 1 and self._inside(large):
                 return Explanation(self._necessary(large))
@@ -94,7 +94,7 @@ class Trial:
         return Explanation([], self._furthest(first, known))
 
     def _necessary(self, entries: Sequence[Finding]) -> list[Finding]:
-        """Return the findings of a set without those that it does without."""
+        """Return the necessary findings of a set."""
         needed = list(entries)
         for entry in entries:
             fewer = [other for other in needed if other is not entry]
@@ -118,12 +118,12 @@ class Trial:
             left = self._first_left(entries, replace(self.problem, steps=steps[:count]))
             if left is not None:
                 self._left[tuple(entry.id for entry in entries)] = left
-                if left.bound != math.inf:  # else later steps may leave bounds
+                if left.bound != math.inf:  # else later steps may exceed bounds
                     return False
         return left is None
 
     def _first_left(self, entries: Sequence[Finding], problem: Problem) -> Blame | None:
-        """Return the first value that findings together leave outside, None if there is none."""
+        """Return the first value outside the bounds of several findings together, or None."""
         variants = [entry.model_variant for entry in entries if entry.model_variant]
         undefined = any(variant.undefined for variant in variants)
         left = None
@@ -134,21 +134,21 @@ class Trial:
         return left
 
     def _predictions(self, made: Made | None, problem: Problem) -> Iterator[Prediction]:
-        """Yield what findings predict with wider and wider bounds; the reference's prediction where they have none."""
+        """Yield the prediction of findings with wider and wider bounds; the reference's prediction without findings."""
         try:
             yield from self.predictor.widening(problem, made, self.random) if made else (self.reference,)
-        except InputError:  # fitted to wrong numbers it runs away, and reproduces nothing
+        except InputError:  # fitted to wrong numbers it diverges, and reproduces nothing
             yield self.reference
 
     def _first_outside(self, problem: Problem, prediction: Prediction, undefined: bool) -> Blame | None:
-        """Return the first value outside a prediction, None if there is none; ``undefined``: some may have no bound."""
+        """Return the first value outside a prediction, or None; ``undefined``: values without a bound are allowed."""
         return first_left(problem, lambda name, at: self._outside(name, at, prediction, undefined))
 
     def _outside(self, name: str, at: int, prediction: Prediction, undefined: bool) -> Blame | None:
-        """Return the first value of a field outside a prediction at a step, None if there is none."""
+        """Return the first value of a field outside a prediction at a step, or None."""
         lammps_n, variant_n, bound_n = sides(self.problem, name, self.snapshots[at], prediction, at)
         ratio_n = excess(lammps_n, variant_n, bound_n)[1]
-        # A NaN where the reference has one is reproduced too, value by value.
+        # A NaN where the reference has one is also reproduced, value by value.
         none_n = np.isnan(lammps_n) & np.isnan(variant_n) & np.isfinite(self.reference.fields[at][name])
         if np.all((ratio_n <= 1) | none_n):
             return None
@@ -159,11 +159,11 @@ class Trial:
         return blame_of(comparison, self.id_n, self.problem.steps[at])
 
     def _furthest(self, first: Blame, known: list[str]) -> Beyond | None:
-        """Return what is left beyond the smallest set that comes as far as any tried; of no set if none helps."""
+        """Return the remainder beyond the smallest set that comes as far as any tried; of no set if none helps."""
         order = in_step_order(self.problem.fields)
 
         def place(left: Blame) -> tuple[int, int]:
-            """Return the place in the order of steps: after all of them if what has a bound is inside."""
+            """Return the place in the order of steps: after all of them if all values with a bound are inside."""
             if left.bound == math.inf:
                 return len(self.problem.steps), 0
             return self.problem.steps.index(left.step or 0), order.index(left.field)
@@ -183,7 +183,7 @@ class Trial:
         return Beyond(findings=list(names), blame=self._left[names], known=known) if names or known else None
 
     def unpredictable(self, entries: Sequence[Finding]) -> dict[str, str]:
-        """Return by field in which steps findings that explain a difference leave no value with a bound, in words."""
+        """Return, by field and in words, the steps at which explaining findings leave no value with a bound."""
         variants = [entry.model_variant for entry in entries if entry.model_variant]
         open_ = [entry.id for entry in entries if entry.model_variant and entry.model_variant.undefined]
         if not open_:
@@ -197,7 +197,7 @@ class Trial:
         return {name: case_wording.not_predictable(at, open_) for name, at in steps.items() if at}
 
     def shows(self, entry: Finding) -> bool:
-        """Return whether a finding takes some field out of the reference's bound."""
+        """Return whether a finding moves some field out of the reference's bound."""
         made = combined([entry.model_variant] if entry.model_variant else [], self.problem, self.snapshots[0])
         changed: list[Fields] = []
         with contextlib.suppress(InputError):
@@ -211,7 +211,7 @@ class Trial:
 def _defined_part_inside(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray, own_n: FloatArray) -> bool:
     """Return whether all values that have a bound are inside it.
 
-    Only the variant may leave a value without one, not the reference with its bound ``own_n``.
+    Only the variant may leave a value without a bound, not the reference with its bound ``own_n``.
     """
     defined = np.isfinite(bound_n) | ~np.isfinite(own_n)
     ratio = excess(lammps_n[defined], reference_n[defined], bound_n[defined])[1]
@@ -220,9 +220,9 @@ def _defined_part_inside(lammps_n: FloatArray, reference_n: FloatArray, bound_n:
 
 @dataclass(frozen=True)
 class ModelVerdict:
-    """Comparisons of a case, one per field with its worst step; what explains them; the blame, and what is left.
+    """Comparisons of a case, one per field with its worst step; their explanation; the blame, and the remainder.
 
-    ``table`` has the comparisons of all steps; ``unpredictable`` why some of them say nothing, by field.
+    ``table`` has the comparisons of all steps; ``unpredictable`` why some of them are void, by field.
     """
 
     comparisons: list[Comparison]
@@ -237,7 +237,7 @@ class ModelVerdict:
 
 @dataclass(frozen=True)
 class Reason:
-    """What leaves its bound first, what does so beyond the findings that the scene shows, and what explains all."""
+    """The first value outside its bound, the first beyond the findings that the scene shows, and what explains all."""
 
     first: Blame
     beyond: Beyond | None = None
@@ -275,7 +275,7 @@ def compare_and_explain(
 
 
 def _contained(entry: Finding, entries: Sequence[Finding]) -> bool:
-    """Return whether a finding is one of several, or what one of them builds on."""
+    """Return whether a finding is among several, or is the base of one of them."""
     own = entry.model_variant
     variants = [other.model_variant for other in entries if other.model_variant]
     return entry in entries or (own is not None and any(own.within(variant) for variant in variants))
@@ -289,7 +289,7 @@ def _unseen(problem: Problem, random: int, predictor: Predictor) -> list[str]:
 
 
 def _add_digits_lost(precise: Fields, table: dict[str, list[Comparison]], comparisons: Sequence[Comparison]) -> None:
-    """Digits that each side loses in the first evaluation; not LAMMPS' where it evaluates another formula."""
+    """Add the digits lost by each side in the first evaluation; not LAMMPS' where it evaluates another formula."""
     for comparison in comparisons:
         first = table[comparison.record.field][0]
         exact = precise[comparison.record.field]
@@ -299,7 +299,7 @@ def _add_digits_lost(precise: Fields, table: dict[str, list[Comparison]], compar
 
 
 def digits(values: FloatArray, exact: Any) -> float:
-    """Decimal digits lost by the worst particle: log10 of the error of its row over eps times the size of the row."""
+    """Return the decimal digits lost by the worst particle: log10 of its row's error over eps times the row's size."""
     error_n, size_n = (np.abs(components(side)).max(axis=1) for side in (values - exact, exact))
     with np.errstate(all="ignore"):
         ratio_n = np.where(error_n == 0, 1.0, error_n / (EPS * size_n))
@@ -309,7 +309,7 @@ def digits(values: FloatArray, exact: Any) -> float:
 def reason(
     problem: Problem, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
 ) -> Reason | None:
-    """Find the first step, stage, field and atom that leave the bound, and those that do beyond the findings known."""
+    """Find the first step, stage, field and atom outside the bound, and the first beyond the known findings."""
     random = seed(f"{name}/moved runs")
     prediction = predictor.predict(problem, seed=random)
     first = first_outside(problem, compare_all(problem, id_n, snapshots, prediction), id_n)

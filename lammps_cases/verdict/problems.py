@@ -22,7 +22,7 @@ TEXT_DIGITS = 16  # significant digits of a number in a file of write_data
 def problem_of(
     scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...], predictor: Predictor | None = None
 ) -> Problem:
-    """Return a scene as the reference takes it, to be compared at some steps; with a predictor it is made once."""
+    """Return a scene in the reference's form, to be compared at some steps; with a predictor it is made once."""
     if predictor is not None:
         return predictor.problem((scene, atoms), steps, lambda: problem_of(scene, atoms, where, steps))
     return Problem(
@@ -39,7 +39,7 @@ def problem_of(
 
 
 def stops_of(scene: Scene, atoms: Atoms) -> tuple[ProblemStop, ...]:
-    """Return where a scene's runs end and others begin, as the reference takes them."""
+    """Return the ends of a scene's runs before others, in the reference's form."""
     evolve = scene.evolve
     corners = upper_corners(evolve.stops if evolve else (), atoms.low_c.tolist(), atoms.high_c.tolist())
     return tuple(
@@ -59,7 +59,7 @@ def stops_of(scene: Scene, atoms: Atoms) -> tuple[ProblemStop, ...]:
 
 
 def evaluated_by(case: Case, atoms: Atoms) -> str | None:
-    """Name the evaluator of the reference that judges a case, and the size that decides it; None of a refusal."""
+    """Name the evaluator of the reference that judges a case, and the size that decides it; None for a refusal."""
     if case.scene.expect:
         return None
     if not case.scene.whole_model:

@@ -1,4 +1,4 @@
-"""Why a run went wrong: the reference continues from a state, with and without the findings of the engine."""
+"""Diagnosis of a failed run: the reference continues from a state, with and without the findings of the engine."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from lammps_cases.findings.variants import combined
 from lammps_cases.records.case_parts import OutlookRecord
 from lammps_cases.records.run_record import CaseRecord
 
-STEPS = (50, 500)  # that an attempt takes at least and at most, else twice as many as LAMMPS took
-MOST = 2_000  # particles of an attempt; of more, those around the one that is likeliest to run away are cut out
-RIM = 2  # cutoffs: who moves, and whom these meet, have all their neighbours
-FINER = 10  # a time step is too large if this part of it is not
-RUNAWAY = 10.0  # a speed, density or energy beyond this many times the largest there was is not one of a fluid
+STEPS = (50, 500)  # steps of an attempt at least and at most, else twice as many as LAMMPS took
+MOST = 2_000  # particles of an attempt; from larger problems those around the one likeliest to run away are cut out
+RIM = 2  # cutoffs: moving particles and their neighbours have all their own neighbours
+FINER = 10  # a time step is too large if a tenth of it is not
+RUNAWAY = 10.0  # a speed, density or energy beyond this multiple of the largest initial one is not a fluid's
 
-# What LAMMPS says where particles have run away.
+# LAMMPS' messages after particles have run away.
 LOST = re.compile(
     "Lost atoms|Non-numeric atom coords|Domain too large for neighbor bins|instead of '-?nan'"
     "|Replicate did not assign all atoms|Too many atom sorting bins"
 )
 
 Cause = Literal["findings", "time step", "set-up", "not understood"]
-# Forces with those of other fixes, given those of pairs, the masses and the rows of the particles they are of.
+# Forces including those of other fixes, from those of pairs, the masses and the rows of the particles.
 External = Callable[[Any, FloatArray, IntArray], Any]
 
 
@@ -49,9 +49,9 @@ class CutOut:
     Attributes
     ----------
     problem : of these particles alone
-    rows_k : which they are, (k,)
-    held_k : those of the rim, (k,): without all their neighbours they are left as they are
-    around : the row of that in the middle
+    rows_k : their rows, (k,)
+    held_k : those in the rim, (k,): without all their neighbours they are left as they are
+    around : the row of the central one
     """
 
     problem: Problem
@@ -77,7 +77,7 @@ def cut_out(problem: Problem, around: int, most: int) -> CutOut:
 def likeliest(problem: Problem, force_nc: FloatArray | None = None) -> int:
     """Return the row of the fastest particle of fluid, or of that with the largest force if all are at rest.
 
-    The forces are evaluated if they are not known.
+    The forces are evaluated if they are not given.
     """
     size_n = np.abs(problem.state.v_nc).max(axis=1)
     fluid_n = ~problem.state.solid_n
@@ -92,7 +92,7 @@ def likeliest(problem: Problem, force_nc: FloatArray | None = None) -> int:
 
 
 class _Given(ArrayEvaluator):
-    """Stages that sum no densities of particles that are held."""
+    """Stages that sum no densities of held particles."""
 
     part: CutOut
 
@@ -101,10 +101,10 @@ class _Given(ArrayEvaluator):
 
 
 class _Acted(Simulation):
-    """Steps with the forces of other fixes, and with particles that are held."""
+    """Steps with the forces of other fixes, and with held particles."""
 
     part: CutOut
-    other: tuple[External] | None  # in a tuple, as it is no method
+    other: tuple[External] | None  # in a tuple, as it is not a method
 
     def _external(self, force_nc: Any) -> Any:
         rows_k = self.part.rows_k
@@ -116,7 +116,7 @@ class _Acted(Simulation):
 
 
 def fastest(model: Model, state: State) -> float:
-    """Return the largest speed there is: of sound, of heat as sound for a gas, or of a particle."""
+    """Return the largest speed present: of sound, of heat as sound for a gas, or of a particle."""
     speeds = [*(law.cs for law in model.eos.laws), float(np.abs(state.v_nc).max(initial=0.0))]
     if model.eos.needs_energy and state.energy_n is not None:
         speeds.append(float(np.sqrt(2 * np.abs(state.energy_n / masses(model, state)).max(initial=0.0))))
@@ -124,7 +124,7 @@ def fastest(model: Model, state: State) -> float:
 
 
 def diverged(record: CaseRecord) -> bool:
-    """Return whether LAMMPS ended a case as it does where particles have run away, or gave no numbers."""
+    """Return whether LAMMPS ended a case as it does when particles have run away, or returned no numbers."""
     if record.verdict == "refused":
         return not record.expects and LOST.search(record.engine_error) is not None
     lammps = record.blame.lammps if record.blame else None
@@ -132,7 +132,7 @@ def diverged(record: CaseRecord) -> bool:
 
 
 def touching(problem: Problem, engine: str) -> list[Finding]:
-    """Return the findings of an engine that can be put into the reference for a problem, without LAMMPS' numbers."""
+    """Return the findings of an engine that can be added to the reference for a problem, without LAMMPS' numbers."""
     listed = (entry for entry in applicable(problem) if entry.listed(engine))
     return [entry for entry in listed if entry.model_variant and not entry.model_variant.fit]
 
@@ -145,14 +145,14 @@ def left_open(problem: Problem, engine: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Attempts:
-    """Runs of the reference from a state that is that of a fluid.
+    """Runs of the reference from a valid state of a fluid.
 
     Attributes
     ----------
     start : the state with its time step, at step 0
-    taken : steps that LAMMPS took from there
+    taken : steps that LAMMPS took after it
     id_n : ids of the particles
-    external : the forces of other fixes, where these are not those of the model
+    external : the forces of other fixes, where these differ from the model's
     """
 
     start: Problem
@@ -162,28 +162,28 @@ class Attempts:
 
     @property
     def count(self) -> int:
-        """Steps of an attempt."""
+        """Return the number of steps of an attempt."""
         return min(max(2 * self.taken, STEPS[0]), STEPS[1])
 
     @cached_property
     def part(self) -> CutOut:
-        """The particles that are followed; those that are held are at rest."""
+        """Return the particles that are followed; the held ones are at rest."""
         part = cut_out(self.start, likeliest(self.start) if len(self.id_n) > MOST else 0, MOST)
         state = part.problem.state
         at_rest = replace(state, v_nc=np.where(part.held_k[:, None], 0.0, state.v_nc))
         return replace(part, problem=replace(part.problem, state=at_rest))
 
     def cause(self, engine: str, run: int, step: int) -> OutlookRecord:
-        """Return the likeliest cause of an end that came after a state, which is of a step of a run.
+        """Return the likeliest cause of an end that came after a state, at a step of a run.
 
         If the reference runs away, the set-up is to blame, or the time step if a tenth of it does not. If not, the
-        findings of the engine are put into it, each alone and at last all together: the first that makes it run away
-        is the cause.
+        findings of the engine are added to it, each alone and finally all together: the first that makes it run away is
+        the cause.
 
         Raises
         ------
         InputError
-            The reference does not take the state.
+            The reference rejects the state.
         """
         dt = self.start.timestep
         record = OutlookRecord(cause="not understood", run=run, step=step, taken=self.taken, steps=self.count)
@@ -207,7 +207,7 @@ class Attempts:
         Raises
         ------
         InputError
-            The reference does not take the state.
+            The reference rejects the state.
         """
         steps = steps or self.count
         sim = self._simulation(timestep, steps, entries)
@@ -225,7 +225,7 @@ class Attempts:
         return None
 
     def state_after(self, steps: int) -> State:
-        """Return the particles that the reference, as it is, has after some steps."""
+        """Return the particles of the reference, without findings, after some steps."""
         sim = self._simulation(self.start.timestep, steps, ())
         sim.setup()
         sim.run(steps, self.start.timestep)

@@ -1,4 +1,4 @@
-"""Judgement of LAMMPS against itself: two runs that must give the same fields."""
+"""Comparison of LAMMPS with itself: two runs that must give the same fields."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def compare_twin(
 ) -> tuple[CaseRecord, Arrays]:
     """Judge two runs of LAMMPS that must give the same fields, the original and its twin.
 
-    Returns the record and the arrays, as `lammps_cases.verdict.cases.compare_case`.
+    Return the record and the arrays, as `lammps_cases.verdict.cases.compare_case`.
     """
     begin = time.perf_counter()
     predictor = predictor or Predictor()
@@ -68,13 +68,13 @@ def compare_twin(
 
 @dataclass(frozen=True)
 class _Side:
-    """One of two runs: what the reference predicts, and LAMMPS' fields at the steps compared."""
+    """One of two runs: the reference's prediction, and LAMMPS' fields at the steps compared."""
 
     problem: Problem
     prediction: Prediction
     snapshots: list[Snapshot]
     random: int
-    spread: tuple[Fields, ...] = ()  # by input that was rounded, per step
+    spread: tuple[Fields, ...] = ()  # due to rounded input, per step
 
 
 def _compare_twin(
@@ -89,7 +89,7 @@ def _compare_twin(
         comparison.record.derivation = f"LAMMPS against itself ({twin.kind}): the bounds of both runs, added ({own})"
     first = first_outside(one.problem, table, id_n)
     record.ended, record.blame = "answered", first
-    if first and first.bound != math.inf:  # else the reference leaves open where particles are, and tells no runs apart
+    if first and first.bound != math.inf:  # else the reference leaves positions open, and cannot distinguish runs
         _explain_twin(record, twin, one, other, table, engine, predictor)
     comparisons = [over_steps(table[field], steps) for field in in_step_order(one.problem.fields)]
     record.fields = [comparison.record for comparison in comparisons]
@@ -98,7 +98,7 @@ def _compare_twin(
 
 
 def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predictor) -> tuple[_Side, _Side]:
-    """Return both runs; where only settings of LAMMPS differ, they share the reference's prediction."""
+    """Return both runs; if only settings of LAMMPS differ, they share the reference's prediction."""
     sides: list[_Side] = []
     runs = ((twin.scene, twin.atoms), (twin.other_scene, twin.other_atoms))
     for (scene, atoms), answer, name in zip(runs, answers, (case.name, f"{case.name}/twin"), strict=True):
@@ -120,8 +120,8 @@ def _against(
 ) -> dict[str, list[Comparison]]:
     """Compare the fields of two runs in the frame of the original.
 
-    Either run lies within its own bound of the exact result, so they differ by no more than the sum, and by what
-    rounded input makes of it.
+    Either run lies within its own bound of the exact result, so they differ by no more than the sum of both and the
+    effect of rounded input.
     """
     returned, bounds = [], []
     for at, step in enumerate(twin.steps):
@@ -144,13 +144,13 @@ def _explain_twin(
     engine: str,
     predictor: Predictor,
 ) -> None:
-    """Explain a difference by the findings that make it, if findings reproduce both runs."""
+    """Explain a difference by the findings that cause it, if findings reproduce both runs."""
     id_n = twin.atoms.id_n
     needed: list[Finding] = []
 
     def same(ours: Sequence[Snapshot], theirs: Sequence[Snapshot]) -> bool:
         left = first_outside(one.problem, _against(twin, one, other, ours, theirs), id_n)
-        return left is None or left.bound == math.inf  # what has no bound tells nothing apart
+        return left is None or left.bound == math.inf  # values without a bound distinguish nothing
 
     if not same(one.prediction.fields, other.prediction.fields):
         record.not_same_problem = True
@@ -174,7 +174,7 @@ def _explain_twin(
 
 
 def _with_finding(side: _Side, entry: Finding, predictor: Predictor) -> list[Snapshot]:
-    """Return the reference's fields of a run with one finding alone."""
+    """Return the reference's fields of a run with only one finding."""
     assert entry.model_variant is not None
     made = combined([entry.model_variant], side.problem, side.snapshots[0])
     return predictor.values(side.problem, made or (ArrayEvaluator, Simulation))

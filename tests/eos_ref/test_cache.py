@@ -1,4 +1,4 @@
-"""Where things are kept that can be made again: in the user's cache, or wherever a file can be written."""
+"""The cache folder: in the user's cache, or wherever a file can be written."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import pytest
 from eos_ref.cache import cache_folder
 
 
-def test_a_folder_in_the_users_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder_in_the_users_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert cache_folder("numba/one") == tmp_path / "eos-ref" / "numba" / "one"
     assert cache_folder("numba/one").is_dir(), "one that is there is taken again"
 
 
-def test_a_cache_that_cannot_be_made_costs_nothing_but_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_uncreatable_cache_costs_only_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
@@ -27,10 +27,8 @@ def test_a_cache_that_cannot_be_made_costs_nothing_but_time(tmp_path: Path, monk
 
 
 @pytest.mark.parametrize("planted", ["open", "link"])
-def test_folder_that_others_may_write_into_is_not_taken(
-    planted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Anybody may make one of that name among the temporary files: what is in it would be believed."""
+def test_folder_writable_by_others_is_not_used(planted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Anyone can create a folder of that name among the temporary files: its content would be trusted."""
     monkeypatch.setenv("XDG_CACHE_HOME", os.devnull)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     usual = tmp_path / f"eos-ref-{os.getuid()}"

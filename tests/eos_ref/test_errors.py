@@ -1,4 +1,4 @@
-"""The one exception: a line that says what, the rule, what was found and where; it travels between processes."""
+"""The one exception: a line with subject, rule, value and place; it can be pickled."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from eos_ref import InputError
 from eos_ref.errors import nearest
 
 
-def test_the_line() -> None:
+def test_message() -> None:
     assert str(InputError("rho0", "must be positive")) == "rho0: must be positive"
     assert str(InputError("rho0", "must be positive", -1.0)) == "rho0: must be positive, found -1.0"
     assert str(InputError("rho0", "must be positive", 0, "a.yaml")) == "rho0: must be positive, found 0 (a.yaml)"
     assert str(InputError("word", "must not be empty", "")) == "word: must not be empty, found ''"
 
 
-def test_it_is_a_value_error() -> None:
+def test_is_a_value_error() -> None:
     with pytest.raises(ValueError, match="rho0"):
         raise InputError("rho0", "must be positive")
 
 
-def test_it_stays_one_line() -> None:
+def test_message_stays_on_one_line() -> None:
     class Wordy:
         def __repr__(self) -> str:
             return "many\nlines\n\tof it"
@@ -30,7 +30,7 @@ def test_it_stays_one_line() -> None:
     assert str(InputError("a\nb", "c\r\nd", Wordy(), "e\n f")) == "a b: c d, found many lines of it (e f)"
 
 
-def test_at_puts_the_place_in_front() -> None:
+def test_at_prefixes_the_place() -> None:
     error = InputError("cs", "must be positive", 0)
     assert str(error.at("type 2")) == "cs: must be positive, found 0 (type 2)"
     assert str(error.at("type 2").at("case.yaml")) == "cs: must be positive, found 0 (case.yaml: type 2)"
@@ -39,7 +39,7 @@ def test_at_puts_the_place_in_front() -> None:
 
 @pytest.mark.parametrize("where", ["", "case.yaml"])
 @pytest.mark.parametrize("found", [None, 0, "text", (1, 2)])
-def test_it_pickles(found: object, where: str) -> None:
+def test_can_be_pickled(found: object, where: str) -> None:
     error = InputError("cs", "must be positive", found, where)
     back = pickle.loads(pickle.dumps(error))
     assert type(back) is InputError
@@ -47,7 +47,7 @@ def test_it_pickles(found: object, where: str) -> None:
     assert str(back) == str(error)
 
 
-def test_the_nearest_name_is_suggested_if_any_is_near() -> None:
+def test_nearest_name_is_suggested_if_close_enough() -> None:
     assert nearest("near-rho", ["far", "near-rho0"]) == " (did you mean 'near-rho0'?)"
     assert nearest("zzz", ["far", "near-rho0"]) == ""
     assert nearest("near-rho0", ["example-rhosum"]) == "", "not near enough"

@@ -1,4 +1,4 @@
-"""Compiled loops: the registers that they take change no bit."""
+"""Compiled loops: the choice of registers changes no bit."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ print(hashlib.sha256(out.tobytes()).hexdigest())
 """
 
 
-def test_the_registers_are_chosen_before_anything_is_compiled() -> None:
-    """The first function that numba decorates settles them for the process."""
+def test_registers_are_chosen_before_anything_is_compiled() -> None:
+    """The first function that numba decorates fixes them for the process."""
     sources = [path for package in ("eos_ref", "lammps_cases") for path in (ROOT / package).rglob("*.py")]
     by_numba = [path for path in sources if re.search("^(import|from) numba", path.read_text(), re.MULTILINE)]
     late = [path for path in by_numba if "eos_ref.jit import" not in path.read_text() and not chooses(path)]
@@ -37,8 +37,8 @@ def chooses(path: Path) -> bool:
 
 
 @pytest.mark.slow
-def test_the_bits_do_not_depend_on_the_registers() -> None:
-    """Those taken, those that LLVM takes by itself, and those that every processor has, which fuse nothing."""
+def test_bits_do_not_depend_on_the_registers() -> None:
+    """The chosen ones, LLVM's default, and those that every processor has, without fused operations."""
     given = {}, {"NUMBA_CPU_FEATURES": codegen.get_host_cpu_features()}, {"NUMBA_CPU_NAME": "generic"}
     said = [
         subprocess.run([sys.executable, "-c", PRINTS], env=os.environ | own, check=True, capture_output=True, text=True)

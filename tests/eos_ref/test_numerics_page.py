@@ -53,13 +53,13 @@ def rows() -> list[str]:
     ]
 
 
-def test_the_table_is_what_the_reference_computes() -> None:
+def test_table_matches_the_reference() -> None:
     text = PAGE.read_text(encoding="utf-8")
     for row in rows():
         assert row in text, f"NUMERICS.md must read {row}"
 
 
-def test_what_is_said_of_the_bound() -> None:
+def test_statements_on_the_bound() -> None:
     text = PAGE.read_text(encoding="utf-8")
     force = pair().rounded().fields["f"][0, 0]
     bound = float(force.error)

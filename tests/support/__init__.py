@@ -1,1 +1,1 @@
-"""What tests share: independent implementations, scenes, records made by hand."""
+"""Shared by tests: independent implementations, scenes, handmade records."""

@@ -1,4 +1,4 @@
-"""Runs the steps of a composite action as GitHub's runner does, but for actions of others, which it only notes."""
+"""Runs the steps of a composite action as GitHub's runner does; other actions are only recorded."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ CONTEXT = re.compile(r"\b(?:github|inputs|runner|steps)(?:\.[\w-]+)+")
 
 @dataclass
 class Done:
-    """What a run of an action left."""
+    """The results of running an action."""
 
     code: int = 0
     out: str = ""
     outputs: dict[str, str] = field(default_factory=dict)
-    used: dict[str, dict[str, str]] = field(default_factory=dict)  # actions of others, with what they were given
+    used: dict[str, dict[str, str]] = field(default_factory=dict)  # other actions, with their inputs
     summary: str = ""
 
 
@@ -35,10 +35,10 @@ def run_action(
     leave_out: tuple[str, ...] = ("install",),
     github: Mapping[str, str] | None = None,
 ) -> Done:
-    """Run the action in ``folder`` with some inputs, in a workspace; steps whose id is left out are not run.
+    """Run the action in ``folder`` with some inputs, in a workspace, without the steps whose ids are left out.
 
-    ``github`` is what GitHub says of the event, by default a push; ``programs`` holds the eos-ref that an installation
-    would put on the path.
+    ``github`` is GitHub's description of the event, by default a push; ``programs`` holds the eos-ref that an
+    installation would put on the path.
     """
     action = yaml.safe_load((folder / "action.yml").read_text())
     assert set(given) <= set(action["inputs"]), "an input that the action does not have"

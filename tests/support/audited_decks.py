@@ -29,7 +29,7 @@ def case_of(result: AuditResult) -> CaseRecord:
 
 
 def write_deck(folder: Path, commands: str) -> Path:
-    """A deck of a fluid that is defined already."""
+    """A deck for a fluid that is already defined."""
     shutil.copy(DECKS / "fluid.inc", folder)
     deck = folder / "in.deck"
     deck.write_text("variable style string rheo\ninclude fluid.inc\n" + commands)
@@ -37,10 +37,10 @@ def write_deck(folder: Path, commands: str) -> Path:
 
 
 def run_plain(deck: str, folder: Path) -> None:
-    """LAMMPS runs a deck of a folder, without an audit."""
+    """Run a deck of a folder in LAMMPS, without an audit."""
     subprocess.run([sys.executable, "-c", PLAIN, deck], cwd=folder, check=True, capture_output=True)
 
 
 def written(folder: Path) -> dict[str, bytes]:
-    """What a deck has written, by file."""
+    """The output of a deck, by file."""
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix in (".dump", ".txt")}

@@ -1,4 +1,4 @@
-"""Scenes that are refused: what is changed of a good one, and words of the line that says so."""
+"""Scenes that are refused: the change of a good scene, and words of the message."""
 
 from __future__ import annotations
 
@@ -156,11 +156,11 @@ BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("velocity.values", "2 components", "found 3"),
     ),
     "velocities of too few": ({"velocity": {"values": [[1.0, 0.0]]}}, ("velocity", "one value per particle", "1")),
-    "velocities beside random": (
+    "velocities together with random": (
         {"velocity": {"values": [[1.0, 0.0]] * 20, "random": 0.1}},
         ("velocity", "neither random nor uniform"),
     ),
-    "velocities beside that of a type": (
+    "velocities together with that of a type": (
         {"velocity": {"values": [[1.0, 0.0]] * 20}, "types": [{"mass": 1.0, "velocity": [1.0, 0.0]}]},
         ("stands instead of the velocity of a type",),
     ),

@@ -1,4 +1,4 @@
-"""Functions that fail: every public one of some rooms, found in the modules."""
+"""Functions made to fail: every public one of some rooms, found in the modules."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ def _fails(*_: object, **__: object) -> None:
 
 
 def plant(function: FunctionType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have a function fail, whoever holds it."""
+    """Make a function fail wherever it is referenced."""
     code = _fails.__code__.replace(co_freevars=function.__code__.co_freevars, co_filename=function.__code__.co_filename)
     monkeypatch.setattr(function, "__code__", code)
 
 
 def called(act: Callable[[], object]) -> set[CodeType]:
-    """Return the code of all functions that something calls."""
+    """Return the code of all functions that a callable calls."""
     seen = set[CodeType]()
     before = sys.getprofile()
     sys.setprofile(lambda frame, event, _: seen.add(frame.f_code) if event == "call" else None)

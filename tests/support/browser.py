@@ -1,4 +1,4 @@
-"""Chromium without a window, led over its pipes (--remote-debugging-pipe): pages are opened, asked, clicked, drawn."""
+"""Headless Chromium, controlled through pipes (--remote-debugging-pipe): open, query, click and draw pages."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Browser:
         self.resize(width, height)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.ask("Emulation.setEmulatedMedia", features=[scheme])
-        self.ask("Page.navigate", url="about:blank")  # an address that differs in its hash alone loads nothing
+        self.ask("Page.navigate", url="about:blank")  # an address that differs only in its fragment loads nothing
         self.ask("Page.navigate", url=url)
 
     def resize(self, width: int, height: int = 900) -> None:
@@ -59,7 +59,7 @@ class Browser:
         return answer["result"].get("value")
 
     def wait(self, expression: str, seconds: float = 30.0) -> Any:
-        """Return the value of an expression when it is true."""
+        """Wait until an expression is true; return its value."""
         end = time.monotonic() + seconds
         while not (found := self.value(expression)):
             assert time.monotonic() < end, f"not true: {expression}; {self.complaints}"
@@ -79,7 +79,7 @@ class Browser:
             self.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=1)
 
     def picture(self, path: Path, whole: bool = False) -> None:
-        """Write what the window shows, or the whole page, as PNG."""
+        """Write the visible part, or the whole page, as PNG."""
         data = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=whole)["data"]
         path.write_bytes(base64.b64decode(data))
 
@@ -95,7 +95,7 @@ class Browser:
     def _hear(self, event: dict[str, Any]) -> None:
         parameters = event.get("params", {})
         if event.get("method") == "Runtime.exceptionThrown":
-            details = parameters["exceptionDetails"]  # an uncaught one of a script that is a file has its text alone
+            details = parameters["exceptionDetails"]  # an uncaught error of a script file has only its text
             self.complaints.append(details.get("exception", {}).get("description", details["text"]))
         elif event.get("method") == "Log.entryAdded" and parameters["entry"]["level"] == "error":
             self.complaints.append(parameters["entry"]["text"])
@@ -105,7 +105,7 @@ class Browser:
 
 @contextmanager
 def browser(profile: Path) -> Iterator[Browser]:
-    """Open a browser with a profile of its own."""
+    """Open a browser with a separate profile."""
     (theirs, write), (read, mine) = os.pipe(), os.pipe()
 
     def wire() -> None:  # the browser reads from descriptor 3 and writes to 4

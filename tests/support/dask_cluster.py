@@ -1,4 +1,4 @@
-"""A Dask cluster on loopback: a scheduler and workers in processes of their own, which a test may kill."""
+"""A Dask cluster on loopback: a scheduler and workers in separate processes, which a test may kill."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PAUSE = 0.05
 
 @dataclass
 class DaskCluster:
-    """A scheduler, and its workers, the last begun last."""
+    """A scheduler and its workers, in the order of their start."""
 
     address: str
     folder: Path
@@ -30,7 +30,7 @@ class DaskCluster:
     workers: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
     def add_worker(self, nanny: bool = False) -> None:
-        """Start a worker, by itself or with the nanny that `dask worker` gives it, which would start it again."""
+        """Start a worker, alone or with the nanny of `dask worker`, which would restart it."""
         options = [
             "--nanny" if nanny else "--no-nanny",
             "--nthreads",
@@ -42,7 +42,7 @@ class DaskCluster:
         self.workers.append(_started(self.folder / f"worker-{len(self.workers)}", "worker", self.address, *options))
 
     def kill_worker(self) -> list[psutil.Process]:
-        """Kill the worker that was started first; return the processes that it had started."""
+        """Kill the oldest worker; return the processes that it had started."""
         worker = self.workers.pop(0)
         started: list[psutil.Process] = psutil.Process(worker.pid).children(recursive=True)
         worker.send_signal(signal.SIGKILL)

@@ -1,8 +1,8 @@
 """The particle model once more, as a double loop in scalar arithmetic: slow, and written from the text.
 
 Every formula is the one of the method's description (kernels, gradients, pair terms, walls, surfaces, shifting, order
-of a step), put down anew; of the reference it takes only the parameters of a `Model` and the rows of a `State`. Numbers
-are longdoubles, so that what separates it from the reference is the reference's rounding.
+of a step), written independently; of the reference it uses only the parameters of a `Model` and the rows of a `State`.
+Numbers are longdoubles, so that it differs from the reference by the reference's rounding.
 """
 
 from __future__ import annotations

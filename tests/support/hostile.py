@@ -1,4 +1,4 @@
-"""Every reader of files that others may have made, with content that it takes, for fuzzing."""
+"""Every reader of untrusted files, with valid content, for fuzzing."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ LINES += b"one\tpressure\teos\tpass\t-\t0.5\t00\t0:pass:00\n"
 
 @dataclass(frozen=True)
 class Reader:
-    """What reads a file, the name that it has, and content that is read."""
+    """A function that reads a file, the file's name, and valid contents."""
 
     read: Callable[[Path], Any]
     name: str
@@ -111,7 +111,7 @@ class Reader:
 
 
 def _scenes(path: Path) -> None:
-    """Read a case file, and make of every scene what either side is given, as far as it is small."""
+    """Read a case file, and make the inputs of either side from its scenes, if small."""
     for case in casefile.load_file(path)[:2]:
         made(case)
 
@@ -211,12 +211,12 @@ def _size(path: Path) -> tuple[int, str]:
 
 
 def outcome(reader: Reader, content: bytes, folder: Path) -> str:
-    """Read content as a file; the complaint, empty if there is none. Anything but an `InputError` comes through.
+    """Read content as a file; return the complaint, or "". Any exception but `InputError` is raised.
 
     Raises
     ------
     AssertionError
-        A complaint of too many lines, or too long a one.
+        The complaint has several lines or is too long.
     """
     path = folder / reader.name
     path.write_bytes(content)
@@ -232,7 +232,7 @@ def outcome(reader: Reader, content: bytes, folder: Path) -> str:
 
 
 def leaves(content: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Yield the places of all values within values, from the outside in."""
+    """Yield the places of all nested values, from the outside in."""
     yield at
     inner = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
     for key, value in inner:

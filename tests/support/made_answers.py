@@ -1,4 +1,4 @@
-"""Answers made by hand: what LAMMPS would answer if it were the reference."""
+"""Handmade answers, as if LAMMPS were the reference."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ PREDICTOR = Predictor()  # each answer is computed once
 
 
 def given(atoms: Atoms) -> dict[str, Any]:
-    """The arrays that LAMMPS has been given."""
+    """The arrays given to LAMMPS."""
     arrays: dict[str, Any] = {"id": atoms.id_n, "type": atoms.type_n, "x": atoms.x_nc, "rho": atoms.rho_n}
     arrays["v"] = np.zeros((len(atoms), 3)) if atoms.v_nc is None else atoms.v_nc
     return arrays if atoms.energy_n is None else arrays | {"esph": atoms.energy_n}
 
 
 def of_model(scene: Scene, atoms: Atoms, *findings: str, carries: float = 1.0) -> Answer:
-    """The fields of a scene, of a LAMMPS with some findings; at every stop densities are multiplied by a number."""
+    """The fields of a scene from a LAMMPS with some findings; densities are multiplied by a number at every stop."""
     problem = problem_of(scene, atoms, "", scene.snapshots)
     variants = [entry.model_variant for entry in LEDGER if entry.model_variant and entry.id in findings]
     made = combined(variants, problem, {})

@@ -1,4 +1,4 @@
-"""A map that nobody has run: outcomes by a formula, on two engines that differ where it says so."""
+"""A map made without runs: outcomes by a formula, on two engines that differ where the formula does."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def kind(cell: MapCell, engine: Engine) -> Kind:
 
 
 def outcome(cell: MapCell, engine: Engine) -> CellOutcome:
-    """With the atom and step of a failure, and LAMMPS' text where it has one."""
+    """The outcome of a cell, with the atom and step of a failure, and LAMMPS' text if any."""
     ends = kind(cell, engine)
     if ends == "stable":
         return CellOutcome(ends, seconds=0.5, steps=9)

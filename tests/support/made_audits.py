@@ -1,4 +1,4 @@
-"""Audits of decks as records, made up."""
+"""Made-up records of audits."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def field(name: str, verdict: Any = "pass", **more: Any) -> FieldRecord:
 
 
 def deck(name: str = "in.deck", verdict: Any = "pass", fields: int | list[FieldRecord] = 11, **more: Any) -> CaseRecord:
-    """An audit whose fields are all inside their bounds, unless others are given."""
+    """An audit with the fields given, by default all inside their bounds."""
     of_fields = [field(f"q{k}") for k in range(fields)] if isinstance(fields, int) else fields
     given = {"fields": of_fields, "tags": ["audit"], "natoms": 1158, "steps": 50}
     return CaseRecord(case=name, verdict=verdict, **(given | more))
@@ -65,7 +65,7 @@ def blame(name: str = "shift/v", step: int = 0) -> Blame:
 
 
 def everything() -> CaseRecord:
-    """An audit of which there is something to say of every kind, with words from a stranger's deck."""
+    """An audit with a message of every kind, quoting words from an untrusted deck."""
     check = {"run": 1, "field": "q0", "type": 0, "verdict": "pass", "max_abs": 0.0}
     looks = [
         CheckRecord(step=0, natoms=1158, max_over_bound=0.0, worst_id=1, **check),

@@ -1,4 +1,4 @@
-"""Findings made by hand."""
+"""Handmade findings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run with a case of every kind, made without LAMMPS, and its report as a browser takes it."""
+"""A run with a case of every kind, made without LAMMPS, and its report as parsed by a browser."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def scene(
     spoil: dict[int, float] | None = None,
     **more: Any,
 ) -> CaseRecord:
-    """A case whose "LAMMPS" is the reference moved by a part of the bound, and spoiled on some atoms."""
+    """A case whose "LAMMPS" is the reference perturbed by a fraction of the bound, and wrong on some atoms."""
     count = rho_n.size
     type_n = np.ones(count, int) if types is None else types
     id_n, mass_n = np.arange(1, count + 1), np.full(count, 1.5)
@@ -106,7 +106,7 @@ def scene(
 
 
 def ended() -> list[CaseRecord]:
-    """Cases without arrays, of every verdict that such a case can have."""
+    """Cases without arrays, one of every verdict possible."""
     illegal = "Illegal fix rheo/pressure"
     unknown = "ERROR: Unknown fix style rheo | (src/modify.cpp:1)"
     name = f"hostile.{NAME}"
@@ -212,7 +212,7 @@ FINDINGS = (
 
 
 def audit() -> CaseRecord:
-    """An audited deck: looks over time, no arrays."""
+    """An audited deck: samples over time, no arrays."""
     common = {"run": 1, "natoms": 400, "verdict": "pass", "max_abs": 1e-13}
     checks = [
         CheckRecord(step=10 * k, type=t, max_over_bound=0.07 * t * (k % 7), worst_id=k, **common)
@@ -250,7 +250,7 @@ def example(folder: Path) -> RunRecord:
         scene(folder, "eos.cubic.compressed", EOSTable((cubic,)), np.linspace(2.0, 6.0, 900), noise=0.0),
         scene(folder, "eos.types", four, rng.uniform(0.9, 1.6, 900), **random),
         scene(folder, "flow.block3d", EOSTable((general,)), small, dimension=3),
-        scene(folder, "eos.states", one, states, lint=["m/rho is 1: V cannot be told from 1"]),
+        scene(folder, "eos.states", one, states, lint=["m/rho is 1: V cannot be distinguished from 1"]),
         scene(folder, "eos.broken", EOSTable((general,)), rng.uniform(1.0, 1.6, 400), spoil=spoiled),
         audit(),
         *ended(),
@@ -281,7 +281,7 @@ def example(folder: Path) -> RunRecord:
 
 
 class Page(HTMLParser):
-    """What a browser would take from the page: elements with attributes, and the scripts' text."""
+    """The page as a browser parses it: elements with attributes, and the scripts' text."""
 
     def __init__(self, html: str) -> None:
         super().__init__()

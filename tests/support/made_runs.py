@@ -1,4 +1,4 @@
-"""Runs as records, made up."""
+"""Made-up records of runs."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def run(
     sha256: str | None = None,
     seconds: float = 2.0,
 ) -> RunRecord:
-    """A run on a release, or on what `name` says."""
+    """A run on a release, or on the engine called `name`."""
     engine = EngineRecord(
         name=name or f"pypi:{version}",
         distribution=version,

@@ -1,4 +1,4 @@
-"""Sides of comparisons made by hand."""
+"""Handmade sides of comparisons."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def ended(
 
 
 class Kept(Samples):
-    """Arrays at hand."""
+    """Arrays in memory."""
 
     def __init__(self, **arrays: Sample) -> None:
         super().__init__()

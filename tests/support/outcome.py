@@ -11,7 +11,7 @@ Solver = Callable[[Job], Answer]
 
 
 class Outcome(NamedTuple):
-    """What a command left: exit code and the two streams."""
+    """The result of a command: exit code and the two streams."""
 
     code: int
     out: str

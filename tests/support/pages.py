@@ -1,4 +1,4 @@
-"""Pages as a browser has them."""
+"""Pages as a browser unpacks them."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ _PART = re.compile(r'(<script type="text/plain" class="packed"[^>]*>)([A-Za-z0-9
 
 
 def unpacked(page: str) -> str:
-    """A page with the text of every packed part in the place of that part; scripts stay as they are."""
+    """A page with every packed part replaced by its text; scripts are unchanged."""
     return _PART.sub(lambda part: zlib.decompress(base64.b64decode(part[2])).decode(), page)

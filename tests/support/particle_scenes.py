@@ -133,8 +133,8 @@ def scene(
     """A disordered block of unit spacing with random velocities, densities, types and, if wanted, energies.
 
     ``solids``: the lowest two layers along y are solid; with ``walls`` they are interface/reconstruct's; ``droplet``:
-    all particles but one. ``margin``
-    widens the box beyond the block on its open sides, for free surfaces. Edges are shorter than two cutoffs by default.
+    all particles but one. ``margin`` widens the box beyond the block on its open sides, for free surfaces. Edges are
+    shorter than two cutoffs by default.
     """
     cells = cells or ((6, 5) if dimension == 2 else (3, 4, 2))
     x_nc = lattice(cells, disorder, seed)
@@ -193,7 +193,7 @@ MELTING = (Thermal(0.7, 1.5, 0.3, 1.1), Thermal(0.25, 2.25))
 _OPEN = {"periodic": (False, True), "margin": 3.0}
 _OPEN_3D = {"periodic": (False, True, False), "margin": 3.0}
 
-# Scenes that between them reach every formula; each is built in 2D and in 3D.
+# Scenes that together reach every formula; each is built in 2D and in 3D.
 RECIPES: dict[str, dict[str, Any]] = {
     "quintic": {"artificial": 0.75, "damp": 0.125},
     "RK0": {"kernel": "RK0", "artificial": 0.75, "damp": 0.125},
@@ -273,7 +273,7 @@ def bounded(built: Scene, accelerations_nc: Any = None) -> dict[str, tuple[Any, 
 
 
 def assert_same(found: dict[str, tuple[Any, Any]], expected: dict[str, tuple[Any, Any]], slack: float = 1.0) -> None:
-    """Fields with bounds agree within the sum of both bounds."""
+    """Fail unless fields agree within the sum of both bounds."""
     assert found.keys() == expected.keys()
     for name, (a, error_a) in found.items():
         b, error_b = expected[name]

@@ -1,4 +1,4 @@
-"""A run in which the reference with a fault stands in for LAMMPS: judged, and its triage."""
+"""A judged run in which the reference with a fault stands in for LAMMPS, and its triage."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def red_run(
     stepping: type[Simulation] = Simulation,
     seconds: float = 30.0,
 ) -> RunRecord:
-    """Return a run of cases with its triage; LAMMPS' numbers are those of the changed reference."""
+    """Return a run of cases with its triage; the changed reference supplies LAMMPS' numbers."""
     cases, predictor = casefile.select(casefile.load(), names), Predictor()
     records = []
     for case in cases:

@@ -18,7 +18,7 @@ RECOMPUTED: dict[tuple[str, str], Callable[..., Any]] = {}  # by finding and nam
 
 
 class Printed(float):
-    """A number as a text prints it: equal to all that round to it."""
+    """A number as printed in a text: equal to all numbers that round to it."""
 
     digits: int  # after the point; negative: before it
 
@@ -45,10 +45,10 @@ def printed(finding: str) -> SimpleNamespace:
 
 
 def recomputes(finding: str, names: str = "", given: str = "", some: bool = False) -> Callable[..., Any]:
-    """Make a test of a function that returns numbers of a finding by their names, from LAMMPS, a variant or by hand.
+    """Make a test from a function that returns numbers of a finding by name, from LAMMPS, a variant or by hand.
 
     Every value returned, alone or in arrays, must round to the number printed. ``given`` are numbers from which the
-    function starts, or which it compares itself as bounds; with ``some`` it returns some of the names each time.
+    function starts, or which it compares itself as bounds; with ``some`` it returns only some of the names each time.
     """
 
     def register(function: Callable[..., Mapping[str, Any]]) -> Callable[..., None]:
@@ -67,5 +67,5 @@ def recomputes(finding: str, names: str = "", given: str = "", some: bool = Fals
 
 
 def quoted(finding: str, part: str) -> list[str]:
-    """The commands and messages of a text: what stands in quotation marks."""
+    """The commands and messages of a text: the parts in quotation marks."""
     return re.findall(r"(?<!\w)'([^']+)'(?!\w)", getattr(ENTRIES[finding], part))

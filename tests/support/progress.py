@@ -1,4 +1,4 @@
-"""A progress that keeps what it is told."""
+"""A progress bar that records its calls."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reports of runs compared bit for bit, but for what the clock and the store of predictions say."""
+"""Reports of runs, compared bit for bit except for times and the use of the store of predictions."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from lammps_cases.report.formats import write_report
 
 
 def report(directory: Path, scratch: Path) -> dict[str, bytes]:
-    """The files of a report, rendered anew without seconds, date, command, and where its predictions came from."""
+    """The files of a report, rendered again without seconds, date, command and the origin of its predictions."""
     names = {path.name for path in directory.iterdir()}
-    assert names == {"run.json", "fields", "report.html", "summary.md", "junit.xml"}, "whole, and nothing beside it"
+    assert names == {"run.json", "fields", "report.html", "summary.md", "junit.xml"}, "complete, and nothing else"
     run = read_run(directory)
     for case in run.cases:
         case.seconds, case.predictions = Seconds(), Predictions()

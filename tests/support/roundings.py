@@ -1,4 +1,4 @@
-"""A value but for counted roundings."""
+"""Equality up to a counted number of roundings."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ HALF_EPS = 2.0**-53  # the largest relative error of one rounding
 
 
 def rounded(value: Any, count: int, terms: float = 0.0) -> Any:
-    """What differs from a value by so many roundings at most, of it or of larger terms that cancel."""
+    """A value that equals numbers within so many roundings, of it or of larger terms that cancel."""
     return pytest.approx(value, rel=count * HALF_EPS, abs=count * HALF_EPS * terms)

@@ -1,4 +1,4 @@
-"""Whether two reports are the same: records and arrays, bit for bit."""
+"""Comparison of two reports: records and arrays, bit for bit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ MADE = ("seconds", "date", "command", "shard", "divided", "predictions")
 
 
 def results(report: Path) -> dict[str, Any]:
-    """Return a run's record without how it was made: when, by which command, and which predictions were at hand."""
+    """Return a run's record without its origin: date, command, and which predictions were cached."""
     document: dict[str, Any] = json.loads((report / "run.json").read_text())
     for key in MADE:
         document.pop(key)

@@ -32,7 +32,7 @@ Floats = npt.NDArray[np.floating]
 
 @dataclass(frozen=True)
 class SmallScene:
-    """A scene with particles of its own."""
+    """A scene with explicit particles."""
 
     scene: Scene
     atoms: Atoms
@@ -41,16 +41,16 @@ class SmallScene:
 
     @property
     def problem(self) -> Problem:
-        """As the reference takes it, at the steps that the scene compares or at some others."""
+        """The problem for the reference, at the steps that the scene compares or at other ones."""
         return problem_of(self.scene, self.atoms, "", self.scene.snapshots if self.steps is None else self.steps)
 
     @property
     def job(self) -> Job:
-        """As LAMMPS is given it."""
+        """The job for LAMMPS."""
         return job(self.scene, self.atoms, plan(self.scene))
 
     def predicted(self, *findings: str, snapshot: Snapshot | None = None) -> Prediction:
-        """What the reference says of it, with the variants of some findings."""
+        """The prediction of the reference, with the variants of some findings."""
         variants = [variant for name in findings if (variant := ENTRIES[name].model_variant)]
         made = combined(variants, self.problem, snapshot or {})
         assert made is not None and len(variants) == len(findings)
@@ -117,13 +117,13 @@ def small_scene(
 
 
 class Engine:
-    """A LAMMPS in a process of its own."""
+    """A LAMMPS in a separate process."""
 
     def __init__(self, workers: Workers) -> None:
         self.workers = workers
 
     def answer(self, given: SmallScene | Job) -> Answer:
-        """All that LAMMPS answers to a scene."""
+        """LAMMPS' answer to a scene."""
         what = given.job if isinstance(given, SmallScene) else given
         found = self.workers.outcome(self.workers.submit(what, 60.0))
         assert isinstance(found, Answer), found
@@ -137,11 +137,11 @@ class Engine:
         return read_snapshots(given.scene, self.answer(asked))
 
     def replies(self, *inputs: Input) -> list[Reply]:
-        """What LAMMPS makes of decks."""
+        """LAMMPS' replies to decks."""
         return list(put(self.workers, inputs, 60.0))
 
     def reply(self, base: str, *edits: tuple[str, str]) -> Reply:
-        """What LAMMPS makes of an edited base of the probes."""
+        """LAMMPS' reply to an edited base deck of the probes."""
         return self.replies(edited(base, edits))[0]
 
 
@@ -160,7 +160,7 @@ def agree(found: Any, prediction: Prediction, field: str, at: int = 0) -> bool:
 def is_multiple(found: Any, factor: Any, right: Prediction, wrong: Prediction, field: str, roundings: int = 4) -> bool:
     """Whether a field of LAMMPS is a prediction times a factor.
 
-    But for the bound of the prediction that LAMMPS follows, that of the other times the factor, and the roundings of
+    Within the bound of the prediction that LAMMPS follows, that of the other times the factor, and the roundings of
     the factor and the product.
     """
     expected = factor * right.fields[0][field]

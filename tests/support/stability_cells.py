@@ -25,7 +25,7 @@ def outcome(
     side: Engine = "reference",
     evaluator: MakeEvaluator | None = None,
 ) -> CellOutcome:
-    """How a cell ends; with an evaluator, in a reference that has it."""
+    """The outcome of a cell; with an evaluator, in a reference that uses it."""
     cell = MapCell(of.id, x, y, layer)
     start, watch = of.start(cell), of.watch(cell)
     run = (

@@ -1,4 +1,4 @@
-"""Starts that the tests of the atlas share."""
+"""Initial states shared by the tests of the atlas."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def channel(steps: int = 0, mass: float = 1.0, **scene: Any) -> Start:
 
 
 def resting(steps: int, mass: float = 1.0, high: float = 8.0) -> Start:
-    """Particles on a lattice, at rest without pressure: nothing ever happens."""
+    """Particles on a lattice, at rest without pressure: the state never changes."""
     return start(
         "rest",
         {"types": [{"mass": mass, "rho0": mass, "cs": 1.0}], "pressure": [{"types": "*", "style": "linear"}]},
@@ -75,7 +75,7 @@ def viscous(factor: float) -> StabilityMap:
 
 
 def brute_moments(x_nc: FloatArray, box: tuple[FloatArray, FloatArray], cut: float, k: int) -> FloatArray:
-    """Moment matrix of RK2 of particle k in the plane, periodic along x, for volumes of 1: an own sum over images."""
+    """Moment matrix of RK2 of particle k in the plane, periodic along x, for volumes of 1: a direct sum over images."""
     total = np.zeros((6, 6))
     for j in range(len(x_nc)):
         for image in (-1, 0, 1):

@@ -1,4 +1,4 @@
-"""Everything a law goes through, asked of the stiffened gas that `test_new_law` adds to a copy of the packages."""
+"""Every use of a law, run for the stiffened gas that `test_new_law` adds to a copy of the packages."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ assert np.all(np.abs(p_n - theirs_n) <= bounds.engine(law, rho_n, e_n) + bound_n
 assert "c^2 rho0" in bounds.comparison_derivation(law)
 
 # inverse and derivative, plain and with rounding errors
-lost_n = (bounds.engine(law, rho_n, e_n) + bound_n) / ((GAMMA - 1) * e_n)  # of the pressure, there and back
+lost_n = (bounds.engine(law, rho_n, e_n) + bound_n) / ((GAMMA - 1) * e_n)  # of the pressure, in both directions
 assert np.all(np.abs(law.density(p_n, e_n) - rho_n) <= 2 * lost_n)
 assert np.array_equal(law.stiffness(rho_n, e_n), (GAMMA - 1) * e_n)
 carried = rounded_eos.pressure(law, Rounded(rho_n, 1e-9 * rho_n), Rounded(e_n, 1e-9 * e_n))

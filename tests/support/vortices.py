@@ -1,4 +1,4 @@
-"""Vortices on a lattice in a periodic box, as the reference takes them."""
+"""Vortices on a lattice in a periodic box, for the reference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What runs each part of the findings' workarounds: a part is a line of that section of the document."""
+"""How each part of the findings' workarounds is run: a part is a line of that section of the document."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Scene:
-    """Changes of the finding's scene, each of which helps; other findings that show in it."""
+    """Changes of the finding's scene, each of them effective; other findings that show in it."""
 
     changes: tuple[Mapping[str, Any], ...]
     beside: tuple[str, ...] = ()
@@ -24,7 +24,7 @@ class Deck:
 
 @dataclass(frozen=True)
 class Orders:
-    """Commands before the last run of the finding's deck, each order of which helps; those that do not help."""
+    """Commands before the last run of the finding's deck: orders that are effective, and orders that are not."""
 
     good: tuple[str, ...]
     bad: tuple[str, ...] = ()
@@ -32,7 +32,7 @@ class Orders:
 
 @dataclass(frozen=True)
 class Test:
-    """A test of the texts that runs it, as ``file::function``, ``test_texts_`` left out."""
+    """A test of the texts that runs it, as ``file::function`` without ``test_texts_``."""
 
     __test__ = False
     name: str
@@ -54,7 +54,7 @@ UNITS = tuple({"units": units} for units in ("lj", "si", "cgs", "micro", "nano")
 QUINTIC: dict[str, Any] = {"rheo": {"kernel": "quintic"}}
 OTHER_VOLUMES = {"types": [{"mass": 1.2, "rho0": 0.5, "cs": 2.0}] * 2, "rho": {"constant": 0.9, "per_type": None}}
 CONTINUED = Scene(({"evolve": {"stops": None}},), ("force-per-volume",))
-# Without a run after read_restart nothing is removed, however often and wherever fixes are defined and removed.
+# Without a run after read_restart nothing is removed, independent of where fixes are defined and removed.
 STAYS = (
     "write read pair define remove define others",
     "write read pair rheo remove_rheo define others",
@@ -109,7 +109,7 @@ WORKAROUNDS: dict[str, tuple[How, ...]] = {
         BEGUN_AGAIN,
         BEFORE_WRITING,
         AFTER_READING,
-        Test("walls_at_stops::test_what_begins_right_after_a_stop_beside_a_wall"),
+        Test("walls_at_stops::test_forces_kept_right_after_a_stop_next_to_a_wall"),
     ),
     "data-file-of-walls": (Test("refusals::test_data_file_of_walls"),),
     "walls-begin-with-parts": (CONTINUED, BEGUN_AGAIN, BEFORE_WRITING, AFTER_READING),
@@ -160,7 +160,7 @@ WORKAROUNDS: dict[str, tuple[How, ...]] = {
     "magnitudes-unchecked": (ARGUMENTS,),
     "shiftscale-no-fraction": (ARGUMENTS,),
     "component-stars-crash": (Test("inputs::test_component_stars_crash"),),
-    "virials-cancel": (Test("virials::test_pressure_of_a_fluid_at_rest"), NoCommand("there is none")),
+    "virials-cancel": (Test("virials::test_pressure_of_a_fluid_at_rest"), NoCommand("there is no workaround")),
     "mass-of-first": (
         Test("masses::test_one_of_a_pair_has_the_mass_of_the_other"),
         Scene(({"mass": {"values": [1.25, 1.25]}},)),

@@ -22,7 +22,7 @@ from lammps_cases.engine.session import Session
 
 
 class _FirstRun(DeckWatch):
-    """Times the first run and ends the deck with it."""
+    """Times the first run and ends the deck after it."""
 
     audited = True
     spent = 0.0
@@ -32,7 +32,7 @@ class _FirstRun(DeckWatch):
         if self.audited:
             self.begin(["run"])
         self.lmp.command(f"run {self.options.steps}")
-        if self.audited:  # what the samples that were kept are judged by
+        if self.audited:  # by which the stored samples are judged
             self.questions.lines()
         self.spent = time.process_time() - begin
         return True

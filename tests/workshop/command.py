@@ -1,4 +1,4 @@
-"""What the commands of the workshop share: their options, and one line for what is wrong."""
+"""Shared by the commands of the workshop: their options, and one-line error messages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lammps_cases.engine.session import EngineMissing
 
 
 def parser(about: str | None, out: str = "") -> ArgumentParser:
-    """Return the options that these commands share; ``out`` is the folder that a command writes to."""
+    """Return a parser with the common options; ``out`` is the folder that a command writes to."""
     options = ArgumentParser(description=about, formatter_class=RawDescriptionHelpFormatter)
     if out:
         options.add_argument("--out", type=Path, default=Path(out), help="folder of the results")

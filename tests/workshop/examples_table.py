@@ -1,6 +1,6 @@
-"""The table of docs/examples.md: what makes up the error of whole decks, as ``eos-ref examples --full`` measured it.
+"""The table of docs/examples.md: contributions to the error of whole decks, measured by ``eos-ref examples --full``.
 
-``python -m tests.workshop.examples_table REPORT`` takes the numbers of a report, and writes the table anew.
+``python -m tests.workshop.examples_table REPORT`` reads the numbers of a report, and rewrites the table.
 """
 
 from __future__ import annotations

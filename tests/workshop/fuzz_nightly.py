@@ -1,8 +1,8 @@
-"""Every reader under atheris: inputs grown from content that is read, as far as they reach new branches.
+"""Every reader under atheris: inputs evolved from valid content that reach new branches.
 
-``python -m tests.workshop.fuzz_nightly OUT RUNS [READER...]`` gives every reader so many inputs, and writes how many it
-had, how many were refused, and the seconds, as a table; what comes through is kept in OUT/READER. A process each, as
-atheris never comes back.
+``python -m tests.workshop.fuzz_nightly OUT RUNS [READER...]`` gives every reader so many inputs, and writes a table of
+inputs, refused inputs and seconds; exceptions other than refusals are kept in OUT/READER. One process each, as
+atheris never returns.
 """
 
 from __future__ import annotations

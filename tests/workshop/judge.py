@@ -1,7 +1,7 @@
-"""Mutants of the judge that its tests leave alive, and why no test can see them (``make judge``).
+"""Mutants of the judge that survive its tests, and why no test can detect them (``make judge``).
 
-mutmut changes one expression at a time in comparison, verdict and findings, and runs the tests that reach it, but for
-those that need LAMMPS. What it leaves alive judges recorded answers of LAMMPS (`tests.workshop.recorded_answers`),
+mutmut changes one expression at a time in comparison, verdict and findings, and runs the tests that reach it, except
+those that need LAMMPS. Survivors judge recorded answers of LAMMPS (`tests.workshop.recorded_answers`),
 which variants of the reference have to reproduce. The rest is either argued in ``judge.yaml`` or a gap.
 """
 
@@ -17,7 +17,7 @@ from pathlib import Path
 from tests.workshop.faults.record import arguments
 
 MUTANTS = Path("mutants")  # the copy of the project that mutmut makes
-ANSWERED = MUTANTS / "answered.json"  # what becomes of those left alive where they judge answers of LAMMPS
+ANSWERED = MUTANTS / "answered.json"  # the fate of survivors that judge answers of LAMMPS
 ARGUED = Path(__file__).with_name("judge.yaml")
 BY_ANSWERS = "by answers"
 KILLED = ("killed", "timeout", "caught by type check", "segfault")
@@ -43,7 +43,7 @@ def change(diff: str) -> str:
 
 
 def unargued(survivors: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Return the survivors, as (function, change), that no argument speaks of; one for ``*`` is of all changes."""
+    """Return the survivors, as (function, change), that no argument covers; one for ``*`` covers all changes."""
     argued = arguments(ARGUED).keys()
     return [(f, what) for f, what in survivors if (f, what) not in argued and (f, "*") not in argued]
 
@@ -55,7 +55,7 @@ def mutmut(*words: str) -> str:
 
 
 def table(status_of: Mapping[str, str]) -> list[str]:
-    """Return lines of counts: mutants of every module by what became of them, and of all."""
+    """Return lines of counts: mutants by fate, for every module and for all."""
     rows = [(mutant.split(".")[1:3], status) for mutant, status in status_of.items()]
     names = [f"{room}.{module}" for (room, module), _ in rows]
     counts = {
@@ -69,7 +69,7 @@ def table(status_of: Mapping[str, str]) -> list[str]:
 
 
 def main() -> int:
-    """Print what became of the mutants, and those alive that are not argued; return 1 if there are any."""
+    """Print the fate of the mutants, and the survivors that are not argued; return 1 if there are any."""
     status_of = statuses(mutmut("results", "--all", "true"))
     answered = json.loads(ANSWERED.read_text()) if ANSWERED.exists() else {}
     status_of |= {mutant: f"{BY_ANSWERS} {now}" for mutant, now in answered.items() if now in KILLED}

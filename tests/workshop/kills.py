@@ -28,7 +28,7 @@ from tests.support.resumed import report
 NAMES = ("near-rho0", "ranges", "units.si", "refused.range-two-stars")
 COMMAND = [sys.executable, "-m", "lammps_cases.cli.main", "run", *NAMES, "--json"]
 PATIENCE = 120.0  # seconds that a run may take on a busy machine
-GONE = 20.0  # seconds after which no process of a killed run may be there
+GONE = 20.0  # seconds after which no process of a killed run may exist
 
 
 class Kills:
@@ -36,7 +36,7 @@ class Kills:
 
     Attributes
     ----------
-    counts : what was killed, and what came of it
+    counts : what was killed, and the outcome
     """
 
     def __init__(self, folder: Path, seed: int) -> None:
@@ -70,7 +70,7 @@ class Kills:
 
     def _started(self, resume: bool) -> subprocess.Popen[bytes]:
         options = [*self._options(), *(["--resume"] if resume else [])]
-        fresh = ["--fresh"] if self.random.random() < 0.5 else []  # everything is judged, or looked up
+        fresh = ["--fresh"] if self.random.random() < 0.5 else []  # everything is judged again, or looked up
         words = [*COMMAND, "--out", str(self.out), *options, *fresh]
         with (self.folder / "printed").open("wb") as printed:
             return subprocess.Popen(
@@ -78,7 +78,7 @@ class Kills:
             )
 
     def _options(self) -> list[str]:
-        """Return how many LAMMPS there are at a time, and where."""
+        """Return the number of concurrent LAMMPS processes, and where they run."""
         return ["--jobs", "2"]
 
     def _killed(self, process: subprocess.Popen[bytes]) -> bool:
@@ -119,7 +119,7 @@ class Kills:
             time.sleep(0.005)
 
     def _finish(self, process: subprocess.Popen[bytes]) -> None:
-        """Wait for the end of a run that nobody kills."""
+        """Wait for the end of a run that is not killed."""
         code = process.wait(PATIENCE)
         assert code == 0, (code, _wrong(self.folder / "printed"))
         self._await_end()
@@ -141,7 +141,7 @@ class Kills:
         return found
 
     def _check(self) -> None:
-        """Hold the report against that of an undisturbed run, and look for what is left behind."""
+        """Compare the report with that of an undisturbed run, and look for leftovers."""
         scratch = Path(tempfile.mkdtemp(dir=self.folder))
         assert report(self.out, scratch) == self.expected, "not the report of an undisturbed run"
         subprocess.run(["rm", "-rf", str(scratch)], check=True)
@@ -156,7 +156,7 @@ class Kills:
 
 
 def _wrong(printed: Path) -> str:
-    """Return what a run says that did not end well."""
+    """Return the messages of a run that did not end well."""
     try:
         cases = json.loads(printed.read_text())["cases"]
     except (ValueError, KeyError):
@@ -211,7 +211,7 @@ class DaskKills(Kills):
         else:
             self._cluster.scheduler.kill()
             code = process.wait(PATIENCE)
-            # Done before, nothing to connect with yet, or gone meanwhile.
+            # Already done, not yet connectable, or gone in between.
             assert code in (0, 2, 3), (code, _wrong(self.folder / "printed"))
             assert code != 2 or "scheduler" in (self.folder / "printed").read_text()
             self._await_end()
@@ -220,7 +220,7 @@ class DaskKills(Kills):
 
 
 def campaign(kills: int, runs: Kills) -> Counter[str]:
-    """Kill runs so often; return what came of it."""
+    """Kill runs so often; return the outcome."""
     while (done := sum(count for what, count in runs.counts.items() if what.startswith("kills of "))) < kills:
         runs.round(min(runs.random.randint(1, 6), kills - done))
         print(dict(runs.counts), file=sys.stderr, flush=True)

@@ -1,7 +1,7 @@
-"""Very many particles judged, with the memory that takes: ``python -m tests.workshop.large [CASE ...]``.
+"""Very many particles judged, and the memory needed: ``python -m tests.workshop.large [CASE ...]``.
 
-Without names a million particles, on one rank and on two. It ends with 1 if LAMMPS differs from what is known of it, or
-if the process that judges, and on one rank runs LAMMPS, takes more than 4 GB for each million.
+Without names a million particles, on one rank and on two. The exit code is 1 if LAMMPS differs beyond known findings,
+or if the process that judges, and on one rank runs LAMMPS, takes more than 4 GB for each million.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ PATIENCE = 7200.0
 
 @dataclass(frozen=True)
 class JudgedScene:
-    """A scene of so many particles: processor seconds of LAMMPS and of the judge, bytes of the process at most.
+    """A scene of so many particles: processor seconds of LAMMPS and of the judge, peak bytes of the process.
 
-    Of LAMMPS on several ranks seconds of a clock; ``report``: bytes on disk.
+    For LAMMPS on several ranks wall-clock seconds; ``report``: bytes on disk.
     """
 
     particles: int
@@ -70,7 +70,7 @@ def _judged(site: str | None, case: Case, folder: Path) -> JudgedScene:
 
 
 def judged_apart(case: Case) -> JudgedScene:
-    """Run and judge a scene in a process of its own."""
+    """Run and judge a scene in a separate process."""
     with tempfile.TemporaryDirectory() as folder, Workers(None, 1) as workers:
         outcome = workers.outcome(workers.call(_judged, case, Path(folder), time_limit=PATIENCE))
     assert not isinstance(outcome, Failure), outcome.message

@@ -1,11 +1,11 @@
-"""Faults in LAMMPS' own machine code, and whether the cases see them; no source of LAMMPS is read.
+"""Faults in LAMMPS' machine code, and whether the cases detect them; no source of LAMMPS is read.
 
 ``python -m tests.workshop.machine_code OUT COUNT [ENGINE]`` runs all cases with traps on the instructions of the
-functions of RHEO's classes in LAMMPS' shared library (x86-64), which tell what every case reaches. Then it draws
+functions of RHEO's classes in LAMMPS' shared library (x86-64), which record what every case reaches. Then it draws
 instructions, plants a fault in one at a time in a copy of the library, and has ``eos-ref run`` judge the copy, by the
-quick cases that reach it and then by all that do. What stays green is told apart: an instruction that no case reaches,
-one that no number of any case depends on (the same bits), and one that goes unseen. ``OUT/faults.jsonl`` holds every
-fault as it is done; a second call goes on where the first was stopped.
+quick cases that reach it and then by all that do. Green results are classified: an instruction that no case reaches,
+one that no number of any case depends on (the same bits), and an undetected one. ``OUT/faults.jsonl`` holds every
+fault as it is done; a second call resumes where the first was stopped.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ ASIDE = re.compile(r"(C2|D[012])E|memory_usage|_restart|_bonds")  # also twins o
 
 @dataclass(frozen=True)
 class Site:
-    """An instruction, by its place in the file, with the bytes that stand in its place when a fault is planted."""
+    """An instruction, by its place in the file, with the bytes that replace it when a fault is planted."""
 
     kind: str
     function: str
@@ -78,7 +78,7 @@ def instructions(library: Path) -> Iterator[tuple[str, int, Any]]:
 
 
 def _function(symbol: str) -> str:
-    """Class and function of a mangled name, or of a thunk's (which holds a copy), empty for others than RHEO's."""
+    """Class and function of a mangled name, or of a thunk's (which holds a copy), empty if not one of RHEO's."""
     match = re.match(r"_Z(?:Tv\d+_n\d+_)?NK?9LAMMPS_NS(\d+)(\w+)", symbol)
     if not match or ASIDE.search(symbol):
         return ""
@@ -100,7 +100,7 @@ def _fault(mnemonic: str, operands: str, code: bytes) -> tuple[str, bytes] | Non
 
 
 class Library:
-    """A copy of an engine in which one instruction is another, and the runs that judge it."""
+    """A copy of an engine with one instruction replaced, and the runs that judge it."""
 
     def __init__(self, engine: str, out: Path) -> None:
         resolved = installations.resolve(engine)
@@ -128,7 +128,7 @@ class Library:
         self.place.with_suffix(".new").replace(self.place)
 
     def reached(self, *cases: str) -> dict[int, list[str]]:
-        """Return the cases that reach every instruction; their run without a fault is the one that is right."""
+        """Return the cases that reach every instruction; their run without a fault is the correct one."""
         if not (self.out / "right").exists():
             places = [(offset, offset + len(i.bytes)) for _, offset, i in instructions(self.place)]
             traps.keep(self.out, self.code, min(places)[0], max(places)[1], (begin for begin, _ in places))
@@ -137,14 +137,14 @@ class Library:
         return traps.reached(self.out)
 
     def red(self, *cases: str, name: str = "run", program: tuple[str, ...] = ("lammps_cases.cli.main",)) -> str:
-        """The first line that tells what is wrong with a run of some cases, or all; empty if all is as expected."""
+        """The first line on what is wrong with a run of some cases, or all; empty if all is as expected."""
         command = ["run", *cases, "--engine", f"path:{self.site}", "--out", str(self.out / name)]
         code, said = self._eos_ref(*command, program=program)
         told = (line for line in said.splitlines() if re.match(r"  (differs|refused|crashed|timed out|error) ", line))
         return next(told, f"exit code {code}").strip() if code else ""
 
     def changed(self, cases: Collection[str]) -> set[tuple[str, str]]:
-        """Return the cases and fields that have other numbers in the last run, of these cases, than without a fault."""
+        """Return the cases and fields whose numbers in the last run differ from those without a fault."""
         self._eos_ref("compare", str(self.out / "right"), str(self.out / "run"), "--out", str(self.out / "compared"))
         rows = json.loads((self.out / "compared" / "compare.json").read_text())["fields"]
         other = (row for row in rows if row["case"] in cases and row["change"] not in ("same bits", "same outcome"))
@@ -158,7 +158,7 @@ class Library:
 
 
 def outcome(library: Library, site: Site, reaching: Sequence[str], quick: Collection[str]) -> tuple[str, str]:
-    """What becomes of a fault: caught by the quick cases or others, and by what; else why it is not."""
+    """The fate of a fault: caught by the quick cases or other ones, and by what; else why it is not."""
     if not reaching:
         return "not reached", ""
     library.plant(site)
@@ -167,7 +167,7 @@ def outcome(library: Library, site: Site, reaching: Sequence[str], quick: Collec
         if cases and (red := library.red(*cases)):
             return f"caught by {by}", red
     if changed := library.changed(set(reaching)):
-        library.plant(None)  # numbers from memory that nothing has written are others in every run
+        library.plant(None)  # numbers from uninitialised memory differ in every run
         again = sorted({case for case, _ in changed})
         changed -= set() if library.red(*again) else library.changed(set(again))
     return (

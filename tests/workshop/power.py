@@ -3,12 +3,12 @@
 Sections: faults, resolution (the smallest visible change of every parameter), alarms (failures although nothing is
 wrong); all by default, only the first if faults are named. Writes power.json; an interrupted run is resumed.
 
-  told     LAMMPS' input is altered
-  read     its output is corrupted
-  formula  named mistakes in formulas; the mistaken reference stands in for LAMMPS
+  `told`     LAMMPS' input is altered
+  `read`     its output is corrupted
+  `formula`  named mistakes in formulas; the mistaken reference stands in for LAMMPS
 
-Examples:  make power POWER='faults --quick-only'
-           make power POWER='told.cs-* --all'
+Examples:  `make power POWER='faults --quick-only'`
+           `make power POWER='told.cs-* --all'`
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tests.workshop.faults.fault import FAMILIES, SECTIONS
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Measure, print what was found, and return 1 if anything is wrong."""
+    """Measure, print the results, and return 1 if anything is wrong."""
     options = command.parser(__doc__, "reports/power")
     options.add_argument("names", nargs="*", metavar="SECTION|FAULT")
     options.add_argument("--family", choices=FAMILIES, help="only faults of this family")
@@ -39,7 +39,7 @@ def _measured(given: Namespace) -> int:
     patterns = [name for name in given.names if name not in SECTIONS]
     only_faults = patterns or given.family or given.sample
     sections = [name for name in given.names if name in SECTIONS] or (["faults"] if only_faults else SECTIONS)
-    collect.select(collect.faults(), patterns)  # a typo is refused before anything kept is forgotten
+    collect.select(collect.faults(), patterns)  # a typo is refused before any stored result is deleted
     with record.planted(given.out).resumed(not given.fresh), Bar() as bar:
         power = collect.collect(given, sections, patterns, bar)
         record.write(power, given.out)
@@ -48,7 +48,7 @@ def _measured(given: Namespace) -> int:
 
 
 def show(power: record.Power) -> None:
-    """Print what was found."""
+    """Print the results."""
     for control in power.controls:
         if own := [fault for fault in power.faults if fault.family == control.family]:
             caught, quick = sum(bool(fault.caught_by) for fault in own), sum(fault.quick for fault in own)

@@ -1,8 +1,8 @@
 """LAMMPS' answers to cases that show its findings, against which `make judge` tries mutants that its tests leave alive.
 
 The tests of a mutant run without LAMMPS, where variants of the reference have nothing to reproduce. ``python -m
-tests.workshop.recorded_answers ENGINE...`` puts cases to LAMMPS, keeps how it answered and what was told of it, and has
-mutants judge the same answers. One that tells anything else is killed.
+tests.workshop.recorded_answers ENGINE...`` runs cases in LAMMPS, keeps its answers and the judgements, and lets
+mutants judge the same answers. One that gives any other judgement is killed.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ Recorded = tuple[PreparedCase, Outcomes, EngineRecord, dict[str, Any]]
 
 
 def told(record: CaseRecord) -> dict[str, Any]:
-    """What a run is held to by its baseline: the verdict, its reasons, and the place of the first difference."""
+    """What a baseline fixes of a run: the verdict, its reasons, and the place of the first difference."""
 
     def place(blame: Blame | None) -> tuple[Any, ...]:
         return (blame.step, blame.stage, blame.field, blame.worst_id) if blame else ()
@@ -71,14 +71,14 @@ def judged(ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, predic
 
 
 def with_its_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord) -> Outcomes:
-    """Task: the answers, with the lists of neighbours if the judge asks for them."""
+    """Task: the answers, with the lists of neighbours if the judge needs them."""
     record, arrays = compared(ready, outcomes, engine, Predictor())
     asked = bool(arrays) and ready.case.scene.whole_model
     return (asked and (lists_decide(ready, record) and Answers(site, ready, outcomes).with_lists())) or outcomes
 
 
 def candidates(version: str) -> list[str]:
-    """Cases that showed a finding which this version was seen to have: one of each group, then others."""
+    """Cases that showed a known finding of this version: one of each group, then other ones."""
     names = dict[str, None]()
     for entry in LEDGER:
         if entry.listed(version):
@@ -92,7 +92,7 @@ def candidates(version: str) -> list[str]:
 
 
 def record(name: str, folder: Path) -> None:
-    """Put cases to an engine; keep the answers that add to what shows its findings."""
+    """Run cases on an engine; keep the answers that add to the evidence of its findings."""
     engine = installations.resolve(name)
     shown: collections.Counter[str] = collections.Counter()
     with Workers(engine.site, 1) as workers:
@@ -116,7 +116,7 @@ def record(name: str, folder: Path) -> None:
 
 
 class OfReference(Predictor):
-    """Computes what the reference predicts without a finding once: no mutant of a finding changes any of it."""
+    """Predictions of the reference without findings, computed once: no mutant of a finding changes them."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -144,7 +144,7 @@ class OfReference(Predictor):
         return made
 
     def again(self) -> OfReference:
-        """Return a predictor that has the same of the reference, and nothing of findings."""
+        """Return a predictor with the same predictions of the reference, and none of findings."""
         other = OfReference()
         other.once = self.once
         return other
@@ -182,13 +182,13 @@ class Test:
         return cls(recorded, frozenset(names), modules, time.perf_counter() - begin, predictor)
 
     def same(self, of_finding: bool) -> bool:
-        """Return whether the same is told now."""
+        """Return whether the judgement is still the same."""
         predictor = self.predictor.again() if of_finding else Predictor()
         return told(judged(*self.recorded[:3], predictor)) == self.recorded[3]
 
 
 def tried(mutant: str, tests: Sequence[Test]) -> str:
-    """What becomes of a mutant, in a process of its own."""
+    """The fate of a mutant, in a separate process."""
     child = os.fork()
     if not child:
         os.environ[ACTIVE] = mutant
@@ -207,7 +207,7 @@ def tried(mutant: str, tests: Sequence[Test]) -> str:
 
 
 def alive() -> None:
-    """Try the mutants that are alive, in mutmut's copy; write what becomes of them."""
+    """Try the mutants that are alive, in mutmut's copy; write their fates."""
     answered = [pickle.loads(file.read_bytes()) for file in sorted(Path(FOLDER).iterdir())]
     tests = [Test.of(recorded) for recorded in answered]
     found: dict[str, str] = {}
@@ -217,12 +217,12 @@ def alive() -> None:
         reach = [test for test in tests if function in test.functions]
         reach.sort(key=lambda test: (module not in test.modules, test.seconds))
         found[mutant] = tried(mutant, reach[:MOST]) if reach else "no tests"
-        Path(judge.ANSWERED.name).write_text(json.dumps(found))  # also if it is ended before
+        Path(judge.ANSWERED.name).write_text(json.dumps(found))  # also if it is terminated before
     print(f"{len(found)} mutants alive on {len(tests)} answers: {dict(collections.Counter(found.values()))}")
 
 
 def main(engines: Sequence[str]) -> int:
-    """Record answers of engines, and try the mutants that mutmut has left alive on them."""
+    """Record answers of engines, and try the mutants that survived mutmut on them."""
     folder = judge.MUTANTS / FOLDER
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)

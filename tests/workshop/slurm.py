@@ -1,4 +1,4 @@
-"""A Slurm of its own on this machine: one node, a munge key and folders made for it, no systemd, gone at the end.
+"""A private Slurm on this machine: one node, a munge key and folders made for it, no systemd, removed at the end.
 
 Needs slurmctld, slurmd and munged (Debian: slurmctld slurmd slurm-client munge), of Slurm 22.05 or later.
 """
@@ -21,7 +21,7 @@ from pathlib import Path
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scontrol")
 ENDED = {"COMPLETED", "FAILED", "CANCELLED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY"}
 PATIENCE = 60.0  # seconds that anything may take
-PAUSE = 0.1  # seconds between two looks
+PAUSE = 0.1  # seconds between two polls
 CONFIGURATION = """
 ClusterName=eos-ref
 SlurmctldHost={host}(127.0.0.1)
@@ -53,13 +53,13 @@ PartitionName=all Nodes=ALL Default=YES State=UP
 
 @dataclass(frozen=True)
 class Slurm:
-    """A Slurm that runs; ``environment`` is what its commands need."""
+    """A running Slurm; ``environment`` has the variables that its commands need."""
 
     folder: Path
     environment: Mapping[str, str]
 
     def call(self, *command: object) -> str:
-        """Return what a command prints."""
+        """Return the output of a command."""
         words = [str(word) for word in command]
         done = subprocess.run(
             words, env=self.environment, capture_output=True, text=True, timeout=PATIENCE, check=False
@@ -68,7 +68,7 @@ class Slurm:
         return done.stdout
 
     def jobs(self) -> dict[str, dict[str, str]]:
-        """Return what Slurm says of every job and task of an array, by ``JOB`` or ``JOB_TASK``."""
+        """Return Slurm's status of every job and task of an array, by ``JOB`` or ``JOB_TASK``."""
         found = {}
         for line in self.call("scontrol", "--oneliner", "show", "job").splitlines():
             keys = dict(word.partition("=")[::2] for word in line.split())
@@ -78,7 +78,7 @@ class Slurm:
         return found
 
     def wait(self, job: str, *states: str) -> dict[str, str]:
-        """Wait until a job is in one of some states (by default: has ended), and return what Slurm says of it."""
+        """Wait until a job is in one of some states (by default: has ended), and return Slurm's status of it."""
         until = time.monotonic() + PATIENCE
         while (keys := self.jobs().get(job, {})).get("JobState") not in (states or ENDED):
             assert time.monotonic() < until, (job, keys, self.logs())
@@ -91,13 +91,13 @@ class Slurm:
 
 
 def missing() -> list[str]:
-    """Return the programs of Slurm that this machine has not."""
+    """Return the programs of Slurm missing from this machine."""
     return [program for program in PROGRAMS if shutil.which(program, path=_path()) is None]
 
 
 @contextmanager
 def running(cores: int = 4) -> Iterator[Slurm]:
-    """Start a Slurm of one node with some cores, as many as there are or not, and stop it in the end."""
+    """Start a Slurm of one node with any number of cores, existing or not, and stop it in the end."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-slurm-")))
         for name in ("state", "spool"):

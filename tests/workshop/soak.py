@@ -1,6 +1,6 @@
-"""A long campaign: thousands of cases in one run, in a process that watches what it needs as it goes.
+"""A long campaign: thousands of cases in one run, in a process that monitors its resources.
 
-Its cases are those of the laws that LAMMPS answers, pass by pass, each pass drawn anew: the name of a case is its seed.
+Its cases are those of the laws that LAMMPS answers, pass by pass, each pass drawn again: a case's name is its seed.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Sample:
 
 
 class Watch(Progress):
-    """Takes a sample after every pass, into a file of lines; ``own`` processor seconds are not the campaign's."""
+    """Writes a sample after every pass to a file of lines; ``own`` processor seconds are not the campaign's."""
 
     def __init__(self, file: Path, every: int) -> None:
         self.file, self.every, self.begin, self.own = file, every, 0.0, 0.0
@@ -92,7 +92,7 @@ def drawn(of: Sequence[Case], count: int) -> list[Case]:
 
 
 def main(folder: Path, count: int, jobs: int, address: str = "") -> None:
-    """Run a campaign, and say what memory it took at most."""
+    """Run a campaign, and print its peak memory."""
     forkserver.start_for_judging()
     of = settings()
     watch = Watch(folder / "samples", len(of))
@@ -108,7 +108,7 @@ def main(folder: Path, count: int, jobs: int, address: str = "") -> None:
 
 
 def samples(folder: Path) -> list[Sample]:
-    """Return the samples of a campaign after its warm-up: from when the main process keeps as much as it ever keeps."""
+    """Return the samples of a campaign after its warm-up: from when the caches of the main process are full."""
     every = [Sample(**json.loads(line)) for line in (folder / "samples").read_text().splitlines()]
     return [sample for sample in every if sample.cases >= campaign.KEPT]
 
@@ -119,11 +119,11 @@ def growth(of: Sequence[Sample]) -> float:
 
 
 def slowing(folder: Path) -> float:
-    """Return what a case costs in the last quarter of the passes over what it costs in the first.
+    """Return the cost of a case in the last quarter of the passes over that in the first.
 
-    Costs are seconds of processors, which other programs disturb less than those of a clock: of the workers the median
-    over the passes of each case, so that a case is held against itself and a disturbance for less than half of a
-    quarter counts for nothing; of the main process the mean.
+    Costs are processor seconds, which other programs disturb less than wall-clock ones: for the workers the median
+    over the passes of each case, so that a case is compared with itself and a disturbance for less than half of a
+    quarter has no effect; for the main process the mean.
     """
     after = samples(folder)
     quarter = len(after) // 4
@@ -156,7 +156,7 @@ document.body.append(frame);
 
 
 def opening(report: Path, profile: Path) -> float:
-    """Return the seconds until chromium has loaded and laid out a report, without those of its own start."""
+    """Return the seconds until chromium has loaded and laid out a report, without those of its start."""
     (report / "opens.html").write_text(OPENS)
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
     options += ["--allow-file-access-from-files", f"--user-data-dir={profile}", "--dump-dom"]

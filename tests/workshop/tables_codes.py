@@ -1,6 +1,6 @@
-"""Whole codes, in docs/accuracy.md: ``python -m tests.workshop.tables_codes [FOLDER]``.
+"""The table of whole codes in docs/accuracy.md: ``python -m tests.workshop.tables_codes [FOLDER]``.
 
-Of the chart in FOLDER the codes are kept as ``tables_codes.json``; the document has their table.
+Keeps the codes of the chart in FOLDER as ``tables_codes.json``, and writes their table into the document.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ MEASURED = Path(__file__).with_suffix(".json")
 
 
 def kept(chart: Chart) -> Chart:
-    """Return the whole codes of a chart alone, without the paths of the machine that measured."""
+    """Return only the whole codes of a chart, without the paths of the machine."""
     sections = tuple(section for section in chart.sections if section.codes)
     command = "eos-ref chart codes" + (" --quick" if chart.quick else "") + (" --pysph PYTHON" * (not without(chart)))
     engine = {key: value for key, value in chart.engine.items() if key != "library"}
@@ -50,7 +50,7 @@ def _lines(chart: Chart) -> Iterator[str]:
 
 
 def main(folders: Sequence[str]) -> None:
-    """Keep what was measured, and write the table."""
+    """Keep the measurement, and write the table."""
     for folder in folders:
         DOCUMENT.write(MEASURED, kept(DOCUMENT.read(Path(folder) / "chart.json")))
     path = Path(__file__).parents[2] / "docs" / "accuracy.md"

@@ -1,7 +1,7 @@
-"""What was measured, in docs/validation.md: ``python -m tests.workshop.tables_validation [FOLDER...]``.
+"""The measurements in docs/validation.md: ``python -m tests.workshop.tables_validation [FOLDER...]``.
 
-Folders of validations are put together and kept as ``tables_validation.json``, without their curves; the document has
-their table.
+Merges folders of validations, keeps them as ``tables_validation.json`` without their curves, and writes the table of
+the document.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def table(validated: Validated) -> str:
 
 
 def _alone(validated: Validated, flow: str) -> Iterable[str]:
-    """Yield what another unit of length does to LAMMPS, and each finding to the reference; of LAMMPS what it did."""
+    """Yield the effect of another unit of length on LAMMPS, as observed, and of each finding on the reference."""
     tabled = not any(run.message for run in validated.of(flow, LAMMPS))
     sides = [side for side in validated.sides(flow) if side != LAMMPS or not tabled]
     runs = tuple(run for run in validated.runs if run.flow == flow and run.side in sides)
@@ -90,18 +90,18 @@ def _row(*cells: str) -> str:
 
 
 def document(text: str, validated: Validated) -> str:
-    """Return a document with the table in its place."""
+    """Return a document with the table inserted."""
     return placed(text, table(validated))
 
 
 def placed(text: str, words: str) -> str:
-    """Return a document with what was measured in its place."""
+    """Return a document with the measurements inserted."""
     before, rest = text.split(BEGIN)
     return f"{before}{BEGIN}\n{words}\n{END}{rest.split(END)[1]}"
 
 
 def main(folders: Sequence[str]) -> None:
-    """Put validations together, and write the table."""
+    """Merge validations, and write the table."""
     if folders:
         DOCUMENT.write(MEASURED, joined([DOCUMENT.read(Path(folder) / "validate.json") for folder in folders]))
     path = Path(__file__).parents[2] / "docs" / "validation.md"

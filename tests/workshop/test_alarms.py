@@ -1,4 +1,4 @@
-"""Nothing turns red where nothing is wrong, every kind changes the job, and a real fault is not called known."""
+"""Nothing turns red if nothing is wrong, every kind changes the job, and a real fault is not called known."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_nothing_turns_red(measured: dict[str, AlarmRun]) -> None:
         assert sum(run.verdicts.values()) == len(ALL)
 
 
-def test_names_move_no_bit_and_another_order_does(measured: dict[str, AlarmRun]) -> None:
+def test_renaming_changes_no_bit_and_reordering_does(measured: dict[str, AlarmRun]) -> None:
     assert measured["as given"].same_bits == len(ALL)
     assert measured["renamed"].same_bits == len(ALL)
     assert measured["relabelled"].same_bits < len(ALL)
@@ -59,7 +59,7 @@ def solved(solver: Solver) -> Callable[[PerturbedCase], Answer]:
 
 
 @pytest.mark.parametrize("kind", HERE)
-def test_every_kind_changes_the_job_and_every_particle_comes_back_in_its_row(
+def test_every_kind_changes_the_job_and_particles_return_to_their_rows(
     kind: Kind, solved: Callable[[PerturbedCase], Answer]
 ) -> None:
     ready = prepared_case.prepare(CASES[FLUID])
@@ -76,7 +76,7 @@ def test_every_kind_changes_the_job_and_every_particle_comes_back_in_its_row(
     assert np.array_equal(first["v"], atoms.v_nc)
 
 
-def test_another_seed_is_another_scene_of_the_same_name() -> None:
+def test_another_seed_gives_another_scene_of_the_same_name() -> None:
     one, other = prepared_case.prepare(CASES[FLUID]), alarms.prepared_anew(CASES[FLUID])
     assert other.case is CASES[FLUID]
     assert one.atoms.rho_n is not None
@@ -85,7 +85,7 @@ def test_another_seed_is_another_scene_of_the_same_name() -> None:
     assert not np.array_equal(one.atoms.rho_n, other.atoms.rho_n)
 
 
-def test_rows_that_are_not_brought_back_are_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_out_of_order_raise_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
     right = alarms.perturbed_case
     monkeypatch.setattr(alarms, "perturbed_case", lambda kind, ready: replace(right(kind, ready), row_n=None))
     found = {run.kind: run for run in alarms.measure([CASES[LAW]], installations.Engine(), ("relabelled", "reordered"))}
@@ -95,14 +95,14 @@ def test_rows_that_are_not_brought_back_are_an_alarm(monkeypatch: pytest.MonkeyP
     assert found["reordered"].alarms == ()
 
 
-def test_faults_of_lammps_that_an_ordinary_run_does_not_show_are_named() -> None:
+def test_faults_hidden_in_ordinary_runs_are_named() -> None:
     cases = [CASES["cross-type.scale.2d"], CASES["walls-moving.free.rk1"]]
     found = {run.kind: run for run in alarms.measure(cases, installations.Engine(), ("rebuilt", "ranks"))}
     assert found["as given"].alarms == ()
     assert [(a.case, a.finding) for a in found["ranks"].alarms] == [("cross-type.scale.2d", "cross-type-normal")]
     (walls,) = found["rebuilt"].alarms
     assert (walls.case, walls.finding) == ("walls-moving.free.rk1", "walls-after-rebuild")
-    assert "beside" in walls.message  # the step at which more is wrong than the findings of the scene explain
+    assert "beside" in walls.message  # the step at which the findings of the scene do not explain everything
     assert found["ranks"].false == found["rebuilt"].false == 0
 
 
@@ -119,7 +119,7 @@ def test_faults_of_lammps_that_an_ordinary_run_does_not_show_are_named() -> None
         ("renamed", "power-status.divergence", "differs", ""),
     ],
 )
-def test_only_what_a_finding_predicts_is_called_known(kind: Kind, case: str, verdict: str, finding: str) -> None:
+def test_only_predicted_differences_are_called_known(kind: Kind, case: str, verdict: str, finding: str) -> None:
     plain = CaseRecord(case=case, verdict="pass")
     record = CaseRecord(case=case, verdict=verdict)
     run = alarms._run(kind, [CASES[case]], {case: plain}, {case: record}, None)
@@ -136,7 +136,7 @@ def test_death_by_a_signal_has_one_name_on_one_rank_and_on_several() -> None:
 # --- another machine
 
 
-def test_another_machine_is_green_and_computes_all_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_older_machine_is_green_and_recomputes_everything(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[dict[str, str]] = []
     right = subprocess.Popen
 
@@ -155,7 +155,7 @@ def test_another_machine_is_green_and_computes_all_anew(monkeypatch: pytest.Monk
     assert there["NUMBA_CPU_NAME"] == "generic"
     assert there["GLIBC_TUNABLES"].startswith("glibc.cpu.hwcaps=")
     assert here[VARIABLE] == os.environ[VARIABLE]
-    assert there[VARIABLE] != here[VARIABLE]  # nothing that was predicted on this machine is found on the other
+    assert there[VARIABLE] != here[VARIABLE]  # predictions of this machine are not reused on the other
 
 
 def test_command_without_a_report_is_an_error() -> None:

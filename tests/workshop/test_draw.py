@@ -1,4 +1,4 @@
-"""Scenes drawn at random: the same for ever, valid by construction, over every key of the schema."""
+"""Scenes drawn at random: reproducible, valid by construction, over every key of the schema."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.workshop.fuzz.fit import fitted
 from tests.workshop.fuzz.hunt import ChoiceCounts, argued
 
 SCENES = 600  # as many as `every choice` needs: the rarest comes once in a hundred
-REJECTED = 0.02  # share of attempts that may be no scene
+REJECTED = 0.02  # share of attempts that may be invalid
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def drawn() -> list[DrawnScene]:
 
 @pytest.mark.slow
 def test_every_choice_of_the_schema_is_drawn_or_argued(drawn: list[DrawnScene]) -> None:
-    """A key that is new to the schema is drawn from it at once; if it cannot be, this names it."""
+    """A new key of the schema is drawn from it at once; if it cannot be, this test names it."""
     coverage = ChoiceCounts()
     for one in drawn:
         coverage.add(one.choices)
@@ -45,7 +45,7 @@ def test_every_choice_of_the_schema_is_drawn_or_argued(drawn: list[DrawnScene]) 
 
 
 @pytest.mark.slow
-def test_few_attempts_are_no_scene(drawn: list[DrawnScene]) -> None:
+def test_few_attempts_are_invalid(drawn: list[DrawnScene]) -> None:
     rejected = [reason for one in drawn for reason in one.rejected]
     assert len(rejected) <= REJECTED * (SCENES + len(rejected)), rejected
 
@@ -57,8 +57,8 @@ def test_scenes_are_small_and_their_steps_short(drawn: list[DrawnScene]) -> None
     assert len(steps) > SCENES / 2 and max(steps) <= 20
 
 
-def test_a_step_suits_the_numbers_of_a_twin_too() -> None:
-    """A force that lacks a volume lacks 1e-6 of it in lj where it lacks 1 in micro, and particles leave the box."""
+def test_time_step_suits_the_numbers_of_a_twin() -> None:
+    """A force that lacks a volume lacks a factor of 1e-6 in lj and of 1 in micro, and particles leave the box."""
     scene: dict[str, Any] = {
         "units": "micro",
         "types": [{"mass": 1.0, "viscosity": 0.1}],
@@ -82,7 +82,7 @@ def test_a_step_suits_the_numbers_of_a_twin_too() -> None:
     assert step(rescale=2.0) == step()
 
 
-def test_a_draw_is_the_same_whatever_was_drawn_before_it() -> None:
+def test_draw_is_independent_of_earlier_draws() -> None:
     alone = draw(7, 3)
     assert [draw(7, number) for number in (1, 2)][-1].content != alone.content
     assert draw(7, 3).content == alone.content
@@ -90,15 +90,15 @@ def test_a_draw_is_the_same_whatever_was_drawn_before_it() -> None:
 
 
 def test_streams_are_the_same_on_every_machine() -> None:
-    """The bits of the stream, and numbers that logarithms go into, after rounding."""
+    """The bits of the stream, and numbers computed with logarithms, after rounding."""
     chance = Chance("1/2").at("rheo").at("kernel")
     numbers = [chance.share(), chance.number(1e-3, 1e3), chance.between(-1.0, 1.0), chance.whole(1, 6)]
     assert numbers == NUMBERS
     assert rounded(0.012345) == 0.0123
 
 
-def test_a_key_has_a_stream_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So a key that is new, or drawn otherwise, leaves all others as they were."""
+def test_every_key_has_its_own_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So a key that is new, or drawn differently, leaves all others unchanged."""
     before = _settings(11)
     monkeypatch.setitem(rules.RULES, "pair.rho_damp", lambda scope, chance: 0.123)
     after = _settings(11)
@@ -127,15 +127,15 @@ def test_choices_of_the_schema_are_those_of_the_models() -> None:
     assert taken <= set(choices)
 
 
-def test_reasons_are_of_keys_that_there_are() -> None:
+def test_reasons_name_existing_keys() -> None:
     places = {choice.partition("=")[0] for choice in schema.choices()}
     assert set(rules.NEVER) <= places and all(rules.NEVER.values())
     assert set(rules.GIVEN) | set(rules.HANDLED) | set(rules.RULES) <= places | {"dimension"}
     assert argued("violate=rheo-twice") and argued("rho.table.csv") and not argued("rho")
 
 
-def test_a_new_key_is_drawn_without_a_rule(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of every kind, at the top and within what rules draw."""
+def test_new_key_is_drawn_without_a_rule(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of every kind, at the top and within objects drawn by rules."""
     made = json.loads(json.dumps(Scene.model_json_schema()))
     made["properties"]["flavour"] = {"anyOf": [{"enum": ["sweet", "sour"]}, {"type": "null"}], "default": None}
     made["$defs"]["EngineSettings"]["properties"]["cores"] = {"type": "integer", "minimum": 2, "maximum": 3}
@@ -167,8 +167,8 @@ def _numbers(part: Any) -> Iterator[float]:
 NUMBERS = [0.21412187934220184, 6.01, -0.105, 4]
 
 
-def test_time_steps_are_short_enough_for_backgrounds_that_are_not_converted() -> None:
-    """Of 3e9 atm: particles would leave the skin of the neighbour lists in the first step (units-unconverted)."""
+def test_time_steps_suit_unconverted_backgrounds() -> None:
+    """With 3e9 atm particles would leave the skin of the neighbour lists in the first step (units-unconverted)."""
     ready = draw(203, 302).ready
     problem = problem_of(ready.case.scene, ready.atoms, "", ready.case.scene.snapshots)
     sim = problem.simulation(stepping=UnitsUnconverted)
@@ -178,7 +178,7 @@ def test_time_steps_are_short_enough_for_backgrounds_that_are_not_converted() ->
     assert 0 < moved < ready.case.scene.engine.skin * ready.atoms.spacing / 2
 
 
-def test_no_twin_has_units_in_which_walls_keep_no_digit() -> None:
+def test_twins_avoid_units_in_which_walls_lose_all_digits() -> None:
     """Volumes of 4e-22 in units lj: densities of walls have a bound of 4e5 after a step, by force-per-volume."""
     chance = Chance("203/301")
     assert "units" in content_of(chance)["twin"]
@@ -186,8 +186,8 @@ def test_no_twin_has_units_in_which_walls_keep_no_digit() -> None:
 
 
 @pytest.mark.slow
-def test_a_box_that_is_deformed_leans_by_less_than_half_an_edge(drawn: list[DrawnScene]) -> None:
-    """LAMMPS leans it back by an edge otherwise, and an edge without a rate then stays where it was put."""
+def test_deformed_box_leans_by_less_than_half_an_edge(drawn: list[DrawnScene]) -> None:
+    """LAMMPS otherwise flips it by an edge, and an edge without a rate then stays flipped."""
     deformed = [one.ready for one in drawn if one.content.get("evolve", {}).get("deform")]
     assert any(ready.case.scene.evolve.deform.xy for ready in deformed)
     for ready in deformed:
@@ -204,7 +204,7 @@ def test_no_box_shrinks_to_nothing() -> None:
     assert "s" not in scene.engine.boundary
 
 
-def test_the_skin_of_a_twin_leaves_lists_room() -> None:
+def test_skin_of_a_twin_limits_the_neighbour_lists() -> None:
     """LAMMPS stopped at more than 2000 neighbours of a particle."""
     ready = draw(604, 145).ready
     twin, atoms = ready.case.scene.twin, ready.atoms
@@ -214,8 +214,8 @@ def test_the_skin_of_a_twin_leaves_lists_room() -> None:
     assert 4 / 3 * np.pi * reach**3 * density < 2000
 
 
-def test_one_particle_in_a_plane_goes_through_no_clear() -> None:
-    """Whose temperature LAMMPS refuses afterwards."""
+def test_single_particle_in_a_plane_avoids_clear() -> None:
+    """LAMMPS refuses its temperature afterwards."""
     content = draw(701, 89).content
     assert len(content["positions"]["x"]) == 1 and content["dimension"] == 2 and len(content["evolve"]["stops"]) == 2
     assert not {"restart", "other scene"} & {stop.get("by") for stop in content["evolve"]["stops"]}

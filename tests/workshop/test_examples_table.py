@@ -1,4 +1,4 @@
-"""docs/examples.md holds what was measured, and says it in words."""
+"""docs/examples.md contains the measurements, in the table and in the text."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from lammps_cases.audit import budgets
 from tests.workshop import examples_table as measured
 
 
-def test_the_document_has_what_was_measured() -> None:
+def test_document_contains_the_measurements() -> None:
     text = measured.PAGE.read_text(encoding="utf-8")
     rows = json.loads(measured.FILE.read_text())
     assert measured.page(text, rows) == text
     assert measured.page(text, rows[1:]) != text
     by_run = {row["run"]: row["away"] for row in rows if row["deck"] == "taylor-green"}
     log = next(away for run, away in by_run.items() if run.startswith("log of"))
-    # What the document says in words, of the numbers as the table shows them.
+    # The statements of the document on the numbers in the table.
     assert budgets.percent(by_run[budgets.LAMMPS]) == budgets.percent(by_run["as it is"]) == budgets.percent(log)
     adds = {row["run"]: row["adds"] for row in rows if row["deck"] == "taylor-green"}
     assert adds["no artificial viscosity"] > by_run["as it is"] > 0 > adds["no density diffusion"]

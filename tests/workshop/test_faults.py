@@ -1,4 +1,4 @@
-"""Planted faults turn cases red by the ordinary verdict; without one nothing is red; what is not seen is said."""
+"""Planted faults turn cases red by the ordinary verdict; without one nothing is red; undetected ones are reported."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CASES = {case.name: case for case in casefile.load()}
 NAMES = ("ranges.background-override", "ideal-gas.beside-tait", "strain.thinning.2d", "power-status.divergence")
 REFUSED = "refused.no-fix-rheo"
 LAW, GAS, FLUID, SURFACE = NAMES
-# fault: the case that sees it first, the verdict, the field it names
+# fault: the case that detects it first, the verdict, the field it names
 SEEN: dict[str, tuple[str, str, str] | None] = {
     "told.cs-off": (LAW, "differs", "pressure_used"),
     "told.range-ends-early": (LAW, "differs", "pressure_used"),
@@ -100,7 +100,7 @@ def test_without_a_fault_nothing_is_red(planted: tuple[list[Control], dict[str, 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("fault", SEEN)
-def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[str, tuple[Detection, ...]]]) -> None:
+def test_planted_fault_is_detected(fault: str, planted: tuple[list[Control], dict[str, tuple[Detection, ...]]]) -> None:
     seen = planted[1][fault]
     expected = SEEN[fault]
     if expected is None:
@@ -111,7 +111,7 @@ def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[st
 
 
 @pytest.mark.lammps
-def test_every_case_that_sees_a_fault() -> None:
+def test_every_case_that_detects_a_fault() -> None:
     with MutationPool(installations.resolve("env"), 1, None, every=True) as pool:
         pool.prepare([CASES[LAW], CASES[GAS]], SILENT)
         planted = list(pool.plant([collect.faults()[name] for name in ("told.cs-off", "formula.linear-of-rho")]))
@@ -125,7 +125,7 @@ def test_every_case_that_sees_a_fault() -> None:
 
 
 @pytest.mark.slow
-def test_faults_are_many_and_named_once() -> None:
+def test_faults_are_many_and_have_unique_names() -> None:
     faults = collect.faults()
     assert len(faults) >= 500
     assert {fault.family for fault in faults.values()} == set(FAMILIES)
@@ -134,27 +134,27 @@ def test_faults_are_many_and_named_once() -> None:
 
 
 @pytest.mark.slow
-def test_mistakes_that_an_engine_has_are_not_planted_there() -> None:
+def test_mistakes_of_the_engine_are_not_planted() -> None:
     assert "formula.lint-no-volume-in-the-force" not in collect.faults("2025.7.22.4.0")
     assert "formula.lint-no-volume-in-the-force" in collect.faults("2025.7.22.1.0")
     assert "formula.lint-heat-divided-by-the-density" in collect.faults("2025.7.22.4.0")
 
 
 @pytest.mark.slow
-def test_a_sample_is_the_same_each_time() -> None:
+def test_sample_is_reproducible() -> None:
     drawn = [fault.id for fault in collect.select(collect.faults(), (), sample=7)]
     assert drawn == [fault.id for fault in collect.select(collect.faults(), (), sample=7)]
     assert len(drawn) == 7
 
 
-def test_a_fault_that_changes_nothing_does_not_apply() -> None:
+def test_fault_without_effect_does_not_apply() -> None:
     ready = prepared_case.prepare(CASES[FLUID])
     assert input_faults.jobs(input_faults.faults()["told.A3-sign"], ready) is None
     assert input_faults.jobs(input_faults.faults()["told.mass-off"], ready) is not None
 
 
 @pytest.mark.lammps
-def test_an_answer_is_spoiled_without_touching_the_right_one(planted: Any) -> None:
+def test_corrupting_an_answer_keeps_the_correct_one(planted: Any) -> None:
     from lammps_cases.engine.session import Answer
 
     right = {"id": np.arange(1, 5), "f": np.arange(12.0).reshape(4, 3)}
@@ -166,7 +166,7 @@ def test_an_answer_is_spoiled_without_touching_the_right_one(planted: Any) -> No
 
 
 @pytest.mark.lammps
-def test_arguments_are_of_faults_that_are_planted() -> None:
+def test_arguments_name_planted_faults() -> None:
     planted = {(fault.id, fault.what) for fault in collect.faults().values()}
     assert set(record.arguments()) <= planted
 
@@ -175,7 +175,7 @@ def test_arguments_are_of_faults_that_are_planted() -> None:
 def test_names_of_faults() -> None:
     faults = collect.faults()
     assert [f.id for f in collect.select(faults, ("told.cs-o*",))] == ["told.cs-off", "told.cs-of-one"]
-    with pytest.raises(InputError, match=r"did you mean 'told\.cs-off"):
+    with pytest.raises(InputError, match=r"mean 'told\.cs-off"):
         collect.select(faults, ("told.cs-of",))
 
 
@@ -196,12 +196,12 @@ def _alarmed(alarm: Alarm) -> AlarmRun:
     return AlarmRun(alarm.kind, "two", cases=1, same_bits=0, within=0, verdicts={"differs": 1}, alarms=(alarm,))
 
 
-def test_what_is_wrong_is_said() -> None:
+def test_complaints() -> None:
     assert _power(_fault("a", "x")).complaints == []
     assert _power(_fault("a", argued="equal")).complaints == []
     assert "unseen: told.a" in _power(_fault("a")).complaints[0]
     red = ControlRecord("told", 3, ("x: differs",))
-    assert "control told: x" in _power(_fault("a", "x"), controls=(red,)).complaints[0]
+    assert "told: x" in _power(_fault("a", "x"), controls=(red,)).complaints[0]
     alarm = _alarmed(Alarm("x", "ranks", "differs", "f"))
     known = _alarmed(replace(alarm.alarms[0], finding="walls-after-rebuild"))
     assert _power(_fault("a", "x"), alarms=(known,)).complaints == []
@@ -218,7 +218,7 @@ def test_what_is_wrong_is_said() -> None:
         (11, 0, True, ["quick"]),
     ],
 )
-def test_rates_count_for_all_faults_together(slow: int, unseen: int, quick_only: bool, wrong: list[str]) -> None:
+def test_rates_are_checked_for_all_faults_together(slow: int, unseen: int, quick_only: bool, wrong: list[str]) -> None:
     faults = [_fault(str(k), "x", quick=k >= slow) for k in range(100 - unseen)]
     faults += [_fault(f"unseen-{k}", argued="equal") for k in range(unseen)]
     found = _power(*faults, whole=True, quick_only=quick_only).complaints
@@ -226,7 +226,7 @@ def test_rates_count_for_all_faults_together(slow: int, unseen: int, quick_only:
     assert _power(*faults).complaints == []
 
 
-def test_a_red_control_is_of_the_families_that_use_it() -> None:
+def test_red_control_belongs_to_the_families_that_use_it() -> None:
     found = record.controls([Control("x", True, False, ("played: differs",)), Control("y", True, None)])
     assert {c.family: (c.cases, len(c.red)) for c in found} == {
         "told": (2, 0),
@@ -235,7 +235,7 @@ def test_a_red_control_is_of_the_families_that_use_it() -> None:
     }
 
 
-def test_faults_done_are_found_again_after_a_kill(tmp_path: Path) -> None:
+def test_finished_faults_are_kept_after_a_kill(tmp_path: Path) -> None:
     one, other = _fault("a", "x"), _fault("b")
     record.planted(tmp_path).add("key a", one)
     with (tmp_path / "planted.jsonl").open("ab") as file:
@@ -258,7 +258,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.lammps
 @pytest.mark.usefixtures("few")
-def test_command_goes_on_where_it_was_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_resumes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = ("--out", str(tmp_path), "--jobs", "1")
     asked = ("told.cs-off", "told.power-n", "told.kappa-off", *out)
     assert power.main(asked) == 1  # no case conducts heat
@@ -269,7 +269,7 @@ def test_command_goes_on_where_it_was_left(tmp_path: Path, capsys: pytest.Captur
         "told.kappa-off": [],
     }
     assert found["resolution"] == []
-    assert "told        2 of    3 caught,    1 by quick cases" in capsys.readouterr().out
+    assert " 2 of    3 caught,    1 by quick cases" in capsys.readouterr().out
     kept = (tmp_path / "planted.jsonl").read_bytes()
     assert power.main(asked) == 1
     assert "unseen: told.kappa-off" in capsys.readouterr().out
@@ -281,7 +281,7 @@ def test_command_goes_on_where_it_was_left(tmp_path: Path, capsys: pytest.Captur
 @pytest.mark.parametrize(
     ("name", "meant"), [("falts", "faults"), ("told.cs-doubld", "told.cs-doubled"), ("told.*xx", ""), ("what.is", "")]
 )
-def test_a_typo_is_refused_before_anything_starts_or_is_forgotten(
+def test_typo_is_refused_before_anything_starts_or_is_deleted(
     name: str, meant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(collect, "MutationPool", None)
@@ -295,7 +295,7 @@ def test_a_typo_is_refused_before_anything_starts_or_is_forgotten(
 
 
 @pytest.mark.parametrize("done", [False, True])
-def test_an_interrupted_run_says_what_is_kept(
+def test_interrupted_run_reports_what_is_kept(
     done: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def interrupted(*_: Any) -> None:
@@ -310,7 +310,7 @@ def test_an_interrupted_run_says_what_is_kept(
 
 
 @pytest.mark.slow
-def test_mistakes_that_are_findings_are_no_faults() -> None:
+def test_mistakes_equal_to_findings_are_not_faults() -> None:
     left_out = set(formula.faults()) - set(collect.faults())
     assert left_out == {"formula.lint-velocity-of-walls-lost", "formula.lint-no-volume-in-the-force"}, "findings"
 

@@ -1,4 +1,4 @@
-"""Random scenes against real LAMMPS: what is red is kept so that it can be run alone."""
+"""Random scenes against real LAMMPS: red ones are kept so that they can be run alone."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.workshop.fuzz.hunt import is_lost, is_unbounded, known_gap, loses
 
 
 @pytest.mark.lammps
-def test_what_is_red_is_kept_as_a_case_and_can_be_drawn_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_red_scene_is_kept_as_a_case_and_can_be_drawn_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     judged = hunt.record_of
 
     def faulty(drawn: Any, outcome: Any, engine: Any) -> CaseRecord:
@@ -41,13 +41,13 @@ def test_what_is_red_is_kept_as_a_case_and_can_be_drawn_alone(tmp_path: Path, mo
     assert (code, record["drawn"], record["verdicts"]) == (1, 1, {"differs": 1})
     (red,) = record["red"]
     assert (red["draw"], red["failure"]) == (number, "differs in f (stage pair)")
-    assert "must be red" in red["note"] and not red["small"]  # the fault is not LAMMPS', so that it is gone
+    assert "must be red" in red["note"] and not red["small"]  # the fault is not in LAMMPS, so it disappears
     (case,) = casefile.load((Path(red["file"]),))
     assert case.scene == draw(3, number).case.scene
     assert red["reproduce"] == f"eos-ref run --cases {red['file']} drawn-3-{number}"
 
 
-def test_gaps_are_of_findings_that_the_engine_has(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gaps_belong_to_findings_of_the_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = (draw(1, k).case.scene for k in range(200))
     scene = next(one for one in drawn if one.rheo.kernel == "RK1" and one.rheo.zmin and not one.pair.harmonic_means)
     (entry,) = (entry for entry in LEDGER if entry.id == "stale-gradient-below-zmin")
@@ -60,8 +60,8 @@ def test_gaps_are_of_findings_that_the_engine_has(monkeypatch: pytest.MonkeyPatc
     assert known_gap(record, plain, "2025.7.22.4.0") == ""
 
 
-def test_a_gap_is_of_the_fields_that_its_finding_reaches(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Which the judgement knows: it names such limits."""
+def test_gap_covers_the_fields_that_its_finding_reaches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The judgement names such limits."""
     (entry,) = (entry for entry in LEDGER if entry.id == "wall-velocity-lost")
     assert isinstance(entry, ModelFinding)
     anywhere = replace(entry, gaps=(replace(entry.gaps[0], applies=lambda scene: True),), engines=("2025.7.22.4.0",))
@@ -87,8 +87,8 @@ CLOSED = {"lattice": "sq", "spacing": 1.0, "cells": [8, 8], "periodic": [False, 
         ({"rheo": RK1}, "set", False),
     ],
 )
-def test_a_gap_speaks_of_what_its_reason_says(changed: dict[str, Any], by: str, known: bool) -> None:
-    """A minimisation beside reconstructed walls, with images or a corrected kernel."""
+def test_gap_applies_to_the_scenes_of_its_reason(changed: dict[str, Any], by: str, known: bool) -> None:
+    """A minimisation next to reconstructed walls, with images or a corrected kernel."""
     (entry,) = (entry for entry in LEDGER if entry.id == "walls-begin-with-pressure")
     assert isinstance(entry, ModelFinding)
     scene = small_scene(
@@ -101,7 +101,7 @@ def test_a_gap_speaks_of_what_its_reason_says(changed: dict[str, Any], by: str, 
     ("change", "engine", "unbounded"),
     [
         ({}, "2025.7.22.2.0", True),
-        ({}, "2026.7.4", False),  # which is not known to have it
+        ({}, "2026.7.4", False),  # not known to have it
         ({"bound": 1e-9}, "2025.7.22.2.0", False),
     ],
 )
@@ -134,7 +134,7 @@ def test_only_known_findings_leave_scenes_without_bounds(change: Any, engine: st
         ("ERROR: Unknown pair style", False),
     ],
 )
-def test_errors_of_numbers_that_are_none(error: str, lost: bool) -> None:
+def test_errors_caused_by_nan(error: str, lost: bool) -> None:
     record = CaseRecord(case="drawn", verdict="refused", ended="refused", engine_error=error)
     assert is_lost(record) == lost
     assert not is_lost(record.model_copy(update={"verdict": "differs"}))
@@ -152,7 +152,7 @@ def test_errors_of_numbers_that_are_none(error: str, lost: bool) -> None:
         (True, "f", 1e309, True),
     ],
 )
-def test_what_loses_its_particles(periodic: bool, boundary: str, speed: float, lost: bool, tmp_path: Path) -> None:
+def test_scenes_that_lose_particles(periodic: bool, boundary: str, speed: float, lost: bool, tmp_path: Path) -> None:
     """Two particles in the middle of a box of 5, parting for two steps of 0.5."""
     scene = {
         "dimension": 2,
@@ -177,7 +177,7 @@ def test_wrong_numbers_are_refused(
     assert main([*arguments, "--out", str(tmp_path)]) == 2 and capsys.readouterr().err.count("\n") == 1
 
 
-def test_a_scene_whose_particles_the_reference_loses_is_counted_apart() -> None:
-    """Steps too long by design, and forces that LAMMPS lacks a factor of: it goes on where the reference cannot."""
+def test_scene_with_particles_lost_by_the_reference_is_counted_separately() -> None:
+    """Steps too long by design, and forces that lack a factor in LAMMPS: it continues where the reference cannot."""
     ready = draw(401, 12).ready
     assert loses(ready) and not loses(draw(401, 13).ready)

@@ -1,4 +1,4 @@
-"""Mutants of the judge, from the words of mutmut: what each changes, where, and whether an argument speaks of it."""
+"""Mutants of the judge, from the output of mutmut: what each changes, where, and whether an argument covers it."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ def test_mutants_are_counted_by_module() -> None:
     ]
 
 
-def test_what_judges_an_answer_of_lammps_otherwise_is_killed(
+def test_mutant_that_judges_an_answer_differently_is_killed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """And what is alive, and not argued, is a gap."""
+    """A survivor that is not argued is a gap."""
     answered = tmp_path / "answered.json"
     answered.write_text(json.dumps({"lammps_cases.findings.entry.xǁFindingǁpredicts__mutmut_2": "timeout"}))
     monkeypatch.setattr(judge, "ANSWERED", answered)
@@ -65,11 +65,11 @@ def test_what_judges_an_answer_of_lammps_otherwise_is_killed(
     ]
 
 
-def test_a_change_is_the_old_lines_and_the_new() -> None:
+def test_change_has_the_old_and_the_new_lines() -> None:
     assert judge.change(DIFF) == "order = sorted(engines, key=Version) → order = sorted(engines, key=None)"
 
 
-def test_an_argument_is_of_one_change_or_of_a_function(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_argument_covers_one_change_or_a_function(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "judge.yaml"
     file.write_text("[{id: a.f, what: x → y, reason: same}, {id: a.g, what: '*', reason: when it is loaded}]")
     monkeypatch.setattr(judge, "ARGUED", file)
@@ -77,8 +77,8 @@ def test_an_argument_is_of_one_change_or_of_a_function(tmp_path: Path, monkeypat
     assert judge.unargued(survivors) == [("a.f", "x → z"), ("a.h", "x → y")]
 
 
-def test_arguments_speak_of_functions_that_there_are() -> None:
-    """And of lines that stand in them."""
+def test_arguments_name_existing_functions() -> None:
+    """And lines that occur in them."""
     for entry in read_yaml(judge.ARGUED):
         function = pkgutil.resolve_name(entry["id"])
         assert callable(function)

@@ -12,7 +12,7 @@ from tests.workshop.kills import DaskKills, Kills, campaign
 pytestmark = [pytest.mark.kills, pytest.mark.lammps, pytest.mark.slow]
 
 
-def test_a_few_kills(tmp_path: Path) -> None:
+def test_few_kills(tmp_path: Path) -> None:
     counts = campaign(3, Kills(tmp_path, 2))
     assert counts["kills of a worker"] + counts["kills of the main process"] == 3
     assert counts["files of MPICH left"] == 0
@@ -24,7 +24,7 @@ def test_three_hundred_kills(tmp_path: Path) -> None:
     assert counts["files of MPICH left"] == 0
 
 
-def test_a_hundred_kills_of_a_cluster(tmp_path: Path) -> None:
+def test_hundred_kills_of_a_cluster(tmp_path: Path) -> None:
     with ExitStack() as stack:
         counts = campaign(100, DaskKills(tmp_path, 1, stack))
     victims = ("the main process", "a Dask worker", "the Dask scheduler")

@@ -1,4 +1,4 @@
-"""Very many particles: as many as the scenes say, in as much memory as they may take."""
+"""Very many particles: the number in the scenes, and the limit of memory."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lammps_cases.scene.casefile import load
 from tests.workshop import large
 
 
-def test_large_scenes_have_as_many_particles_as_they_say() -> None:
+def test_large_scenes_have_the_stated_number_of_particles() -> None:
     cases = {case.name: case for case in load((large.CASES,))}
     sizes = {"million": 1_000_000, "four-million": 4_000_000}
     ranks = {"one": 1, "two": 2}
@@ -24,7 +24,7 @@ def test_large_scenes_have_as_many_particles_as_they_say() -> None:
 @pytest.mark.lammps
 @pytest.mark.slow
 @pytest.mark.parametrize(("limit", "code"), [(4e9, 0), (1e6, 1)])
-def test_a_scene_is_judged_within_so_much_memory(
+def test_scene_is_judged_within_the_memory_limit(
     limit: float, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     small = tmp_path / "large.yaml"
@@ -37,6 +37,6 @@ def test_a_scene_is_judged_within_so_much_memory(
     assert f" of {limit / 1e9:.0f}; report 0." in line
 
 
-def test_a_difference_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_difference_is_not_a_success(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(large, "judged_apart", lambda *_: large.JudgedScene(10, 0.0, 0.0, 10, "differs"))
     assert large.main(["large.million.one"]) == 1

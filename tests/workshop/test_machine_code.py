@@ -1,4 +1,4 @@
-"""Faults planted in LAMMPS' own machine code, by the campaign of `make binary`."""
+"""Faults planted in LAMMPS' machine code, by the campaign of `make binary`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def sites(library: Library) -> list[Site]:
     return machine_code.sites(library.place)
 
 
-def test_sites_are_instructions_of_rheo(sites: list[Site]) -> None:
+def test_sites_are_instructions_of_rheo_classes(sites: list[Site]) -> None:
     assert {site.kind for site in sites} == {
         *("operation exchanged", "condition turned", "store left out", "call left out")
     }
@@ -32,7 +32,7 @@ def test_sites_are_instructions_of_rheo(sites: list[Site]) -> None:
     assert len({site.offset for site in sites}) == len(sites)
 
 
-def test_a_fault_is_planted_alone_and_taken_back(library: Library, sites: list[Site]) -> None:
+def test_fault_is_planted_alone_and_reverted(library: Library, sites: list[Site]) -> None:
     right = library.place.read_bytes()
     library.plant(sites[0])
     wrong = library.place.read_bytes()
@@ -42,8 +42,8 @@ def test_a_fault_is_planted_alone_and_taken_back(library: Library, sites: list[S
     assert library.place.read_bytes() == right
 
 
-def test_pressures_of_another_operation_are_seen(library: Library, sites: list[Site]) -> None:
-    """No case but one of pressures is asked; an instruction that it reaches traps."""
+def test_replaced_operation_on_pressures_is_detected(library: Library, sites: list[Site]) -> None:
+    """Only one case, of pressures, is run; an instruction that it reaches traps."""
     pressures = [site for site in sites if site.function == "FixRHEOPressure::calc_pressure"]
     library.plant(None)
     assert library.red(CASE) == ""
@@ -58,8 +58,8 @@ def test_pressures_of_another_operation_are_seen(library: Library, sites: list[S
     assert CASE in seen
 
 
-def test_traps_tell_what_a_case_reaches(library: Library) -> None:
-    """Those of its law, not those of heat; what it reaches leaves its numbers alone."""
+def test_traps_record_what_a_case_reaches(library: Library) -> None:
+    """Those of its law, not those of heat; the traps do not change its numbers."""
     library.plant(None)
     assert library.red(CASE) == ""
     reaching = library.reached(CASE)
@@ -70,7 +70,7 @@ def test_traps_tell_what_a_case_reaches(library: Library) -> None:
 
 
 @pytest.mark.parametrize("reaching", [(), (CASE,)])
-def test_what_no_number_depends_on_is_told_apart(
+def test_instruction_without_effect_on_numbers_is_classified(
     library: Library, sites: list[Site], reaching: tuple[str, ...]
 ) -> None:
     """An instruction of heat, of which the case has none, in place of one that it reaches without effect."""
@@ -82,7 +82,7 @@ def test_what_no_number_depends_on_is_told_apart(
     assert machine_code.outcome(library, site, reaching, quick={CASE}) == expected
 
 
-def test_a_name_of_another_package_is_none() -> None:
+def test_name_of_another_package_is_ignored() -> None:
     assert machine_code._function("_ZN9LAMMPS_NS8PairRHEO7computeEii") == "PairRHEO::compute"
     assert machine_code._function("_ZN9LAMMPS_NS8PairRHEOC1EPNS_6LAMMPSE") == "PairRHEO::PairRHEO"
     assert machine_code._function("_ZTv0_n48_N9LAMMPS_NS11AtomVecRHEO11force_clearEim") == "AtomVecRHEO::force_clear"

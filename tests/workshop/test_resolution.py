@@ -1,4 +1,4 @@
-"""Every number of a scene is changed alone; the smallest change seen is red, the largest unseen below it is not."""
+"""Every number of a scene is changed alone; the smallest detected change is red, the largest undetected one is not."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_refusals_and_twins_have_no_numbers(case: str) -> None:
 
 
 class Threshold:
-    """Stands for a case that sees a relative change from some size on."""
+    """A stub of a case that detects relative changes above some size."""
 
     def __init__(self, size: float) -> None:
         self.size = size
@@ -111,7 +111,7 @@ def test_bisection_ends_within_a_factor(size: float, guess: float, sign: int) ->
     assert case.asked < 70
 
 
-def test_change_of_less_than_an_ulp_is_none_and_one_ulp_ends_the_search() -> None:
+def test_search_ends_at_one_ulp() -> None:
     case = Threshold(0.0)
     number = SceneNumber("cs", "type 1", 1.3, lambda value: value - 1.3)  # type: ignore[return-value]
     probe = resolution.Sensitivity("cs", "type 1", resolution.FLOOR, whole=False, decides=False)
@@ -122,7 +122,7 @@ def test_change_of_less_than_an_ulp_is_none_and_one_ulp_ends_the_search() -> Non
     assert found.unseen == 0
 
 
-def test_what_is_never_seen_is_said() -> None:
+def test_undetectable_parameter_is_reported() -> None:
     number = SceneNumber("cs", "type 1", 1.0, lambda value: value - 1.0)  # type: ignore[return-value]
     probe = resolution.Sensitivity("cs", "type 1", 0.1, whole=False, decides=False)
     assert resolution._bisected(Threshold(5.0), number, 1, probe) is None
@@ -156,7 +156,7 @@ def red() -> Iterator[Callable[[str, str, str, float], bool]]:
 
 
 @pytest.mark.lammps
-def test_smallest_change_is_red_and_what_is_unseen_is_green(
+def test_smallest_change_is_red_and_undetected_one_is_green(
     measured: dict[str, Resolution], red: Callable[[str, str, str, float], bool]
 ) -> None:
     assert sorted(measured) == ["cs", "cut", "mass", "timestep", "viscosity"]
@@ -171,11 +171,14 @@ def test_smallest_change_is_red_and_what_is_unseen_is_green(
 
 
 @pytest.mark.lammps
-def test_quick_cases_and_blind_ones_are_told_apart(measured: dict[str, Resolution]) -> None:
+def test_quick_and_insensitive_cases_are_distinguished(measured: dict[str, Resolution]) -> None:
     assert measured["cs"].quick is not None
     assert measured["cs"].quick.case == LAW
     assert measured["viscosity"].quick is None  # only the fluid has one
-    assert (measured["mass"].candidates, measured["mass"].sensitive) == (2, 1)  # no law but ideal/gas knows a mass
+    assert (measured["mass"].candidates, measured["mass"].sensitive) == (
+        2,
+        1,
+    )  # no law except ideal/gas depends on the mass
     assert (measured["cs"].candidates, measured["cs"].sensitive) == (2, 2)
 
 
@@ -183,7 +186,7 @@ def test_quick_cases_and_blind_ones_are_told_apart(measured: dict[str, Resolutio
 def test_bound_of_the_law_is_the_resolution_of_its_speed_of_sound(
     measured: dict[str, Resolution], solver: Solver
 ) -> None:
-    """P of linear goes with cs^2: red where twice the change exceeds the relative bound, less what rounding does."""
+    """P of linear is proportional to cs^2: red if twice the change exceeds the relative bound, apart from rounding."""
     ready = prepared_case.prepare(CASES[LAW])
     arrays = compare_case(ready.case, ready.eos, ready.atoms, solver(ready.jobs[0]), ENGINE)[1]
     least = float((arrays["pressure.bound"] / np.abs(arrays["pressure.reference"])).min())

@@ -1,4 +1,4 @@
-"""The kit for Slurm, on a Slurm: job array and allocation give the report of a local run, whatever happens to them."""
+"""The kit for Slurm, on a real Slurm: job array and allocation give the report of a local run, also after failures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.workshop.slurm import PATIENCE, PAUSE, Slurm
 pytestmark = [pytest.mark.slurm, pytest.mark.lammps]
 
 SHARDS = 3
-# Laws, a case that LAMMPS refuses, neighbours, two ranks under a launcher of their own.
+# Laws, a case that LAMMPS refuses, neighbours, two ranks under a separate launcher.
 CASES = ("ranges", "near-rho0.linear", "refused.range-two-stars", "walls.stored.damped", "virials.rest.two-ranks")
 
 
@@ -70,7 +70,7 @@ def test_job_array(cluster: Slurm, kit: Path, local: Path) -> None:
 
 
 def test_one_allocation_requeued_when_a_shard_is_done(cluster: Slurm, kit: Path, local: Path) -> None:
-    """What is done is not done again."""
+    """Finished shards are not run again."""
     job = cluster.call("bash", kit / "allocation.sh").split()[-1]
     until = time.monotonic() + PATIENCE
     while not (done := [*(kit / "shards").glob("*.tar")]):
@@ -87,7 +87,7 @@ def test_one_allocation_requeued_when_a_shard_is_done(cluster: Slurm, kit: Path,
 
 
 def test_tasks_that_are_killed_and_requeued(cluster: Slurm, kit: Path, local: Path) -> None:
-    """What was requeued begins again; what was killed is named, leaves nothing behind and can be made up for."""
+    """Requeued tasks start again; killed ones are named, leave nothing behind and can be rerun."""
     array, merge = _array(cluster, kit)
     for k in (1, 2):
         cluster.wait(f"{array}_{k}", "RUNNING")
@@ -102,7 +102,7 @@ def test_tasks_that_are_killed_and_requeued(cluster: Slurm, kit: Path, local: Pa
     assert_same(local, kit / "report")
 
 
-def test_shard_that_differs_fails_alone_and_the_whole_with_it(
+def test_differing_shard_fails_alone_and_fails_the_merge(
     cluster: Slurm, case_file: Callable[..., Path], tmp_path: Path
 ) -> None:
     refused = {"expect": {"refused": "no such text"}, "pressure": [{"types": "1-2", "style": "linear"}]}

@@ -36,12 +36,12 @@ def test_soak(where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def check(folder: Path) -> None:
-    """Hold a campaign against what is promised of long ones."""
+    """Compare a campaign with the limits promised for long ones."""
     run, samples = read_run(folder / "report"), soak.samples(folder)
     assert len(run.cases) == samples[-1].cases == CASES and all(case.as_expected for case in run.cases)
     opened = min(
         soak.opening(folder / "report", folder / "tmp" / "chromium") for _ in range(10)
-    )  # the quickest: others compute too
+    )  # the quickest: other programs compute, too
     growth, slowing, last = soak.growth(samples), soak.slowing(folder), samples[-1]
     print(f"\n{last}\nmemory x {growth:.3f}, cost of a case x {slowing:.3f}, report opens in {opened:.2f} s")
     assert growth < 1.1 and slowing < 1.1 and opened < 2.0

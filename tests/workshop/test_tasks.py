@@ -1,4 +1,4 @@
-"""Cases without a fault, as faults are held against them."""
+"""Controls: cases without a fault, with which faults are compared."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from tests.workshop.faults.perturbed import PerturbedJudge
 pytestmark = pytest.mark.lammps
 
 
-def test_a_case_that_follows_lists_is_no_red_control(tmp_path: Path) -> None:
-    """A corrupted output is seen in it, and a fault in the input, whose run is read with its lists."""
+def test_case_that_depends_on_lists_is_a_green_control(tmp_path: Path) -> None:
+    """It detects a corrupted output, and a fault in the input, whose run is read with its lists."""
     judge = PerturbedJudge(EngineRecord(name="env", distribution="2025.7.22.4.0"))
     (case,) = casefile.select(casefile.load(), ("virials-twins.relabel",))
     control = tasks.answer_case(None, judge, tmp_path, prepared_case.prepare(case))
@@ -28,7 +28,7 @@ def test_a_case_that_follows_lists_is_no_red_control(tmp_path: Path) -> None:
     assert tasks.detect(None, judge, tmp_path, "told.mass-doubled", [case.name], None)
 
 
-def test_a_mistake_in_what_a_finding_replaces_is_seen_in_place_of_a_lammps_without_it(tmp_path: Path) -> None:
+def test_mistake_hidden_by_a_finding_is_detected_for_a_lammps_without_it(tmp_path: Path) -> None:
     judge = PerturbedJudge(EngineRecord(name="env", distribution="2025.7.22.4.0"))
     (case,) = casefile.select(casefile.load(), ("twins-units.fluids.real",))
     control = tasks.answer_case(None, judge, tmp_path, prepared_case.prepare(case))
@@ -44,7 +44,7 @@ def test_a_mistake_in_what_a_finding_replaces_is_seen_in_place_of_a_lammps_witho
     assert detection and (detection.verdict, detection.field, detection.manual) == ("differs", "viscosity", True)
 
 
-def test_a_twin_that_is_the_same_problem_is_played_with_the_same_findings(tmp_path: Path) -> None:
+def test_twin_of_the_same_problem_uses_the_same_findings(tmp_path: Path) -> None:
     """Read at other steps, a finding would be fitted to another snapshot."""
     judge = PerturbedJudge(EngineRecord(name="env", distribution="2025.7.22.4.0"))
     (case,) = casefile.select(casefile.load(), ("twins-cross-type.split",))

@@ -1,8 +1,8 @@
 """Which cases reach which instructions of LAMMPS' library: a run with a trap on each (`tests.workshop.machine_code`).
 
 ``python -m tests.workshop.traps OUT ARGUMENTS...`` is ``eos-ref ARGUMENTS...`` with traps: ``OUT/traps.npz`` has the
-place of the functions in the library's file and their bytes, with traps and without; what every case reaches goes to
-``OUT/reached.PID``. Jobs of several ranks run in processes of their own, without traps.
+place of the functions in the library's file and their bytes, with traps and without; the instructions that every case
+reaches go to ``OUT/reached.PID``. Jobs of several ranks run in separate processes, without traps.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SOURCE = Path(__file__).with_suffix(".c")
 
 
 def keep(out: Path, code: bytes, low: int, high: int, instructions: Iterable[int]) -> None:
-    """Write what the processes of a run take: the bytes between two places, and where instructions begin."""
+    """Write the input for the processes of a run: the bytes between two places, and where instructions begin."""
     armed = bytearray(code[low:high])
     for at in instructions:
         armed[at - low] = 0xCC
@@ -49,7 +49,7 @@ def reached(out: Path) -> dict[int, list[str]]:
 
 @functools.cache
 def _traps(site: str, out: Path) -> tuple[Any, Any, int, Any]:
-    """Return the traps of this process, what they remember, where that begins, and what has to stay in memory."""
+    """Return the traps of this process, their record, its start, and the objects that must stay alive."""
     library = (Path(site) / "lammps" / "liblammps.so").resolve()
     session.load(site)
     maps = (line.split() for line in Path("/proc/self/maps").read_text().splitlines() if str(library) in line)
@@ -66,7 +66,7 @@ def _traps(site: str, out: Path) -> tuple[Any, Any, int, Any]:
 
 
 def solve(site: str, out: Path, case: str, job: Job) -> Answer:
-    """Run one job, in a worker, and keep what it reaches."""
+    """Run one job, in a worker, and keep the instructions that it reaches."""
     if job.ranks > 1:
         return workers.solve(site, job)
     traps, hits, low, _ = _traps(site, out)
@@ -80,7 +80,7 @@ def solve(site: str, out: Path, case: str, job: Job) -> Answer:
 
 
 def main() -> None:
-    """Have every job of a run say what it reaches."""
+    """Run a command and record the instructions that every job reaches."""
     from lammps_cases.cli.main import main as eos_ref
     from lammps_cases.run.prepared_case import PreparedCase
     from lammps_cases.setup.commands import job

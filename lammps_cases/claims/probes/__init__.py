@@ -1,3 +1,3 @@
-"""Put to LAMMPS what no scene can say: commands of a harmless deck or scene, edited, each on a LAMMPS of its own."""
+"""Tests in LAMMPS beyond scenes: edited commands of a harmless deck or scene, each in its own LAMMPS."""
 
-PREFIX = "probes."  # records of probes are named so, and those of no case
+PREFIX = "probes."  # prefix of the records of probes, and of no case's

@@ -1,7 +1,7 @@
 """Probes of the manual (``probes.yaml``): restarts, minimisation, outputs, the order and form of commands.
 
-The record of a probe is that of a case named ``probes.ID``, so that claims and findings speak of probes as they do of
-cases.
+The record of a probe is that of a case named ``probes.ID``, so that claims and findings refer to probes as they do
+to cases.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FILE = "probes.yaml"
 
 
 class ManualProbe(OfManual, Probe):
-    """A deck and what must become of it: exactly one of ``refused``, ``accepted``, ``lacks``, ``same``, ``measured``,
+    """A deck and its required result: exactly one of ``refused``, ``accepted``, ``lacks``, ``same``, ``measured``,
     ``columns``.
 
     Attributes
@@ -41,12 +41,12 @@ class ManualProbe(OfManual, Probe):
     lacks : LAMMPS' log must not hold this text
     same : the deck edited in this way must give the same ``fields``, to the last bit
     same_base : the deck that is edited for that; by default the base
-    times : but for these factors
+    times : except for these factors
     fields : the arrays compared; all by default
-    measured : what the deck measures: its variable ``found`` must be ``expected``, but for ``within``
+    measured : the deck's measurement: its variable ``found`` must be ``expected``, up to ``within``
     bound : how ``within`` is derived
     columns : arrays of atoms, each with the column of its compute ``q``, from 1 on, that must hold the same bits
-    control : the deck edited in this way must *not* pass: without it a probe could be blind
+    control : the deck edited in this way must *not* pass: otherwise the probe could be blind
     """
 
     about: str
@@ -82,7 +82,7 @@ class ManualProbe(OfManual, Probe):
 
     @property
     def inputs(self) -> list[Input]:
-        """Return the deck itself, that which must give the same, that which must not pass."""
+        """Return the deck itself, the deck that must give the same, the deck that must not pass."""
         same = [] if self.same is None else [edited(self.same_base or self.base, self.same)]
         return [self.input, *same, *([] if self.control is None else [edited(self.base, self.control)])]
 
@@ -107,11 +107,11 @@ def _each(entry: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield shared | {"id": f"{entry['id']}.{name}", "edits": [*entry.get("edits", ()), *edits]}
 
 
-# --- judged
+# --- judgement
 
 
 def judge(probe: ManualProbe, replies: Sequence[Reply]) -> CaseRecord:
-    """Hold the replies to a probe's inputs, in their order, against the manual; explain what a finding predicts."""
+    """Compare the replies to a probe's inputs, in their order, with the manual; explain what a finding predicts."""
     compared = replies if probe.control is None else replies[:-1]
     lacking = next((reply for reply in replies if reply.ended == "skipped"), None)
     worst = lacking or next((reply for reply in compared if reply.ended != "answered"), compared[0])
@@ -148,7 +148,7 @@ def _verdict(record: CaseRecord) -> Verdict:
 
 
 def _mismatch(probe: ManualProbe, replies: Sequence[Reply]) -> Mismatch | None:
-    """Return what is wrong with decks that ran, or with their control."""
+    """Return the mismatch of decks that ran, or of their control."""
     other = replies[0 if probe.same is None else 1]
     wrong = _against(probe, replies[0], other)
     if wrong is not None or probe.control is None:
@@ -160,7 +160,7 @@ def _mismatch(probe: ManualProbe, replies: Sequence[Reply]) -> Mismatch | None:
 
 
 def _against(probe: ManualProbe, reply: Reply, other: Reply) -> Mismatch | None:
-    """Return how a deck that ran breaks its expectation; None if it does not."""
+    """Return how a deck that ran violates its expectation; None if it does not."""
     if probe.lacks:
         return Mismatch(kind="logged", text=probe.lacks) if probe.lacks in reply.log else None
     if probe.measured:
@@ -191,7 +191,7 @@ def _worst(name: str, ours: Any, theirs: Any) -> Mismatch:
 
 
 def put(chosen: Sequence[ManualProbe], workers: Workers, progress: Progress = SILENT) -> list[CaseRecord]:
-    """Put probes to LAMMPS and judge them; ``progress`` advances with every probe."""
+    """Run probes in LAMMPS and judge them; ``progress`` advances with every probe."""
     inputs = [probe.inputs for probe in chosen]
     once = list({_key(given): given for of in inputs for given in of}.values())  # decks compared are often the same
     replies, heard = run.put(workers, once, TIME_LIMIT), dict[Any, Reply]()
@@ -207,5 +207,5 @@ def put(chosen: Sequence[ManualProbe], workers: Workers, progress: Progress = SI
 
 
 def _key(given: Input) -> Any:
-    """Return what two inputs share if they are the same: commands are compared, a scene is only itself."""
+    """Return the key shared by equal inputs: commands are compared, a scene equals only itself."""
     return given if isinstance(given, tuple) else id(given)

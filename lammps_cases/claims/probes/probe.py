@@ -1,6 +1,6 @@
-"""Probes: commands of small decks, edited, and what LAMMPS does with them.
+"""Probes: edited commands of small decks, and LAMMPS' reaction to them.
 
-What LAMMPS does is one word: its error is clear or not, nothing is reported, or it dies.
+The reaction is one word: the error is clear or not, nothing is reported, or LAMMPS dies.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from lammps_cases.setup.plan import plan
 
 FOLDER = DATA / "probes"
 
-Edits = tuple[tuple[str, str], ...]  # texts, and what stands in their place: nothing, or several lines
+Edits = tuple[tuple[str, str], ...]  # texts and their replacements: nothing, or several lines
 Commands = tuple[str, ...]
-Input = Commands | Job  # of a deck; of a scene, whose particles LAMMPS is given as arrays
+Input = Commands | Job  # of a deck; of a scene, whose particles LAMMPS receives as arrays
 Reaction = Literal[
     "clear error",
     "vague error",
@@ -57,7 +57,7 @@ class Probe(BaseModel):
     ----------
     id : its name
     base : the deck or scene that is changed
-    edits : texts replaced in the commands of the base; each stands there exactly once
+    edits : texts replaced in the commands of the base; each occurs there exactly once
     add : commands in front of those that follow the particles of a scene
     drop : per-atom arrays of a scene that are not given, ``atoms`` for all particles
     """
@@ -72,12 +72,12 @@ class Probe(BaseModel):
 
     @property
     def input(self) -> Input:
-        """Return what LAMMPS is given.
+        """Return the input for LAMMPS.
 
         Raises
         ------
         InputError
-            A text to be replaced stands in no command of the base, or in several.
+            A text to be replaced occurs in no command of the base, or in several.
         """
         given = edited(self.base, self.edits)
         if not isinstance(given, Job):
@@ -119,7 +119,7 @@ def edited(name: str, edits: Edits) -> Input:
     Raises
     ------
     InputError
-        A text to be replaced stands in no command, or in several.
+        A text to be replaced occurs in no command, or in several.
     """
     given = base(name)
     text = "\n".join(commands(given))
@@ -155,7 +155,7 @@ def base(name: str) -> Input:
 
 
 def load_scene(name: str, changes: Mapping[str, Any]) -> tuple[casefile.Case, atoms.Atoms]:
-    """Take a changed base as ``eos-ref run`` takes a scene: read from a file, its particles laid, its state checked.
+    """Load a changed base as ``eos-ref run`` loads a scene: read from a file, its particles placed, its state checked.
 
     Raises
     ------
@@ -173,12 +173,12 @@ def load_scene(name: str, changes: Mapping[str, Any]) -> tuple[casefile.Case, at
 
 
 def error_words(error: str) -> str:
-    """Return LAMMPS' own words of an error: without the place in its source, nor the command, which it repeats."""
+    """Return LAMMPS' own words of an error: without the place in its source, and the command, which it repeats."""
     return one_line(re.sub(r"ERROR( on proc \d+)?:|For more information see \S+", "", error_text(error)))
 
 
 def offending(probe: Probe) -> tuple[str, ...]:
-    """Return the words of an input that its base lacks, without single digits, which many texts hold."""
+    """Return the words of an input that its base lacks, without single digits, which many texts contain."""
     before = commands(base(probe.base))
     present = set(" ".join(before).split())
     new = [word for line in probe.add for word in line.split() if word not in present]
@@ -190,7 +190,7 @@ def offending(probe: Probe) -> tuple[str, ...]:
 
 
 def names_it(text: str, names: Sequence[str]) -> bool:
-    """Return whether a text holds one of the words, whole and in any case; latent/heat may be spelt latent heat."""
+    """Return whether a text contains one of the words, whole and in any case; latent/heat may be spelt latent heat."""
 
     def held(name: str) -> bool:
         spelt = "[/_ ]".join(map(re.escape, re.split("[/_ ]", name)))
@@ -202,19 +202,19 @@ def names_it(text: str, names: Sequence[str]) -> bool:
 def reaction(
     reply: Reply, names: Sequence[str], others: Sequence[str] = (), control: Reply | None = None
 ) -> tuple[Reaction, str]:
-    """Return the class of what LAMMPS did with an input, and its text.
+    """Return the class of LAMMPS' reaction to an input, and its text.
 
-    An error is *clear* if it holds one of the names of what is wrong; *misleading* if instead it holds one of the words
-    by which it speaks of something else; else *vague*. Where LAMMPS goes on, it is a *warning* if its log has one that
+    An error is *clear* if it contains one of the names of what is wrong; *misleading* if instead it contains one of the
+    words for something else; else *vague*. Where LAMMPS goes on, it is a *warning* if its log has one that
     the control's has not, *silent NaN* if any number of the particles after the last step is not finite, *no effect* if
-    all numbers are those of the control, to the last bit, and *silent acceptance* if they are others.
+    all numbers are those of the control, to the last bit, and *silent acceptance* if they differ.
 
     Parameters
     ----------
     names, others : sequence of str
         What is wrong, and what is not, in the manual's words.
     control : Reply, optional
-        To the same input without what is wrong; without it nothing has no effect.
+        To the same input without what is wrong; without it nothing is classified as no effect.
 
     Raises
     ------
@@ -230,7 +230,7 @@ def reaction(
             return "hang", reply.error
         case "error":
             raise RuntimeError(reply.error)
-        case "lost":  # the harness counts atoms; LAMMPS itself said nothing
+        case "lost":  # the harness counts atoms; LAMMPS itself reported nothing
             return "silent acceptance", error_words(reply.error)
     text = error_words(reply.error)
     if names_it(text, names):

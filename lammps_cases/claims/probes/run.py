@@ -1,4 +1,4 @@
-"""Commands on a LAMMPS of their own: in a worker that they may kill, in a folder that goes with them."""
+"""Runs of commands in their own LAMMPS: in a worker that they may kill, in a folder that is removed with them."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
 
 MEASURED = ("found", "expected", "within")  # variables of a deck that measures
 HEAT = ("esph", "temperature", "conductivity", "heatflow")
-PROPERTIES = ("type", "x", "v", "f", "rho", "pressure", "drho", "viscosity", *HEAT)  # read where the style has them
+PROPERTIES = ("type", "x", "v", "f", "rho", "pressure", "drho", "viscosity", *HEAT)  # read if the style has them
 
 
 @dataclass(frozen=True)
 class Reply:
-    """What LAMMPS made of an input.
+    """LAMMPS' result for an input.
 
     Attributes
     ----------
-    ended : how it ended; without atoms that LAMMPS left out, which it says nothing of, "lost"
-    error : its error, or what it left when it died
+    ended : how it ended; "lost" if LAMMPS left out atoms silently
+    error : its error, or its last output when it died
     arrays : per-atom arrays at the end, by id
     log : the log of a deck
     """
@@ -43,16 +43,16 @@ class Reply:
 
 
 def put(workers: Workers, inputs: Sequence[Input], time_limit: float, alone: bool = False) -> Iterator[Reply]:
-    """Put inputs to LAMMPS, all at once, and yield the replies in order.
+    """Run inputs in LAMMPS, all at once, and yield the replies in order.
 
     Parameters
     ----------
     time_limit : float
         Seconds that LAMMPS has for each.
     alone : bool
-        Each in a process of its own, which no other input has touched.
+        Each in its own process, untouched by any other input.
     """
-    if alone:  # the worker outlives the input, and says itself that it takes too long
+    if alone:  # the worker outlives the input, and reports a timeout itself
         futures = [workers.call(ask_apart, given, time_limit, time_limit=10 * time_limit) for given in inputs]
     else:
         futures = [workers.call(ask, given, time_limit=time_limit) for given in inputs]
@@ -71,7 +71,7 @@ def ask_apart(site: str | None, given: Input, time_limit: float) -> Reply:
 
 
 def ask(site: str | None, given: Input) -> Reply:
-    """Task: run an input on a LAMMPS that no other has touched."""
+    """Task: run an input in a LAMMPS untouched by any other input."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), session.Session(site) as lmp:
         try:
             return _job(lmp, given) if isinstance(given, Job) else _deck(lmp, given)
@@ -100,7 +100,7 @@ def _deck(lmp: Any, lines: tuple[str, ...]) -> Reply:
 
 
 def _measured(lmp: Any) -> dict[str, Array]:
-    """Return the number that a deck has measured, that expected, and the bound of their difference, if it has them."""
+    """Return a deck's measured number, the expected one, and the bound of their difference, if it has them."""
     if not all(lmp.has_id("variable", name) for name in MEASURED):
         return {}
     return {name: np.array([lmp.extract_variable(name)]) for name in MEASURED}

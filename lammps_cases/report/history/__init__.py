@@ -1,7 +1,7 @@
-"""Runs kept over time: how verdicts, errors and times went from one engine, and one day, to the next.
+"""Runs kept over time: the changes of verdicts, errors and times from one engine, and one day, to the next.
 
-`collect` keeps a run, `past` returns what a report shows of the runs before its own, `document` and `change_lines` what
-the command prints; a history that cannot be used never fails a run.
+`collect` keeps a run, `past` returns the earlier runs that a report shows, `document` and `change_lines` the output of
+the command; an unusable history never fails a run.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from lammps_cases.report.history.views import CaseView, RunLine, RunMark, change
 
 TABLE = 12  # runs in the table of a report
 RUNS = 24  # runs in the marks of its cases
-# What the JSON document holds of an engine, of an outcome, and of each of its fields.
+# The JSON document's keys of an engine, of an outcome, and of each of its fields.
 ENGINE = ("name", "distribution", "version_string", "git", "library_sha256")
 OUTCOME = ("id", "case", "verdict", "expected", "natoms", "steps", "message", "explained_by", "worst", "worst_field")
 FIELD = ("field", "atom_type", "verdict", "max_over_bound", "max_abs", "digest", "explained_by")
@@ -43,14 +43,14 @@ class PastRun:
 
 @dataclass(frozen=True)
 class Past:
-    """The last runs, latest first, and the marks of every case by version; the report's own run is among both."""
+    """The last runs, latest first, and the marks of every case by version; both include the report's own run."""
 
     runs: tuple[PastRun, ...]
     marks: dict[str, tuple[RunMark, ...]]
 
 
 def runs_before(history: History, record: RunRecord) -> Past | None:
-    """Return the runs up to the date of one, and that one; None without earlier runs."""
+    """Return the runs up to the date of one, including it; None without earlier runs."""
     own = StoredRun.of(record)
     earlier = [run for run in history.runs() if run.date <= own.date and not _is_own(run, own)][-RUNS:]
     if not earlier:
@@ -87,7 +87,7 @@ def _last_runs(results: Sequence[StoredCase], runs: Mapping[int, StoredRun]) -> 
 
 
 def _is_own(run: StoredRun, own: StoredRun) -> bool:
-    """Return whether a stored run is the report's own; hashing its run.json would take longer than all else here."""
+    """Return whether a stored run is the report's own; hashing its run.json would take longer than all the rest."""
     one, other = ((each.date, each.seconds, each.command, each.engine.key) for each in (run, own))
     return one == other
 
@@ -110,7 +110,7 @@ def change_lines(view: CaseView) -> list[str]:
 
 
 def document(path: Path, lines: Sequence[RunLine], case_views: Sequence[CaseView] | None) -> dict[str, Any]:
-    """Return everything as one document; numbers that JSON has not are text, as in run.json."""
+    """Return everything as one document; numbers that JSON lacks are text, as in run.json."""
 
     def run(of: StoredRun) -> dict[str, Any]:
         return vars(of) | {"engine": {name: getattr(of.engine, name) for name in ENGINE}}
@@ -130,7 +130,7 @@ def document(path: Path, lines: Sequence[RunLine], case_views: Sequence[CaseView
 
 
 def collect(run: RunRecord, directory: Path | None = None) -> None:
-    """Keep a run in the user's history; what goes wrong is one line on standard error and nothing else.
+    """Keep a run in the user's history; a failure is only reported in one line on standard error.
 
     ``directory`` is its report folder, if it has one: making its run.json again takes half of the time.
     """
@@ -142,7 +142,7 @@ def collect(run: RunRecord, directory: Path | None = None) -> None:
 
 
 def past(run: RunRecord) -> Past | None:
-    """Return what a report shows of the runs before this one; None without a readable history."""
+    """Return the earlier runs that a report shows; None without a readable history."""
     with _forgiven("the report shows no history"):
         if place := history_file():
             with History(place) as history:
@@ -152,7 +152,7 @@ def past(run: RunRecord) -> Past | None:
 
 @contextmanager
 def _forgiven(complaint: str) -> Iterator[None]:
-    """Report a history that cannot be used in one line on standard error, and go on."""
+    """Report an unusable history in one line on standard error, and continue."""
     try:
         yield
     except (InputError, OSError) as error:
@@ -160,7 +160,7 @@ def _forgiven(complaint: str) -> Iterator[None]:
 
 
 def _revision() -> str:
-    """Return the git revision of the sources, with ``-dirty`` if files were changed; empty if they are installed."""
+    """Return the git revision of the sources, with ``-dirty`` if files were changed; empty for an installed package."""
     root = Path(__file__).parents[3]
     if not (root / ".git").exists():
         return ""

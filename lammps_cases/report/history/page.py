@@ -1,4 +1,4 @@
-"""``history.html``, or ``cases.html`` of some cases: runs, what changed, and how cases went; opens offline.
+"""``history.html``, or ``cases.html`` for some cases: runs, changes, and results of cases; opens offline.
 
 Figures show how the errors and the times of a case went by version.
 """
@@ -38,7 +38,7 @@ _MARK: Any = {"marker": "o", "ls": "none", "ms": 8, "mec": PAPER, "mew": 1.1, "z
 def write(
     folder: Path, lines: Sequence[RunLine], views: Sequence[CaseView], labels: Sequence[str], pictured: bool
 ) -> Path:
-    """Write the page of some runs and cases; with pictures of every case, or the changes alone."""
+    """Write the page of some runs and cases; with pictures of every case, or only the changes."""
     pictures = []
     if pictured:
         for view in views:
@@ -63,7 +63,7 @@ def write(
 def error_figure(marks: Sequence[RunMark], name: str, height: int = 130) -> Markup:
     """Draw difference/bound of every mark on a log axis, with the bound as a line.
 
-    No difference lies at the foot, and so does what has no error; what is not finite lies at the head.
+    Zero differences and marks without an error lie at the bottom, infinite and NaN ones at the top.
     """
     decades = [math.log10(m.ratio) for m in marks if m.ratio and math.isfinite(m.ratio)]
     low = max(FLOOR, math.floor(min([*decades, -1.0])))
@@ -106,7 +106,7 @@ def time_figure(spreads: dict[str, Spread], name: str, height: int = 70) -> Mark
 
 
 def _empty(columns: Sequence[tuple[str, str]], height: int) -> tuple[Figure, Any]:
-    """Return a figure with a slot for every column: a label, once for equal neighbours, and a lesser one below."""
+    """Return a figure with a slot for every column: a label, once for equal neighbours, and a secondary one below."""
     width, tall = _LEFT + _SLOT * len(columns) + 8, height + _FOOT
     figure = Figure(figsize=(width / _INCH, tall / _INCH))
     axis = figure.add_axes((_LEFT / width, _FOOT / tall, 1 - (_LEFT + 8) / width, 1 - (_FOOT + 10) / tall))

@@ -1,7 +1,7 @@
-"""An SQLite file that keeps runs, and a run and a case of it as they are stored.
+"""An SQLite file of runs, and the stored forms of a run and of one of its cases.
 
-How a case ended (`lammps_cases.records.outcome`) is kept once for all runs in which it ended so: a run of a known
-engine costs a line per case. A run is added in one transaction: a kill leaves it in whole or not at all, and writers
+The outcome of a case (`lammps_cases.records.outcome`) is kept once for all runs with the same outcome: a run of a
+known engine costs a line per case. A run is added in one transaction: a kill leaves all or nothing of it, and writers
 wait for each other. The rollback journal is used, not WAL, which needs shared memory and a folder that readers can
 write.
 """
@@ -32,7 +32,7 @@ from lammps_cases.records.wording import by_severity, finding_ids, kind, listed
 VARIABLE = "EOS_REF_HISTORY"  # environment variable that names another file, or `off`
 OFF = "off"
 VERSION = 1  # of the schema, in user_version
-APPLICATION = 0x454F5352  # "EOSR", in application_id: whose file it is
+APPLICATION = 0x454F5352  # "EOSR", in application_id: identifies our file
 PATIENCE = 10.0  # seconds to wait for another writer
 _SCHEMA = """
 CREATE TABLE runs (
@@ -80,25 +80,25 @@ class StoredRun:
 
     @classmethod
     def of(cls, run: RunRecord, sha256: str = "", revision: str = "") -> StoredRun:
-        """Return a run record without its cases; ``revision`` is used where the run holds none."""
+        """Return a run record without its cases; ``revision`` is used if the run has none."""
         counts = dict(Counter(kind(case) for case in run.cases))
-        engine = run.engine.model_copy(update={"library": "", "mpi": ""})  # a path, and what the hash says already
+        engine = run.engine.model_copy(update={"library": "", "mpi": ""})  # a path, and redundant with the hash
         made_by = engine, run.reference.get("git", "") or revision, run.reference, run.machine
         return cls(0, sha256, run.date, *made_by, run.command, run.fail_on == "low", run.shard, run.seconds, counts)
 
     @property
     def cases(self) -> int:
-        """Number of cases."""
+        """Return the number of cases."""
         return sum(self.counts.values())
 
     @property
     def ordered_counts(self) -> dict[str, int]:
-        """The counts, from the best verdict to the worst."""
+        """Return the counts, from the best verdict to the worst."""
         return by_severity(self.counts)
 
     @property
     def made_by(self) -> tuple[str, str]:
-        """The eos-ref that judged: version and git revision."""
+        """Return the eos-ref that judged: version and git revision."""
         return self.reference.get("eos-ref", ""), self.revision
 
 
@@ -130,7 +130,7 @@ def chosen_file(db: Path | None, made: bool) -> Path:
     Raises
     ------
     InputError
-        It does not exist, unless it is to be ``made``, or the user's own is switched off.
+        It does not exist, unless it may be ``made``, or the user's own is switched off.
     """
     if db is not None and not db.exists() and not made:
         raise InputError("history", "does not exist", where=str(db))
@@ -146,7 +146,7 @@ class History:
     Raises
     ------
     InputError
-        By everything: the file is damaged, of a newer schema, of another program, or in use for too long.
+        From all methods: the file is damaged, of a newer schema, of another program, or in use for too long.
     """
 
     def __init__(self, path: Path) -> None:
@@ -158,7 +158,7 @@ class History:
             if self.path.exists() and not self.path.is_file():
                 raise InputError("history", "must be a regular file", where=str(self.path))
             if self.path.exists():
-                connection = self._opened("rw")  # SQLite opens for reading what the system protects from writing
+                connection = self._opened("rw")  # SQLite opens write-protected files for reading
                 if _tables(connection):
                     self._connection = connection
                 else:
@@ -173,7 +173,7 @@ class History:
     def add(self, run: RunRecord, content: bytes | str | None = None, revision: str = "") -> bool:
         """Keep a run; False if it was kept already. ``content`` is its run.json, written from the record if not given.
 
-        ``revision`` is the git revision of eos-ref, where the run itself does not say.
+        ``revision`` is the git revision of eos-ref, used if the run has none.
         """
         content = run.to_json() if content is None else content
         sha256 = hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()
@@ -202,11 +202,11 @@ class History:
             return [_read_run(row) for row in rows]
 
     def cases(self) -> list[str]:
-        """List the names of all cases that some run has."""
+        """List the names of all cases in any run."""
         return [name for (name,) in self._rows("SELECT DISTINCT case_name FROM outcomes ORDER BY case_name")]
 
     def results(self, runs: Iterable[int], cases: Sequence[str] | None = None) -> list[StoredCase]:
-        """Return the cases of some runs, in the order of the runs' ids; of all cases unless given."""
+        """Return the cases of some runs, in the order of the runs' ids; all cases unless given."""
         chosen = "SELECT run, outcome, case_name, lammps, reference FROM results JOIN outcomes ON outcome = outcomes.id"
         chosen += " WHERE run IN (SELECT value FROM json_each(?))"
         given = [json.dumps(sorted(runs))]
@@ -216,12 +216,12 @@ class History:
         return [StoredCase(*row) for row in self._rows(f"{chosen} ORDER BY run, case_name", *given)]
 
     def slowest(self) -> dict[str, float]:
-        """Return the most seconds, in LAMMPS and in the reference, that each case took in any run."""
+        """Return the longest time, in LAMMPS and in the reference, that each case took in any run."""
         longest = "SELECT case_name, max(lammps + reference) FROM results JOIN outcomes ON outcome = outcomes.id"
         return dict(self._rows(f"{longest} GROUP BY case_name ORDER BY case_name"))
 
     def outcomes(self, ids: Iterable[int], fields: bool = True) -> dict[int, CaseOutcome]:
-        """Return outcomes by their ids, with their fields unless these are not wanted."""
+        """Return outcomes by their ids, optionally without their fields."""
         given = json.dumps(sorted(set(ids)))
         among = "IN (SELECT value FROM json_each(?))"
         of: dict[int, list[FieldOutcome]] = {}
@@ -233,7 +233,7 @@ class History:
         return {row[0]: _read_outcome(row, of.get(row[0], ())) for row in rows}
 
     def forget(self, before: str) -> int:
-        """Drop the runs dated before an ISO date and free their space; return their number."""
+        """Delete the runs dated before an ISO date and free their space; return their number."""
         if self._connection is None:
             return 0
         with self._writing() as connection:
@@ -252,7 +252,7 @@ class History:
 
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
-        """Hold a transaction, of a file that is made if need be."""
+        """Hold a transaction, on a file that is created if needed."""
         with self._one_line_errors():
             if self._connection is None:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -263,7 +263,7 @@ class History:
                 if not _tables(connection):
                     _make(connection)
                 damage = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
-                if damage != "ok":  # nothing is written on top of it
+                if damage != "ok":  # do not write to a damaged database
                     raise sqlite3.DatabaseError(damage)
                 yield connection
                 connection.execute("COMMIT")
@@ -283,8 +283,8 @@ class History:
         return connection
 
     def _check(self, connection: sqlite3.Connection) -> None:
-        """Refuse a file of another program or of a later eos-ref."""
-        connection.execute("BEGIN")  # all is of one moment: another process may be making the tables
+        """Reject a file of another program or of a later eos-ref."""
+        connection.execute("BEGIN")  # a consistent state: another process may be making the tables
         whose = connection.execute("PRAGMA application_id").fetchone()[0]
         version = connection.execute("PRAGMA user_version").fetchone()[0]
         tables = _tables(connection)
@@ -362,7 +362,7 @@ def _read_field(row: tuple[Any, ...]) -> FieldOutcome:
 
 
 def _outcome(connection: sqlite3.Connection, case: CaseOutcome) -> int:
-    """Return the id of an outcome, which is added if no run before had it."""
+    """Return the id of an outcome, which is added if no earlier run had it."""
     size = case.natoms, case.steps
     findings = listed(case.explained_by)
     row = (case.case, case.verdict, case.expected, *size, case.message, findings, _stored(case.worst), case.worst_field)
@@ -386,7 +386,7 @@ def _field_row(field: FieldOutcome) -> tuple[str | float | None, ...]:
 
 
 def _stored(number: float | None) -> float | str | None:
-    """Keep NaN as text, of which SQLite would make NULL, as it does of nothing."""
+    """Store NaN as text: SQLite would turn it into NULL, like a missing number."""
     return "nan" if number is not None and math.isnan(number) else number
 
 

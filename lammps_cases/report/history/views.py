@@ -1,4 +1,4 @@
-"""How runs and cases went from one engine to the next: engines by version, differences, spans, marks and bars."""
+"""The development of runs and cases over engines: engines by version, differences, spans, marks and bars."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class EngineRuns:
 
 
 def natural(version: str) -> tuple[bool, Version | list[tuple[int, str]]]:
-    """Return the key by which versions sort: 1.2 < 1.10rc1 < 1.10 < 1.10.post1; labels that are none come first.
+    """Return the sort key of versions: 1.2 < 1.10rc1 < 1.10 < 1.10.post1; labels that are not versions come first.
 
-    Numbers within such labels sort as people count, between words in the order of the alphabet.
+    Numbers within such labels sort by value, between words in alphabetical order.
     """
     try:
         return True, Version(version)
@@ -44,7 +44,7 @@ def natural(version: str) -> tuple[bool, Version | list[tuple[int, str]]]:
 
 
 def engines(runs: Sequence[StoredRun]) -> list[EngineRuns]:
-    """Sort runs by engine: releases by version, then what was built here by the date of its first run."""
+    """Sort runs by engine: releases by version, then local builds by the date of their first run."""
     of: dict[str, list[StoredRun]] = {}
     for run in sorted(runs, key=lambda run: (run.date, run.id)):
         of.setdefault(run.engine.key, []).append(run)
@@ -60,7 +60,7 @@ def engines(runs: Sequence[StoredRun]) -> list[EngineRuns]:
 
 
 def _release(group: Sequence[StoredRun]) -> str:
-    """Return the release that a library is of, under whatever name it was run; empty for a build of one's own."""
+    """Return the release of a library, whatever its name in the run; empty for the user's own build."""
     return next((run.engine.release for run in group if run.engine.release), "")
 
 
@@ -71,7 +71,7 @@ def _version_place(group: Sequence[StoredRun]) -> tuple[object, ...]:
 
 @dataclass(frozen=True)
 class RunDifference:
-    """One run against another: how many of the cases that both have changed in what, and how many only one has."""
+    """One run against another: the numbers of changed cases among those in both, by kind, and of cases in only one."""
 
     label: str
     common: int
@@ -82,7 +82,7 @@ class RunDifference:
 
     @property
     def sentence(self) -> str:
-        """The difference in a few words."""
+        """Return the difference in a few words."""
         parts = [f"other {kind} in {count}" for kind, count in self.changed.items() if count]
         text = ", ".join(parts) if parts else "same" if self.common else "no case in common"
         more = [f"{count} {word}" for word, count in (("new", self.new), ("not run", self.gone)) if count]
@@ -91,7 +91,7 @@ class RunDifference:
 
 @dataclass(frozen=True)
 class RunLine:
-    """A run, its engine's label, and what changed against the run before on it and against the engine before it."""
+    """A run, its engine's label, and its changes against the previous run on it and against the previous engine."""
 
     run: StoredRun
     label: str
@@ -101,7 +101,7 @@ class RunLine:
 
 @dataclass(frozen=True)
 class EngineChange:
-    """A case, or one field of it (``field`` empty: the case), whose outcome differs from that on the engine before.
+    """A case, or one field of it (``field`` empty: the case), whose outcome differs from that on the previous engine.
 
     ``first`` marks the first such change of a case; ``other_judge``: another eos-ref judged, whose scene may differ.
     """
@@ -134,7 +134,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Span:
-    """Runs of an engine, one after another, in which a case ended the same."""
+    """Consecutive runs of an engine with the same outcome of a case."""
 
     label: str
     since: str
@@ -145,14 +145,14 @@ class Span:
 
     @property
     def days(self) -> str:
-        """First and last day, or the only one."""
+        """Return the first and last day, or the only one."""
         first, last = self.since[:10], self.until[:10]
         return first if first == last else f"{first} to {last}"
 
 
 @dataclass(frozen=True)
 class CaseView:
-    """How a case went: spans by engine and date, the time per engine, and what changed."""
+    """The results of a case: spans by engine and date, the time per engine, and the changes."""
 
     case: str
     spans: tuple[Span, ...]
@@ -161,7 +161,7 @@ class CaseView:
 
     @property
     def latest(self) -> dict[str, CaseOutcome]:
-        """The last outcome on each engine."""
+        """Return the last outcome on each engine."""
         return {span.label: span.outcome for span in self.spans}
 
 
@@ -210,10 +210,10 @@ def chosen_cases(stored: Sequence[str], names: Sequence[str]) -> list[str]:
 
 
 def run_lines(history: History, runs: Sequence[StoredRun], every: Sequence[StoredRun]) -> list[RunLine]:
-    """Compare runs, by date, with what ``every`` run says of their engine at that date and of the engine before.
+    """Compare runs, by date, with what ``every`` run shows of their engine until then, and of the engine before.
 
-    A case is compared with its latest run on an engine, so that parts of a run add up. Of an engine before of which
-    nothing is older, all is taken: versions need not be run in their order.
+    A case is compared with its latest run on an engine, so that parts of a run add up. If nothing on the previous
+    engine is older, all its runs are used: versions need not be run in their order.
     """
     lines = engines(every)
     place = {run.id: k for k, line in enumerate(lines) for run in line.runs}
@@ -242,7 +242,7 @@ def run_lines(history: History, runs: Sequence[StoredRun], every: Sequence[Store
     ]
 
 
-# Of every case, the id of its last outcome and the eos-ref that judged it.
+# For every case, the id of its last outcome and the eos-ref that judged it.
 LastOutcomes = dict[str, tuple[int, tuple[str, str]]]
 
 
@@ -270,7 +270,7 @@ def _difference(
 
 
 def case_views(history: History, runs: Sequence[StoredRun], cases: Sequence[str], field: str = "") -> list[CaseView]:
-    """Return how some cases went over some runs; of the fields of a pattern alone, if one is given.
+    """Return the results of some cases over some runs; only of the fields of a pattern, if one is given.
 
     Raises
     ------
@@ -329,7 +329,7 @@ def _case_changes(case: str, ended: Sequence[tuple[EngineRuns, StoredRun, CaseOu
 
 @dataclass(frozen=True)
 class RunMark:
-    """A mark: its column's label and lesser label, kind of verdict, difference/bound, what a pointer over it says."""
+    """A mark: its column's label and secondary label, kind of verdict, difference/bound, its tooltip."""
 
     label: str
     under: str
@@ -340,7 +340,7 @@ class RunMark:
 
 @dataclass(frozen=True)
 class Step:
-    """What changed from one engine to the next: the cases of every kind of change, and all changes of every case."""
+    """The changes from one engine to the next: the cases of every kind of change, and all changes of every case."""
 
     engine: str
     before: str
@@ -349,7 +349,7 @@ class Step:
 
     @property
     def ordered_counts(self) -> dict[Part, int]:
-        """The counts, verdicts first."""
+        """Return the counts, verdicts first."""
         return {kind: self.counts[kind] for kind in PARTS if kind in self.counts}
 
 
@@ -372,7 +372,7 @@ def changed_findings(changes: Sequence[EngineChange]) -> list[tuple[str, str]]:
 
 
 def spark(values: Sequence[float | None], logarithmic: bool = False) -> str:
-    """Draw a line of bars, lowest to highest; ``·`` for nothing, ``×`` for what is not finite."""
+    """Draw a line of bars, lowest to highest; ``·`` for a missing value, ``×`` for infinity and NaN."""
     scaled = [_scaled(value, logarithmic) for value in values]
     finite = [value for value in scaled if value is not None and math.isfinite(value)]
     low, high = min(finite, default=0.0), max(finite, default=0.0)
@@ -394,7 +394,7 @@ def _scaled(value: float | None, logarithmic: bool) -> float | None:
 
 
 def mark(label: str, day: str, when: str, outcome: CaseOutcome) -> RunMark:
-    """Return the mark of an outcome on an engine; ``when`` says in full of which runs it is."""
+    """Return the mark of an outcome on an engine; ``when`` is the full text about its runs."""
     field = f", worst in {outcome.worst_field}" if outcome.worst_field else ""
     return RunMark(label, day, outcome.kind, outcome.worst, f"{label}, {when}: {outcome.kind}{field}")
 

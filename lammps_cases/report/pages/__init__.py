@@ -1,1 +1,1 @@
-"""What all HTML pages share: frame, parts, figures."""
+"""The common parts of all HTML pages: frame, parts, figures."""

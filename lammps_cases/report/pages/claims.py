@@ -37,7 +37,7 @@ SHOWN = 4  # pieces of evidence per claim and engine; the rest is counted
 
 @dataclass(frozen=True)
 class Column:
-    """An engine: its name, what it is, the folder of its report, and its verdicts, one per claim."""
+    """An engine: its name, its description, the folder of its report, and its verdicts, one per claim."""
 
     engine: str
     who: EngineRecord
@@ -56,7 +56,7 @@ class Proof:
 
 @dataclass(frozen=True)
 class ClaimView:
-    """A claim as the page shows it."""
+    """A claim as shown on the page."""
 
     claim: Claim
     verdict: ClaimVerdict
@@ -70,7 +70,7 @@ class ClaimView:
 
 @dataclass(frozen=True)
 class JudgedRuns:
-    """Claims judged by runs: a column each, the cases of no claim that are not as expected, those that broke off."""
+    """Claims judged by runs: a column each, unexpected cases without a claim, interrupted runs."""
 
     columns: Sequence[Column]
     unforeseen: Sequence[tuple[str, CaseRecord]]  # with the label of the run
@@ -79,14 +79,14 @@ class JudgedRuns:
 
     @property
     def exit_code(self) -> int:
-        """3 if cases broke off, 1 if a claim fails without a finding, else 0."""
+        """Return 3 if cases broke off, 1 if a claim fails without a finding, else 0."""
         return 3 if self.broken else int(self.headline.state == "FAIL")
 
 
 def judge_runs(
     chosen: Sequence[Claim], answers: Sequence[tuple[RunRecord, Path]], case_names: Sequence[str], fail_on: FailOn
 ) -> JudgedRuns:
-    """Judge claims by runs, each with the folder of its report; ``case_names`` are all cases and probes there are."""
+    """Judge claims by runs, each with the folder of its report; ``case_names`` are all existing cases and probes."""
     versions = [run.engine.label for run, _ in answers]
     chosen = [claim for claim in chosen if any(claim.made_in(run.engine.manual) for run, _ in answers)]
     columns, unforeseen, unclaimed = list[Column](), list[tuple[str, CaseRecord]](), without_claim()
@@ -192,7 +192,7 @@ def _row(at: int, columns: Sequence[Column], folder: Path) -> ClaimView:
 
 
 def _link(case: str, columns: Sequence[Column], folder: Path, engine: str = "") -> str:
-    """Return the place where the report of a run shows a case; nothing for a probe."""
+    """Return the address of a case in the report of a run; empty for a probe."""
     if not case or case.startswith(PREFIX):
         return ""
     for column in columns:

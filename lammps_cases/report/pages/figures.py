@@ -1,4 +1,4 @@
-"""Pictures by matplotlib: one style, as elements of a page and as files."""
+"""Figures by matplotlib: one style, as elements of a page and as files."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def plain_log_axis(axis: Any) -> None:
 
 
 def _plain(value: float) -> str:
-    """Write a number of an axis: as it is, or as a power of ten where that has more than five digits."""
+    """Format a number of an axis: as it is, or as a power of ten if that has more than five digits."""
     if 1e-4 <= value < 1e5:
         return f"{value:g}"
     mantissa, _, exponent = f"{value:e}".partition("e")
@@ -67,12 +67,12 @@ def _plain(value: float) -> str:
 
 
 def plain_text(words: str) -> str:
-    """Escape words so that matplotlib prints them as they are: no mathematics between dollar signs."""
+    """Escape text so that matplotlib prints it as it is: no mathematics between dollar signs."""
     return words.replace("$", r"\$")
 
 
 def svg(figure: Figure) -> str:
-    """Return the figure as an SVG element, without the words about it that a file has."""
+    """Return the figure as an SVG element, without a file's metadata."""
     file = io.StringIO()
     with matplotlib.rc_context(STYLE):
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
@@ -80,16 +80,16 @@ def svg(figure: Figure) -> str:
 
 
 def saved(figure: Figure, folder: Path, name: str) -> Markup:
-    """Write a figure as ``NAME.svg`` and ``NAME.png``; the element that stands for it in a page."""
+    """Write a figure as ``NAME.svg`` and ``NAME.png``; return its element for a page."""
     text = svg(figure)
     write_atomically(folder / f"{name}.svg", f'<?xml version="1.0" encoding="utf-8"?>\n{text}')
-    figure.set_layout_engine("none")  # as it has been laid out; that takes half of the time
+    figure.set_layout_engine("none")  # already laid out; that takes half of the time
     figure.savefig(folder / f"{name}.png", dpi=150, metadata={"Software": None})
     return Markup(_in_page(with_own_names(text, name)))
 
 
 def _in_page(svg: str) -> str:
-    """Let what is nearly black, white and the grid follow the reader's light or dark mode."""
+    """Make near-black, white and grid colours follow the reader's light or dark mode."""
     svg = svg.replace("#ffffff", "var(--paper)").replace(STYLE["grid.color"], "var(--line)")
     return _DARK.sub("var(--ink)", svg)
 
@@ -102,9 +102,9 @@ def themed(figure: Figure, name: str, label: str, marks: Mapping[str, tuple[str,
     name : str
         Of the figure, unique in its page.
     label : str
-        What it shows, for a reader that is read to.
+        Description of the figure, for a screen reader.
     marks : mapping
-        By the ``gid`` of a mark: its CSS class, and what a pointer over it says.
+        By the ``gid`` of a mark: its CSS class and its tooltip.
     """
     text = with_own_names(svg(figure), name)
     for colour, of in _NAMES.items():
@@ -116,7 +116,7 @@ def themed(figure: Figure, name: str, label: str, marks: Mapping[str, tuple[str,
 
 
 def with_own_names(svg: str, name: str) -> str:
-    """Rename the parts of a picture, and what refers to them, after it; links out of the picture stay."""
+    """Prefix the ids of a picture, and references to them, with its name; links out of the picture stay."""
     ids = set(re.findall(r'\bid="([^"]+)"', svg))
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
     return re.sub(r'(href="#|url\(#)([^")]+)', lambda m: f"{m[1]}{name}-{m[2]}" if m[2] in ids else m[0], svg)

@@ -1,4 +1,4 @@
-"""What the pages share: one frame, one style sheet, one set of parts; each is one file that opens offline.
+"""The frame, style sheet and parts that all pages share; each page is one file that opens offline.
 
 Parts that a reader may never open are compressed in the page, and unpacked by the browser when they are opened.
 """
@@ -21,8 +21,8 @@ from lammps_cases.records import wording
 from lammps_cases.records.files import replace_file
 
 SHARED = Path(__file__).parent / "assets"
-FILTER = SHARED / "filter.js"  # a script of pages that filter rows
-PACKED = SHARED / "packed.js"  # a script of pages with parts that `packed` made
+FILTER = SHARED / "filter.js"  # script for pages that filter rows
+PACKED = SHARED / "packed.js"  # script for pages with parts made by `packed`
 
 
 def packed(text: str) -> Markup:
@@ -34,7 +34,7 @@ def packed(text: str) -> Markup:
 
 
 def packed_once(text: str) -> Markup:
-    """Return the same of a text that many pages hold, kept in the user's cache, with a hash of both."""
+    """Return the same for a text on many pages, kept in the user's cache with a hash of both."""
     name = hashlib.sha256(text.encode()).hexdigest()
     file = cache_folder("packed") / name
     with contextlib.suppress(OSError, ValueError):
@@ -53,7 +53,7 @@ def _packed_hash(name: str, content: str) -> str:
 
 @dataclass(frozen=True)
 class TableCell:
-    """A cell of a table: its text, its CSS classes, what a pointer over it says, where it leads."""
+    """A cell of a table: its text, its CSS classes, its tooltip, its link."""
 
     text: object
     css: str = ""
@@ -97,15 +97,15 @@ def page(
     status : str
         Colour of the header: good, known, bad, empty or none.
     engine, date : str
-        What the page is about and when that was measured, for the index of the reports.
+        What the page is about and when it was measured, for the index of the reports.
     styles, scripts : sequence of Path
-        Further ones, embedded before those of the page.
+        Additional ones, embedded before those of the page.
     unpacked : sequence of str
-        Scripts that the page holds packed.
+        Scripts that the page holds compressed.
     filters : mapping
         Of the page, with ``packed`` and ``number``, ``brief`` and ``counted`` of `lammps_cases.records.wording`.
     content
-        What the template shows.
+        The template's variables.
     """
     css = [SHARED / "page.css", *styles, assets / f"{name}.css"]
     embedded = [_script(path) for path in (*scripts, assets / f"{name}.js") if path.is_file()]
@@ -124,7 +124,7 @@ def page(
 
 
 def environment_of(assets: Path) -> jinja2.Environment:
-    """Return what renders the templates of a folder: all that they show is text, none of it markup."""
+    """Return the environment that renders the templates of a folder: all they show is escaped text, never markup."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([assets, SHARED]),
         # Compiling the templates takes a fifth of the time of a report.

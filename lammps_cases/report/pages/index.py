@@ -1,7 +1,7 @@
-"""The index of the reports: what lies below a folder, in one page, and the bar that every page there shares.
+"""The index of the reports: the pages below a folder, in one page, and the navigation bar that they share.
 
-Pages say in their head what they are, so that the index reads no record. The bar is written into
-pages that exist when another comes, between two comments: a page is one file, and cannot look for its neighbours.
+Pages describe themselves in their head, so that the index reads no record. The bar is written into
+existing pages when another is added, between two comments: a page is one file, and cannot look for its neighbours.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SAYS = re.compile(r'data-([a-z]+)="([^"]*)"')
 
 @dataclass(frozen=True)
 class Kind:
-    """Pages of a command: their name in the bar, their heading in the index, what the section says of them."""
+    """Pages of a command: their name in the bar, their heading in the index, the text of the section about them."""
 
     command: str
     label: str
@@ -54,7 +54,7 @@ KINDS = (
     Kind("validate", "Validation", "Validation", "Flows with experiments, tables and solutions."),
     Kind("inputs", "Inputs", "Bad input", "How LAMMPS and the reference handle it."),
 )
-# What is no page of ours, by pattern, with its name in the index.
+# Files that are not our pages, by pattern, with their names in the index.
 FILES = (
     ("site/index.html", "documentation"),
     ("bug-*/issue.md", "bug report"),
@@ -66,7 +66,7 @@ FILES = (
 
 @dataclass(frozen=True)
 class Page:
-    """A page below the folder of the reports: its path from there, and what its head says."""
+    """A page below the folder of the reports: its relative path, and the content of its head."""
 
     path: Path
     command: str
@@ -75,12 +75,12 @@ class Page:
     date: str
     state: str
     title: str
-    sentence: str = ""  # the title without the state; pages of earlier versions do not say it
+    sentence: str = ""  # the title without the state; missing in pages of earlier versions
     whole: bool = False
 
     @property
     def name(self) -> str:
-        """What its row in the index is called: of reports kept by date the row says the rest."""
+        """Return the name of its row in the index: for reports kept by date the row shows the rest."""
         folder = self.path.parent.as_posix()
         if not folders.is_entry(self.path.parent):
             return folder
@@ -88,14 +88,14 @@ class Page:
 
 
 def refresh(reports: Path, since: int = 0) -> None:
-    """Write the index of a folder, and the bar of each of its pages, if a page or file is not older than a moment.
+    """Write the index of a folder, and the bar of each of its pages, if a page or file is not older than a given time.
 
     Parameters
     ----------
     reports : Path
-        The folder; where it holds no page of ours, nothing is written.
+        The folder; if it holds no page of ours, nothing is written.
     since : int
-        The moment in nanoseconds.
+        The time in nanoseconds.
     """
     if not reports.is_dir() or not any(_written(path) >= since for path in (*_paths(reports), *_files(reports))):
         return
@@ -106,7 +106,7 @@ def refresh(reports: Path, since: int = 0) -> None:
             of_kind = _newest(pages, reports)
             for page in (*pages, Page(Path(NAME), "index", "", "", "", "", "")):
                 _fill(reports, page, of_kind)
-    except (InputError, OSError):  # an index that cannot be written takes nothing from the report
+    except (InputError, OSError):  # a failed index must not affect the report
         return
 
 
@@ -115,7 +115,7 @@ def _render(pages: Sequence[Page], reports: Path) -> str:
     latest = folders.whole_runs(reports).link.resolve()
     last = next((page for page in pages if (reports / page.path).resolve().parent == latest), None)
     holding = {page.path.parent for page in pages}
-    shown = [page for page in pages if holding.isdisjoint(page.path.parent.parents)]  # others are runs of a page's own
+    shown = [page for page in pages if holding.isdisjoint(page.path.parent.parents)]  # others are a page's own runs
     sections = [(kind, [page for page in shown if page.command == kind.command]) for kind in KINDS]
     present = [(kind, group) for kind, group in sections if group]
     return frame.page(
@@ -131,7 +131,7 @@ def _render(pages: Sequence[Page], reports: Path) -> str:
 
 
 def _paths(reports: Path) -> Iterator[Path]:
-    """Go through the files of HTML, without those reached by a link, hidden ones and the index."""
+    """Yield the HTML files, except those reached by a link, hidden ones and the index."""
     for folder, below, names in os.walk(reports):
         path = Path(folder)
         deep = len(path.relative_to(reports).parts) + 1
@@ -140,12 +140,12 @@ def _paths(reports: Path) -> Iterator[Path]:
 
 
 def _files(reports: Path) -> dict[Path, str]:
-    """Return what is no page of ours, with its name."""
+    """Return the files that are not our pages, with their names."""
     return {path: name for pattern, name in FILES for path in sorted(reports.glob(pattern))}
 
 
 def _written(path: Path) -> int:
-    """Return when a file was written, in nanoseconds; never, if it is gone meanwhile."""
+    """Return when a file was written, in nanoseconds; the distant past if it no longer exists."""
     try:
         return path.stat().st_mtime_ns
     except OSError:
@@ -175,13 +175,13 @@ def _pages(reports: Path) -> Iterator[Page]:
 
 
 def _order(page: Page) -> tuple[bool, tuple[str, int]]:
-    """Return what pages are sorted by, the last first: whole reports, then when they were begun, or made."""
+    """Return the sort key of pages, the last first: whole reports, then when they were begun, or made."""
     made = page.date[:19].replace("T", "_").replace(":", ".")
     return page.whole, folders.begun(page.path.parent) if folders.is_entry(page.path.parent) else (made, 0)
 
 
 def _newest(pages: Sequence[Page], reports: Path) -> list[tuple[str, str, Path]]:
-    """Return what the bar links: command, label and path; of whole runs and claims what ``latest`` points to."""
+    """Return the links of the bar: command, label and path; for whole runs and claims the target of ``latest``."""
     links = {"report": folders.whole_runs(reports).link, "claims": folders.whole_claims(reports).link}
     of_kind = []
     for kind in KINDS:
@@ -195,7 +195,7 @@ def _newest(pages: Sequence[Page], reports: Path) -> list[tuple[str, str, Path]]
 
 
 def _fill(reports: Path, page: Page, of_kind: Sequence[tuple[str, str, Path]]) -> None:
-    """Write the bar of a page, unless it is there; when the page was written, and all else in it, stays."""
+    """Write the bar of a page, unless it is present; its time and everything else in it stay."""
     bar = ""
     for command, label, link in [("index", "eos-ref", Path(NAME)), *of_kind]:
         here = ' aria-current="page"' if command == page.command else ""
@@ -211,5 +211,5 @@ def _fill(reports: Path, page: Page, of_kind: Sequence[tuple[str, str, Path]]) -
         if after != before:
             replace_file(path, after)
             os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))
-    except OSError:  # it is being replaced by a command that fills the bar
+    except OSError:  # being replaced by a command that fills the bar
         return

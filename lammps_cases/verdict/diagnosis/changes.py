@@ -1,9 +1,9 @@
 """The changes of the reference that are tried on a red case, in words and as classes before stages and stepping.
 
-First those with a name: parameters of other types, keywords left out, values of the evaluation before, parts of a time
-step, mistakes that the lint knows. Then all edits of the functions that the case goes through, the last one first. No
-finding is among them: those that reproduce a case have explained it. The classes pass on to the next one by `super`, so
-that any two can be combined.
+Named changes come first: parameters of other types, keywords left out, values of the evaluation before, parts of a
+time step, mistakes known to the lint. Then follow all edits of the functions called by the case, the last one first.
+Findings are not among them: those that reproduce a case have already explained it. The classes call the next one by
+`super`, so that any two can be combined.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Change:
     Attributes
     ----------
     sentence : "as if ...", without these words
-    target : what is changed, shared by changes that take each other's place
+    target : what is changed, the same for alternative changes
     stages, stepping : class to put before the evaluator's or the simulation's
     edit : of the reference's source
     """
@@ -78,7 +78,7 @@ class Watched(Simulation):
     dt = 0.0
 
     def evaluate(self) -> dict[str, Any]:
-        """Evaluate, and let the stages see the simulation."""
+        """Evaluate, and give the stages access to the simulation."""
         self.count += 1
         self.evaluator.watched = self  # type: ignore[attr-defined]
         self.calls: dict[str, int] = {}
@@ -86,7 +86,7 @@ class Watched(Simulation):
         return super().evaluate()
 
     def step(self, dt: float) -> None:
-        """Take a step whose length the stages know."""
+        """Take a step of a length available to the stages."""
         self.dt = dt
         super().step(dt)
 
@@ -100,7 +100,7 @@ class Watched(Simulation):
 
 
 def _before(e: ArrayEvaluator, name: str, fresh: Any) -> Any:
-    """Return what stood in the place of some values in the evaluation before; at first themselves."""
+    """Return the previous evaluation's values in place of these; at first these themselves."""
     watched = getattr(e, "watched", None)
     if watched is None:
         return fresh
@@ -113,7 +113,7 @@ def _before(e: ArrayEvaluator, name: str, fresh: Any) -> Any:
 
 
 class StaleWalls(ArrayEvaluator):
-    """Stages whose solids have the density of the evaluation before: rho0 where none of the fluid was met then."""
+    """Stages whose solids have the density of the evaluation before: rho0 where they met no fluid then."""
 
     def wall_density(self, at: IntArray, p: Any, energy_n: Any) -> Any:
         """Return the density that each solid had, whichever solids meet fluid now."""
@@ -122,7 +122,7 @@ class StaleWalls(ArrayEvaluator):
 
 
 def stale(method: str) -> Stages:
-    """Return stages of which a method returns what it returned in the evaluation before."""
+    """Return stages in which a method returns its result of the evaluation before."""
     if method == "wall_density":
         return StaleWalls
 
@@ -134,7 +134,7 @@ def stale(method: str) -> Stages:
 
 
 def stale_input(name: str) -> Stages:
-    """Return stages whose terms of pairs are given one input as it was in the evaluation before."""
+    """Return stages whose pair terms use one input of the evaluation before."""
 
     class StaleInput(ArrayEvaluator):
         def pair_terms(self, fields: PairInput) -> PairTerms:
@@ -168,7 +168,7 @@ def with_model(change: Callable[[Model], Model]) -> Stages:
 
 
 def step_part(method: str, call: Callable[[Callable[..., Any], Any, tuple[Any, ...]], Any]) -> type[Simulation]:
-    """Return a stepping of which one part is called otherwise."""
+    """Return a stepping with one part called differently."""
 
     def result(self: Any, *arguments: Any) -> Any:
         return call(getattr(super(Part, self), method), self, arguments)
@@ -178,7 +178,7 @@ def step_part(method: str, call: Callable[[Callable[..., Any], Any, tuple[Any, .
 
 
 def kicked(first: float, second: float) -> type[Simulation]:
-    """Return a stepping with more, or less, of the half kicks before and after the forces."""
+    """Return a stepping with more or less of the half kicks before and after the forces."""
 
     class Kicked(Watched):
         def step(self, dt: float) -> None:
@@ -284,7 +284,7 @@ KEYWORDS: dict[str, Callable[[Model], Model]] = {
 
 
 def _without_half(which: int) -> Callable[..., Any]:
-    """Return what leaves out every first (1) or second (0) call of a simulation's method."""
+    """Return a function that omits every first (1) or second (0) call of a simulation's method."""
 
     def call(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
         sim.halves = getattr(sim, "halves", 0) + 1
@@ -294,7 +294,7 @@ def _without_half(which: int) -> Callable[..., Any]:
 
 
 def step_changes() -> Iterator[Change]:
-    """Yield parts of a time step that are left out, doubled or turned round."""
+    """Yield parts of a time step that are left out, doubled or reversed."""
     parts = (
         ("the change of density in half a step", "_continuity"),
         ("the shift of a step", "_shift"),
@@ -350,7 +350,7 @@ def _without_mass(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
 
 
 def candidates(types: int, run: Callable[[], Any]) -> Iterator[Change]:
-    """Yield what is tried in a scene of some number of types, which ``run`` evaluates once."""
+    """Yield the changes to try in a scene of some number of types, which ``run`` evaluates once."""
     yield from named_changes(types)
     for function in reached(run):
         for edit in function.edits():

@@ -1,8 +1,8 @@
-"""Edits of one function of the reference: every expression of its source, replaced by what it could be mistaken for.
+"""Edits of one function of the reference: every expression of its source, replaced by a plausible mistake.
 
-An operand becomes another value of the same kind that is in scope, or stands for another particle; a factor or a term
-is left out, doubled, squared or negated; a branch is turned round; arguments are exchanged; a statement is left out.
-Kinds (number type, shape) are those of the values in a call that was watched.
+An operand becomes another value of the same kind in scope, or stands for another particle; a factor or a term is
+left out, doubled, squared or negated; a branch is reversed; arguments are exchanged; a statement is left out.
+Kinds (number type, shape) are those of the values in an observed call.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class ExpressionEdit:
     Attributes
     ----------
     before, after : the expression; ``after`` is empty for a statement that is left out
-    statement : around it, or `EVERYWHERE`
+    statement : the enclosing one, or `EVERYWHERE`
     """
 
     of: FunctionEdits
@@ -67,18 +67,18 @@ class ExpressionEdit:
 
     @cached_property
     def code(self) -> CodeType:
-        """The function's code with this edit alone."""
+        """Return the function's code with only this edit."""
         return self.of.compiled([self])
 
 
 @contextmanager
 def made(edits: Iterable[ExpressionEdit]) -> Iterator[None]:
-    """Have functions of the reference run edited code, in every module that has them; without compiled loops.
+    """Make functions of the reference run edited code, in every module that has them; without compiled loops.
 
     Raises
     ------
     SyntaxError, TypeError, ValueError
-        Edits that make no Python.
+        Edits that are not valid Python.
     """
     by_function: dict[FunctionType, list[ExpressionEdit]] = {}
     for edit in edits:
@@ -92,7 +92,7 @@ def made(edits: Iterable[ExpressionEdit]) -> Iterator[None]:
 
 @dataclass
 class _Place:
-    """Where an expression stands: what holds it, how to put another there, and the variables around it."""
+    """The place of an expression: its parent, how to replace it, and the variables around it."""
 
     node: ast.expr
     put: Callable[[Any], None]
@@ -107,7 +107,7 @@ def _put(others: Sequence[tuple[_Place, ast.expr]]) -> None:
 
 
 def kind(of: Any) -> Kind:
-    """Return number type and shape of a value; None of what no formula computes with."""
+    """Return number type and shape of a value; None if no formula computes with it."""
     if isinstance(of, np.ndarray | np.generic | float | int | bool):
         array = np.asarray(of)
         number = "f" if array.dtype.kind == "f" else array.dtype.kind
@@ -125,11 +125,11 @@ class FunctionEdits:
     ----------
     function : FunctionType
     tree : ast.Module
-        Of its module; changed and restored on the way.
+        Of its module; changed temporarily, and restored.
     scope : mapping
-        Its local variables at the end of a call that was watched.
+        Its local variables at the end of an observed call.
     others : sequence of str
-        Operands of the same class that may stand for others.
+        Operands of the same class that may replace others.
     """
 
     def __init__(self, function: FunctionType, tree: ast.Module, scope: Scope, others: tuple[str, ...]) -> None:
@@ -164,7 +164,7 @@ class FunctionEdits:
                     yield ExpressionEdit(self, put, restore, statement.lineno, text, "", text)
 
     def _everywhere(self, places: Sequence[_Place]) -> Iterator[ExpressionEdit]:
-        """Yield operands replaced in all places that have them."""
+        """Yield operands replaced wherever they occur."""
         by_text: dict[str, list[_Place]] = {}
         for place in places:
             if _is_operand(place.node) and self._kind_of(place.node, place.scope) is not None:
@@ -206,7 +206,7 @@ class FunctionEdits:
             self._values[key] = self._kind(key[1], scope)
         return self._values[key]
 
-    # --- what an expression could be mistaken for
+    # --- plausible mistakes in an expression
 
     def _replacements(self, place: _Place) -> Iterator[ast.expr]:
         node, scope = place.node, place.scope
@@ -354,7 +354,7 @@ def _is_operand(node: ast.AST) -> bool:
 
 
 def definition(tree: ast.Module, name: str) -> ast.FunctionDef:
-    """Return what a module defines by a qualified name."""
+    """Return the definition in a module with a qualified name."""
     node: Any = tree
     for part in name.split("."):
         node = next(n for n in node.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == part)
@@ -363,7 +363,7 @@ def definition(tree: ast.Module, name: str) -> ast.FunctionDef:
 
 
 def _wrapper(node: ast.FunctionDef, name: str) -> ast.Module:
-    """Return a module of one function, in classes as where it is defined: ``super`` needs them."""
+    """Return a module of one function, nested in classes as in its definition: ``super`` needs them."""
     future = ast.ImportFrom("__future__", [ast.alias("annotations")], 0)
     bare = copy.copy(node)
     bare.decorator_list = []
@@ -382,7 +382,7 @@ def _bodies(node: ast.AST) -> Iterator[list[ast.stmt]]:
 
 
 def _is_left_out(statement: ast.stmt) -> bool:
-    """Return whether a function makes sense without a statement: a call, or another value of what has one."""
+    """Return whether a function makes sense without a statement: a call, or another assignment to a variable."""
     match statement:
         case ast.Expr(value=ast.Call()) | ast.AugAssign():
             return True
@@ -397,7 +397,7 @@ def _updates(statement: ast.Assign) -> bool:
 
 
 def _inside(node: ast.AST, scope: dict[str, Any], around: str) -> Iterator[_Place]:
-    """Yield the expressions of a statement, of comprehensions with what their variables are at first."""
+    """Yield the expressions of a statement, of comprehensions with the first values of their variables."""
     if isinstance(node, ast.stmt):
         around = ast.unparse(node).partition("\n")[0]
     if isinstance(node, ast.ListComp | ast.GeneratorExp | ast.SetComp | ast.DictComp):

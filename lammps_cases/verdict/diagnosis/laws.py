@@ -22,7 +22,7 @@ from lammps_cases.verdict.diagnosis.edits import made
 from lammps_cases.verdict.diagnosis.reached import reached
 
 Law = Callable[[EOSTable], EOSTable]
-OtherType = Callable[[int, int], int]  # of a type, and of how many there are; all from 0
+OtherType = Callable[[int, int], int]  # of a type, and of the number of types; all from 0
 _LAW_PARAMETERS = {
     "speed of sound": "cs",
     "equilibrium density": "rho0",
@@ -47,7 +47,7 @@ Pressure = Callable[[EOSTable, EosState], tuple[FloatArray, FloatArray] | None] 
 
 
 def law_changes(types: int) -> Iterator[tuple[str, Law]]:
-    """Yield changes of the laws of all types, in words; some mean nothing for some laws and raise there."""
+    """Yield changes of the laws of all types, in words; some are undefined for some laws and raise there."""
     if types > 1:
         for k in range(types):
             yield from _of_another(f"type {k + 1}", lambda t, count, k=k: k)  # type: ignore[misc]
@@ -69,7 +69,7 @@ def _each(change: Callable[[EOS], EOS]) -> Law:
 
 
 def _of_another(words: str, other: OtherType) -> Iterator[tuple[str, Law]]:
-    """Yield what a law could have taken from that of another type: a parameter, or all of it."""
+    """Yield what a law could have taken from another type's law: a parameter, or all of it."""
 
     def taken(key: str) -> Law:
         def change(law: EOS, of: EOS) -> EOS:
@@ -104,7 +104,7 @@ def _with_parameter(other: Callable[[float], float]) -> Callable[[EOS], EOS]:
 
 @dataclass(frozen=True)
 class Reproduced:
-    """Cases that some changes reproduce, and these in words; empty if none does."""
+    """Cases that some changes reproduce, and these changes in words; empty without such a change."""
 
     cases: frozenset[str]
     sentences: tuple[str, ...]
@@ -118,16 +118,16 @@ class _RedLaw:
     bound_n: FloatArray
 
     def reproduced(self, change: Pressure) -> bool:
-        """Return whether a change is inside its bound on every atom, which is none that the reference is in too."""
+        """Return whether a change is within its bound on every atom where the reference is not."""
         try:
             with np.errstate(all="ignore"):
-                reference_n = evaluate(self.table, self.state)  # first: of a gas without energies there is none
+                reference_n = evaluate(self.table, self.state)  # first: it fails for a gas without energies
                 made = change(self.table, self.state)
                 if made is None:
                     return False
                 outside = np.any(excess(self.lammps_n, reference_n, made[1])[1] > 1)
                 return bool(outside and np.all(excess(self.lammps_n, *made)[1] <= 1))
-        except Exception:  # a change that has no meaning for this law
+        except Exception:  # a change that is undefined for this law
             return False
 
 

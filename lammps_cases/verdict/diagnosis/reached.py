@@ -1,4 +1,4 @@
-"""The functions of the reference that a run goes through, and the changes of each."""
+"""The functions of the reference called in a run, and the changes of each."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.verdict.diagnosis.edits import EVERYWHERE, ExpressionEdit, FunctionEdits, made, operands
 
-# Where formulas are; the others find pairs, propagate errors and read commands.
+# Modules with formulas; the others find pairs, propagate errors and read commands.
 MODULES = (
     "eos.laws", "eos.table", "eos.rounded_eos", "kernels.quintic", "kernels.kernel", "kernels.reproducing",
     "model.interactions", "model.per_atom", "evaluation.array_evaluator", "evaluation.evaluator",
@@ -42,7 +42,7 @@ class Reached:
 
     @property
     def words(self) -> str:
-        """What it computes, by its docstring, and where it is."""
+        """Return what it computes, by its docstring, and its location."""
         text = (self.function.__doc__ or "").partition("\n")[0]
         found = re.match(r"(?:Return|Evaluate|Set|Add|Take|Keep|Find) (.+?)(?:, \(|[,.;:(]|$)", text)
         name = self.function.__qualname__
@@ -51,7 +51,7 @@ class Reached:
         return f"{what} ({name}, {path.parent.name}/{path.name}:{{}})"
 
     def sentence(self, edit: ExpressionEdit) -> str:
-        """Say what an edit changes: "as if ...", without these words."""
+        """Return what an edit changes: "as if ...", without these words."""
         where = self.words.format(edit.line)
         if not edit.after:
             return f"{where} left out `{edit.before}`"
@@ -59,7 +59,7 @@ class Reached:
         return f"{where} had `{edit.after}` for `{edit.before}`{around}"
 
     def edits(self) -> Iterator[ExpressionEdit]:
-        """Yield its edits, but for those that make no difference to the call."""
+        """Yield its edits, except those that make no difference to the call."""
         again = self._repeatable()
         mine = "." in self.function.__qualname__ and isinstance(self.scope.get("self"), ArrayEvaluator)
         tree, others = _tree(self.function.__module__), _of_stages() if mine else ()
@@ -68,18 +68,18 @@ class Reached:
                 yield edit
 
     def _repeatable(self) -> bool:
-        """Return whether the call can be made once more: it has a result, and leaves nothing changed."""
+        """Return whether the call can be repeated: it has a result, and leaves nothing changed."""
         if self.result is None or self.function.__code__.co_flags & (CO_VARARGS | CO_VARKEYWORDS | CO_GENERATOR):
             return False
         return not isinstance(self.scope.get("self"), Simulation) and self._as_before()
 
     def _as_before(self) -> bool:
-        """Return whether the call has the same result once more."""
+        """Return whether repeating the call gives the same result."""
         try:
             with np.errstate(all="ignore"), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 return _same(self.function(**self.arguments), self.result)
-        except Exception:  # the evaluator has gone on to other particles
+        except Exception:  # the evaluator has moved on to other particles
             return False
 
     def _idle(self, edit: ExpressionEdit) -> bool:
@@ -98,13 +98,13 @@ def _tree(module: str) -> ast.Module:
 
 @cache
 def _of_stages() -> tuple[str, ...]:
-    """Return what the stages of an evaluation take from the evaluator."""
+    """Return the names that the stages of an evaluation take from the evaluator."""
     trees = (_tree(of.__module__) for of in (ArrayEvaluator, Evaluator))
     return tuple(sorted({text for tree in trees for text in operands(tree) if text.startswith("self.")}))
 
 
 def reached(run: Callable[[], Any]) -> list[Reached]:
-    """Return the functions with formulas that a run calls, those first that it calls last."""
+    """Return the functions with formulas that a run calls, the last called first."""
     last: dict[CodeType, int] = {}
     begun: dict[FrameType, dict[str, Any]] = {}
     ended: dict[CodeType, tuple[str, dict[str, Any], Any, dict[str, Any]]] = {}
@@ -140,7 +140,7 @@ def reached(run: Callable[[], Any]) -> list[Reached]:
 
 
 def _function(module: str, name: str) -> FunctionType | None:
-    """Return what a module defines by a qualified name, if it is a function, a method or a property."""
+    """Return the definition in a module with a qualified name, if it is a function, a method or a property."""
     of: Any = sys.modules[module]
     for part in name.split("."):
         of = getattr(of, "__dict__", {}).get(part)

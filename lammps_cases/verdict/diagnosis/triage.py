@@ -1,7 +1,7 @@
-"""The triage of a red run: groups of one first cause, what their scenes have in common and green ones lack, hypotheses.
+"""Triage of a red run: groups of one first cause, features common to their scenes and absent in green ones, hypotheses.
 
 Cases are grouped by how they ended, or by the first step, stage and field outside the bound. A group in which some
-hypothesis reproduces only a part of the cases is split: what is left is a group of its own.
+hypothesis reproduces only a part of the cases is split: the rest is its own group.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from lammps_cases.verdict.diagnosis.trials import HypothesisSearch, RedCase, Tri
 from lammps_cases.verdict.problems import problem_of
 
 LONGEST = 3  # features that are named together
-MANY = 60  # features combined; those that fewest green scenes have go first
-SECONDS = 30.0  # of work on hypotheses, as estimated
+MANY = 60  # features combined; those of the fewest green scenes come first
+SECONDS = 30.0  # estimated work on hypotheses
 STARTS = 3  # cases of a group, at most, whose formulas are searched from the beginning
 TRIED = 12  # hypotheses of one case that are tried on the others of its group
-NAMED = 6  # hypotheses of a group that are named; the others are counted
+NAMED = 6  # hypotheses named for each group; the others are counted
 Key = tuple[str, ...]
 
 
@@ -108,7 +108,7 @@ def _open(scene: Scene) -> bool:
 
 
 def features(scene: Scene) -> set[str]:
-    """Return what can be said of a scene."""
+    """Return the features of a scene."""
     said = {name for name, test in _TESTS.items() if test(scene)}
     said |= {f"dimension {scene.dimension}", f"units {scene.units}", f"kernel {scene.rheo.kernel}"}
     if scene.rheo.kernel in ("RK1", "RK2"):
@@ -126,7 +126,7 @@ def features(scene: Scene) -> set[str]:
 
 @dataclass(frozen=True)
 class Common:
-    """Features that all red scenes have, and how many green ones have them all too."""
+    """Features common to all red scenes, and the number of green ones that also have them all."""
 
     features: tuple[str, ...]
     green: int
@@ -135,12 +135,12 @@ class Common:
 def in_common(red: Sequence[set[str]], green: Sequence[set[str]]) -> Common:
     """Return the fewest features that all red scenes have together and the fewest green ones.
 
-    A combination is taken only if it leaves fewer green scenes than any shorter one.
+    A combination is used only if it leaves fewer green scenes than any shorter one.
     """
     order = {name: at for at, name in enumerate(_TESTS)}
     shared = sorted(set.intersection(*red)) if red else []
     table = {name: np.array([name in scene for scene in green], bool) for name in shared}
-    # What fewest green scenes have tells most; among equals what is a property of the model before what is compared.
+    # Features of the fewest green scenes tell most; among equals properties of the model precede compared fields.
     ranked = sorted(shared, key=lambda name: (int(table[name].sum()), order.get(name, len(order)), name))[:MANY]
     best = Common((), len(green))
     for size in range(1, LONGEST + 1):
@@ -161,15 +161,15 @@ def triage(
     predictor: Predictor | None = None,
     seconds: float = SECONDS,
 ) -> Triage | None:
-    """Return the triage of a run; None if all of it is as expected.
+    """Return the triage of a run; None if everything is as expected.
 
     Parameters
     ----------
-    cases : those of the run; what is said of scenes leaves out any that are not among them
+    cases : those of the run; the features of scenes leave out any case not among them
     fields : folder of the run's arrays
-    seconds : of work on hypotheses, as estimated
+    seconds : of estimated work on hypotheses
     """
-    red = [record for record in run.cases if not record.as_expected and not record.limits]  # whose cause is known
+    red = [record for record in run.cases if not record.as_expected and not record.limits]  # limits: the cause is known
     if not red:
         return None
     by_name = {case.name: case for case in cases}
@@ -220,10 +220,10 @@ class _Diagnosis:
     predictor: Predictor
     left: float
     _kept: dict[tuple[str, tuple[str, ...]], RedCase | None] = field(default_factory=dict)
-    _found: list[Tried] = field(default_factory=list)  # what reproduces another group, which a fault may have, too
+    _found: list[Tried] = field(default_factory=list)  # changes that reproduce another group: the fault may be the same
 
     def parts(self, records: Sequence[CaseRecord], work: Work) -> list[_Part]:
-        """Return the groups that records of one first cause fall into."""
+        """Return the groups into which records of one first cause are divided."""
         begin = work.left
         scene = self.cases[records[0].case].scene if records[0].case in self.cases else None
         if scene is None or records[0].twin or records[0].blame is None:
@@ -259,7 +259,7 @@ class _Diagnosis:
             reproduced, named = self._reproduced(self._found, own, rest, work)
             if reproduced:
                 yield _Part(_group(reproduced, named, tried := tried + len(self._found)), reproduced)
-            share = work.left / len(begun)  # that one of them has no pair takes nothing from the other
+            share = work.left / len(begun)  # a case without a pair takes nothing from the others
             searches = [HypothesisSearch(case, Work(share)) for case in begun]
             for paired, search in itertools.product((False, True), searches):
                 if reproduced:
@@ -282,7 +282,7 @@ class _Diagnosis:
     def _reproduced(
         self, survivors: Sequence[Tried], own: CaseRecord, records: Sequence[CaseRecord], work: Work
     ) -> tuple[list[CaseRecord], list[Hypothesis]]:
-        """Return the most cases that changes which reproduce one case reproduce, and the changes that do."""
+        """Return the most cases reproduced by changes that reproduce one case, and these changes."""
         holds = {
             at: frozenset(record.case for record in records if self._holds(changes, record, work))
             for at, changes in enumerate(survivors[:TRIED])
@@ -296,7 +296,7 @@ class _Diagnosis:
         return any(case.reproduced(changes, Work(max(work.left, 1.0))) for case in self._started(record))
 
     def _started(self, record: CaseRecord) -> list[RedCase]:
-        """Return a case with the findings with which it is red last: those that come furthest, or none."""
+        """Return a case with the findings with which it is red latest: the ones that come furthest, or none."""
         beyond = record.beyond
         others = tuple(dict.fromkeys(beyond.known + beyond.findings)) if beyond else ()
         bases = (others, ()) if others else ((),)
@@ -325,7 +325,7 @@ class _Diagnosis:
             if made is None:
                 return None
             return red_case(record.case, problem, snapshots, made, seed(f"{record.case}/moved runs"), self.predictor)
-        except InputError:  # another case now than the one that ran
+        except InputError:  # the case has changed since it ran
             return None
 
 

@@ -1,4 +1,4 @@
-"""Which changes of the reference reproduce LAMMPS: on a group's smallest case first, then on all others."""
+"""Trials of changes of the reference against LAMMPS: on a group's smallest case first, then on all others."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from lammps_cases.verdict.model_fields import nearest_image, sides
 
 R = TypeVar("R")
 
-NEARER = 0.05  # what is left of the largest difference, for a change to be looked at closely
+NEARER = 0.05  # remaining part of the largest difference below which a change is examined closely
 PAIRED = 60  # pairs of changes whose effects add up that are tried
-SUMMED = 1e-5  # of the largest difference: how near a sum of effects has to be to it
-COMPONENTS = 200  # values of the first red field that sums of effects are held against
+SUMMED = 1e-5  # tolerance of a sum of effects, as a part of the largest difference
+COMPONENTS = 200  # values of the first red field that sums of effects are compared with
 LONGEST_STEP = 20  # compared steps beyond this one are too far for hundreds of trials
-MORE = 500  # changes that are tried after one that reproduces a case, at least
-FAR = 1e3  # bounds of the reference by which a change may be off before the first red step
+MORE = 500  # changes tried at least after one that reproduces a case
+FAR = 1e3  # deviation of a change before the first red step, at most, in bounds of the reference
 
 
 class Spent(Exception):
-    """The work that may be spent on hypotheses is."""
+    """The work allowed for hypotheses is spent."""
 
 
 @dataclass
@@ -61,7 +61,7 @@ class Work:
 
 @dataclass
 class RedCase:
-    """A case of the particle model that differs, up to the step at which it does first.
+    """A case of the particle model that differs, up to the first step at which it does.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class RedCase:
     snapshots : LAMMPS' fields at its steps
     red_field : the first red one
     base : stages and stepping of the findings that the case shows as well
-    reference : what the reference predicts with these
+    reference : the reference's prediction with these
     """
 
     name: str
@@ -79,11 +79,11 @@ class RedCase:
     base: Made
     reference: Prediction
     seed: int
-    near: list[Candidates] = field(default_factory=list)  # pairs, which all trials begin with
+    near: list[Candidates] = field(default_factory=list)  # pairs, the start of all trials
 
     @property
     def size(self) -> float:
-        """Return how long a trial takes, in no unit."""
+        """Return the duration of a trial, in arbitrary units."""
         return (1 + self.problem.steps[-1]) * (100 + len(self.problem.state.x_nc))
 
     @property
@@ -104,7 +104,7 @@ class RedCase:
         return replace(self, problem=replace(self.problem, fields=fields))
 
     def made(self, tried: Sequence[Change]) -> Made | None:
-        """Return stages and stepping with some changes; None where they have no meaning together."""
+        """Return stages and stepping with some changes; None if these cannot be combined."""
         stages, stepping = self.base
         parts = [change.stages for change in tried if change.stages]
         steps = [change.stepping for change in tried if change.stepping]
@@ -119,11 +119,11 @@ class RedCase:
             return None
 
     def values(self, tried: Sequence[Change]) -> list[Fields] | None:
-        """Return the fields with some changes at all steps; None where they have no meaning, or differ earlier."""
+        """Return the fields with some changes at all steps; None if they are undefined, or differ earlier."""
         return self._meaningful(tried, self._values)
 
     def _meaningful(self, tried: Sequence[Change], of: Callable[[Made], R | None]) -> R | None:
-        """Return what follows from stages and stepping with some changes; None where they have no meaning."""
+        """Return the result for stages and stepping with some changes; None if it is undefined."""
         classes = self.made(tried)
         if classes is None:
             return None
@@ -132,7 +132,7 @@ class RedCase:
             with made(edits), sharing(self.near), np.errstate(all="ignore"), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 return of(classes)
-        except Exception:  # in this scene: a type or a property that it lacks; of an edit anything
+        except Exception:  # in this scene: a type or a property that it lacks; for an edit anything
             return None
 
     def _values(self, classes: Made) -> list[Fields] | None:
@@ -174,7 +174,7 @@ class RedCase:
         return not np.array_equal(values[-1][self.red_field], self.first()[1], equal_nan=True)
 
     def nearer(self, values: list[Fields]) -> bool:
-        """Return whether fields are much nearer to LAMMPS' than the reference's, where these differ first."""
+        """Return whether fields are much closer to LAMMPS' than the reference's, where these differ first."""
         lammps_n, reference_n = self.first()
         with np.errstate(all="ignore"):
             before = np.abs(lammps_n - reference_n).max(initial=0.0)
@@ -184,7 +184,7 @@ class RedCase:
     def inside(self, values: Sequence[Fields], bounds: Sequence[Fields]) -> bool:
         """Return whether LAMMPS is inside the bounds of some fields, all of them up to the end of the red step.
 
-        A bound within which the reference lies as well says nothing.
+        A bound within which the reference also lies proves nothing.
         """
         names, last = in_step_order(self.problem.fields), len(self.problem.steps) - 1
         lammps_n, reference_n = self.first()
@@ -232,9 +232,9 @@ class HypothesisSearch:
     effects: list[tuple[Change, FloatArray]] = field(default_factory=list)
 
     def singles(self) -> list[Tried]:
-        """Return the single changes that reproduce a case; keep what all of them do to its first red field.
+        """Return the single changes that reproduce a case; keep the effects of all on its first red field.
 
-        After the first one half as many are tried as before it, at least `MORE`: others may do the same.
+        After the first success half as many are tried as before it, at least `MORE`: others may do the same.
         """
         survivors: list[Tried] = []
         shapes: set[bytes] = set()
@@ -261,7 +261,7 @@ class HypothesisSearch:
         return survivors
 
     def pairs(self) -> list[Tried]:
-        """Return the pairs of changes that reproduce a case, of those of which singles had an effect on it."""
+        """Return the pairs of changes that reproduce a case, from singles that had an effect on it."""
         if not self.effects:
             return []
         single = [change for change, _ in self.effects]
@@ -283,7 +283,7 @@ class HypothesisSearch:
 
 
 def _adding_up(effects: FloatArray, difference: FloatArray) -> list[tuple[int, int]]:
-    """Return the pairs of effects, (k, m), of which the sum is nearest to a difference, (m,), and near."""
+    """Return the pairs of effects, (k, m), whose sum is close to a difference, (m,), the closest first."""
     largest = np.argsort(-np.abs(difference))[:COMPONENTS]
     effects, difference = effects[:, largest], difference[largest]
     size = np.abs(difference).max(initial=0.0)
@@ -297,7 +297,7 @@ def _adding_up(effects: FloatArray, difference: FloatArray) -> list[tuple[int, i
 def red_case(
     name: str, problem: Problem, snapshots: Sequence[Snapshot], base: Made, seed: int, predictor: Predictor
 ) -> RedCase | None:
-    """Return a case up to its first red step; None if it is red nowhere, or too late for hundreds of trials."""
+    """Return a case up to its first red step; None if no step is red, or too late a one for hundreds of trials."""
     plain = base == (ArrayEvaluator, Simulation)
     prediction = predictor.predict(problem, None if plain else base, seed)
     for at, step in enumerate(problem.steps):

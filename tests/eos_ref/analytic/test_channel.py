@@ -19,7 +19,7 @@ TIMES = (0.01, 0.1, 1.0, 3.0)  # from a thin layer at the walls to 5 % from the 
 
 
 def residual(flow: Callable[..., Any], t: Any, gravity: Any, nu: Any) -> float:
-    """What is left of du/dt = nu d2u/dy2 + g, over the largest term."""
+    """Residual of du/dt = nu d2u/dy2 + g, over the largest term."""
     y_n, d = WIDTH * np.linspace(LONG(0.05), LONG(0.95), 19), WIDTH * LONG(1e-4)
     dt = min(t, WIDTH**2 / (np.pi**2 * NU)) * LONG(1e-4)  # of the age of the flow, or the life of its slowest mode
     u_t = (flow(y_n, t + dt) - flow(y_n, t - dt)) / (2 * dt)
@@ -37,7 +37,7 @@ def test_diffusion(drive: dict[str, Any], t: float) -> None:
 
 
 @pytest.mark.parametrize(("nu", "gravity"), [(1.05, 1.0), (1.0, 1.02)])
-def test_diffusion_sees(nu: float, gravity: float) -> None:
+def test_diffusion_detects_wrong_solutions(nu: float, gravity: float) -> None:
     def flow(y_n: Any, t: Any) -> Any:
         return plane_start_up(y_n, t, WIDTH, nu * NU, gravity)
 
@@ -64,7 +64,7 @@ def test_walls_and_start(drive: dict[str, Any]) -> None:
         at_walls = plane_start_up(ends_n, LONG(t), WIDTH, NU, **drive)
         np.testing.assert_allclose(at_walls, [0, drive.get("speed", 0)], rtol=0, atol=rounding(drive, t))
     assert not plane_start_up(inside_n, 0.0, WIDTH, NU, **drive).any()
-    early = LONG("1e-4")  # far from walls there is only the force yet
+    early = LONG("1e-4")  # far from walls only the force acts so far
     early_n = plane_start_up(inside_n, early, WIDTH, NU, **drive)
     np.testing.assert_allclose(early_n, drive.get("gravity", 0) * early, rtol=0, atol=rounding(drive, float(early)))
 
@@ -83,11 +83,11 @@ def test_pressure_carries_the_weight(law: EOS) -> None:
     pressure_n = weight_of_column(law, z_n, gravity) + law.rho0 * law.cs**2
     rounding_n = 4 * EPS * pressure_n / (d * slope_n) + 4 * np.finfo(float).eps  # densities are doubles
     assert (np.abs(slope_n / (rho_n * gravity) - 1) < truncation + rounding_n).all()
-    assert np.abs(slope_n / (1.02 * rho_n * gravity) - 1).min() > 0.01  # 2 % more gravity would be seen
+    assert np.abs(slope_n / (1.02 * rho_n * gravity) - 1).min() > 0.01  # 2 % more gravity would be detected
 
 
 @laws
-def test_column_holds_its_mass(law: EOS) -> None:
+def test_column_has_its_mass(law: EOS) -> None:
     """Mass above a depth is the integral of the density; places and densities agree with the law.
 
     Depths and densities are good to some eps, times the condition number c^2/(g z) of the depth of a density.

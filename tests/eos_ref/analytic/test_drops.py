@@ -67,7 +67,7 @@ def test_area_and_energy_stay(t: float) -> None:
     assert abs(e.rate**2 * (e.a**2 + e.b**2) / (2 * RATE**2 * RADIUS**2) - 1) <= 8 * EPS
 
 
-def test_begins_round() -> None:
+def test_drop_starts_round() -> None:
     assert stretched(RADIUS, RATE, 0.0) == Ellipse(RADIUS, RADIUS, RATE)
     x_nc = np.array([[1.0, 2.0]])
     np.testing.assert_array_equal(stretched(RADIUS, RATE, 0.0).velocity(x_nc), RATE * x_nc * [1, -1])

@@ -49,7 +49,7 @@ def content(problem: Riemann, t: Any, edge: Any) -> tuple[Any, Any]:
 
 
 def missing(problem: Riemann) -> float:
-    """Largest of what mass and momentum lack of what flows in through far edges, in units of the content."""
+    """Largest imbalance of mass and momentum with the inflow through far edges, in units of the content."""
     t, edge = LONG(0.7), LONG(5)
     left, right = problem.left, problem.right
     mass, momentum = content(problem, t, edge)
@@ -73,7 +73,7 @@ def test_mass_and_momentum_are_conserved(problem: Riemann) -> None:
 
 
 @pytest.mark.parametrize("fault", ["shock as a rarefaction", "adiabatic", "shock speed"])
-def test_conservation_sees(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_conservation_detects_wrong_solutions(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if fault == "shock as a rarefaction":
         monkeypatch.setattr(riemann, "jump", lambda c, log_ratio: (c * log_ratio, c))
     elif fault == "adiabatic":

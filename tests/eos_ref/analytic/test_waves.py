@@ -66,7 +66,7 @@ def test_sound_obeys_the_linear_equations() -> None:
     assert abs(inertia + 1.05 * push - drag) > 100 * rounding(size, 2)
 
 
-def test_sound_begins_at_rest_compressed() -> None:
+def test_sound_starts_compressed_and_at_rest() -> None:
     rho, v = waves.sound_wave(np.longdouble(X), np.longdouble(0), K, C, NU, RHO0, AMPLITUDE)
     assert v == 0
     assert abs(float(rho) / (RHO0 * (1 + AMPLITUDE * math.cos(K * X))) - 1) <= 4 * EPS  # eight roundings
@@ -119,7 +119,7 @@ def test_oscillation_is_recovered() -> None:
     assert waves.damped_oscillation(f_t, dt) == pytest.approx((rate, omega), abs=8 * EPS * condition / (2 * dt))
 
 
-def test_what_does_not_oscillate_has_no_frequency() -> None:
+def test_signal_without_oscillation_has_no_frequency() -> None:
     assert np.isnan(waves.damped_oscillation(2.0 ** np.arange(6) + 3.0 ** np.arange(6), 1.0)[1])
 
 

@@ -1,4 +1,4 @@
-"""Compiled reproducing kernels: their basis, their matrices, and what their gradients reproduce."""
+"""Compiled reproducing kernels: their basis, their matrices, and the polynomials that their gradients reproduce."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def test_every_field_of_an_evaluation(name: str, dimension: int) -> None:
 
 @pytest.mark.parametrize("kernel", ["quintic", "RK1", "RK2"])
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_gradients_that_nothing_asked_for_are_missing(kernel: str, dimension: int) -> None:
+def test_only_requested_gradients_are_computed(kernel: str, dimension: int) -> None:
     built = scene(dimension, kernel=kernel)
     for evaluator in (built.simulate().evaluator, built.simulate(evaluator=CompiledEvaluator).evaluator):
         evaluator.move(built.state.x_nc)
@@ -81,7 +81,7 @@ def test_gradients_that_nothing_asked_for_are_missing(kernel: str, dimension: in
 
 
 def assert_close(found: Any, expected: Any) -> None:
-    """Equal but for some thousand roundings of the largest value."""
+    """Equal up to some thousand roundings of the largest value."""
     assert np.abs(found - expected).max() <= 4096 * EPS * np.abs(expected).max()
 
 
@@ -90,7 +90,7 @@ def assert_close(found: Any, expected: Any) -> None:
 
 @pytest.mark.parametrize("name", ["walls, RK1", "divergence", "walls, thermal"])
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_an_old_list_gives_the_same_bits(name: str, dimension: int) -> None:
+def test_reused_list_gives_the_same_bits(name: str, dimension: int) -> None:
     built = recipe(name, dimension)
     reused = built.simulate(evaluator=functools.partial(CompiledEvaluator, skin=0.5))
     step_nc = dyadic(np.random.default_rng(5).uniform(-0.03, 0.03, built.state.x_nc.shape))
@@ -127,7 +127,7 @@ def test_the_box_may_change(dimension: int) -> None:
 
 
 def test_phases_may_change() -> None:
-    """``solid_n`` set anew is the same as an evaluator made with it."""
+    """Setting ``solid_n`` is equivalent to an evaluator made with it."""
     built = recipe("walls, RK1", 2)
     first = built.simulate(evaluator=CompiledEvaluator)
     first.evaluate()
@@ -161,7 +161,7 @@ def fingerprint() -> str:
 
 
 def large(shuffled: bool) -> Scene:
-    """A scene with more particles than are left in the caller's order unseen."""
+    """A scene with enough particles to get an internal order."""
     built = scene(2, cells=(72, 60), kernel="RK1", walls=True, artificial=0.5, shift=recipe("cross", 2).model.fix.shift)
     if not shuffled:
         return built
@@ -192,7 +192,7 @@ def test_number_of_threads_is_refused(threads: Any) -> None:
         CompiledEvaluator(built.model, built.box, built.state.type_n, built.state.solid_n, threads=threads)
 
 
-def test_a_tilted_box_is_refused() -> None:
+def test_tilted_box_is_refused() -> None:
     built = scene()
     tilted = replace(built, box=replace(built.box, tilt=(0.5,)))
     with pytest.raises(InputError, match="tilt of the box: must be 0 for compiled sums: take ArrayEvaluator"):
@@ -286,11 +286,11 @@ def test_consistency_of_the_gradients_stored(kernel: str, dimension: int) -> Non
     assert np.abs(minus_one_ncc + np.eye(dimension)).max() < 1e-11
 
 
-def test_a_matrix_without_a_factor_leaves_the_spline() -> None:
+def test_matrix_without_a_factor_falls_back_to_the_spline() -> None:
     """Particles on a line have no gradient across it: RK1 gives up on them, one by one."""
     built = scene(2, kernel="RK1", one_type=True)
     x_nc = np.column_stack([np.arange(8) + 0.25, np.full(8, 2.0)])
-    x_nc[7] = [3.5, 4.0]  # sees the line, and is seen by its middle
+    x_nc[7] = [3.5, 4.0]  # a neighbour of the middle of the line
     box = Box((-9.0, -9.0), (19.0, 19.0), (False, False))
     evaluator = CompiledEvaluator(built.model, box, np.ones(8, int), np.zeros(8, bool))
     evaluator.move(x_nc)
@@ -309,7 +309,7 @@ def test_a_matrix_without_a_factor_leaves_the_spline() -> None:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_momentum_and_energy_are_conserved(dimension: int) -> None:
-    """What one particle gets the other gives: sums vanish but for the roundings of adding them up."""
+    """Pair terms are antisymmetric: sums vanish up to the roundings of adding them."""
     built = recipe("gas", dimension)
     found = evaluated(built)
     n = len(built.state.x_nc)

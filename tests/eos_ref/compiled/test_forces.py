@@ -67,7 +67,7 @@ def test_harmonic_means() -> None:
     assert_products(harmonic[:, 2:], arithmetic[:, 2:] * (2 * 0.25 * 0.75 / (0.25 + 0.75)) / 0.5)
 
 
-def test_density_diffusion_is_of_fluid_alone() -> None:
+def test_density_diffusion_acts_on_fluid_alone() -> None:
     """-2 xi V_j F [(rho_j - rho0_j) - (rho_i - rho0_i)]."""
     terms = forces.Terms(0.0, 0.125, False, 0.5, 1.5)
     drho_n = two(terms)[1]
@@ -77,7 +77,7 @@ def test_density_diffusion_is_of_fluid_alone() -> None:
 
 
 def test_heat_flows_between_solids_too() -> None:
-    """2 kappa V_i V_j F (T_i - T_j), of which one gains what the other loses; two solids have no force."""
+    """2 kappa V_i V_j F (T_i - T_j), the gain of one is the loss of the other; two solids have no force."""
     given = {"conductivity_n": np.array([0.5, 1.5]), "temperature_n": np.array([2.0, 5.0])}
     force_nf, _, heat_n = two(forces.Terms(0.0, 0.0, False, 0.5, 1.5), solid_n=np.array([True, True]), **given)
     flow = 2 * 1.0 * (0.5 * 0.75) * SLOPE * (2.0 - 5.0)
@@ -85,7 +85,7 @@ def test_heat_flows_between_solids_too() -> None:
     assert not force_nf.any()
 
 
-def test_a_wall_extrapolates_its_velocity_and_repels() -> None:
+def test_wall_extrapolates_its_velocity_and_repels() -> None:
     """The fluid meets v_s + (v_s - v_f) k; within half a cutoff a deep solid adds (chi - 0.9)(rc/2 - r) rho0 c^2 rc."""
     walls = {"solid_n": np.array([True, False]), "rest_volume_n": np.ones(2), "chi_n": np.array([0.95, 0.75])}
     cut = 1.5

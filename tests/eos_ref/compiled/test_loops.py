@@ -18,8 +18,8 @@ from tests.support.particle_scenes import scene
 pytestmark = pytest.mark.slow
 
 
-def test_the_loops_bring_the_compiled_forms_of_elementary_functions_with_them() -> None:
-    """In a fresh process, as what is on disk already needs no compilation, and other modules bring them too."""
+def test_loops_import_the_compiled_elementary_functions() -> None:
+    """In a fresh process, as cached code needs no compilation and other modules import them, too."""
     code = (
         "from eos_ref.compiled import loops\n"
         "from eos_ref.jit import inline\n"

@@ -35,7 +35,7 @@ def positions(edge: tuple[float, ...], n: int, seed: int = 1) -> Any:
 
 
 def by_hand(x_nc: Any, box: Box, cut: float) -> Counter[tuple[int, int, tuple[int, ...]]]:
-    """Every ordered pair and image closer than a cutoff."""
+    """Every ordered pair and image within a cutoff."""
     found: Counter[tuple[int, int, tuple[int, ...]]] = Counter()
     spans = [math.ceil((cut + float(np.ptp(x_nc[:, a]))) / e) + 1 for a, e in enumerate(box.edge_c)]
     images = itertools.product(*(range(-s, s + 1) if p else (0,) for s, p in zip(spans, box.periodic, strict=True)))
@@ -49,7 +49,7 @@ def by_hand(x_nc: Any, box: Box, cut: float) -> Counter[tuple[int, int, tuple[in
 
 
 def listed(near: Neighbours, x_nc: Any, box: Box, cut: float) -> Counter[tuple[int, int, tuple[int, ...]]]:
-    """The same of a list: each of its pairs counts for both directions."""
+    """The same from a list: each of its pairs counts in both directions."""
     found: Counter[tuple[int, int, tuple[int, ...]]] = Counter()
     order_n = np.arange(len(x_nc)) if near.order_n is None else near.order_n
     for k in range(len(x_nc)):
@@ -90,7 +90,7 @@ def test_own_images_in_a_tiny_box(dimension: int) -> None:
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("shuffled", [False, True])
 def test_against_a_tree(dimension: int, shuffled: bool) -> None:
-    """Many particles in an order of their own, with one open axis; coordination numbers one by one."""
+    """Many particles in an internal order, with one open axis; coordination numbers one by one."""
     side = 90 if dimension == 2 else 18
     random = np.random.default_rng(2)
     x_nc = np.stack(np.meshgrid(*[np.arange(side)] * dimension, indexing="ij"), -1).reshape(-1, dimension) + 0.5
@@ -114,7 +114,7 @@ def test_against_a_tree(dimension: int, shuffled: bool) -> None:
 
 
 def test_rows_are_in_one_order() -> None:
-    """Rising partners, then rising images, j >= i, and an own image that points up: the list says nothing else."""
+    """Rising partners, then rising images, j >= i, and an own image that points up: the list has nothing else."""
     edge = EDGES["tiny"][:2]
     near = Neighbours(Box((0.0, 0.0), edge, (True, True)), CUT, 0.1)
     near.build(positions(edge, 12))
@@ -127,7 +127,7 @@ def test_rows_are_in_one_order() -> None:
 
 
 @pytest.mark.parametrize("edges", EDGES)
-def test_a_list_holds_until_half_the_skin(edges: str) -> None:
+def test_list_is_valid_up_to_half_the_skin(edges: str) -> None:
     edge = EDGES[edges]
     box = Box((0.0,) * 3, edge, (True, False, True))
     x_nc = positions(edge, 30)
@@ -144,8 +144,8 @@ def test_a_list_holds_until_half_the_skin(edges: str) -> None:
 
 
 @pytest.mark.parametrize("edges", EDGES)
-def test_wrapping_between_moves_costs_no_new_list(edges: str) -> None:
-    """LAMMPS wraps positions now and then; a caller may also never wrap them. Either way images are counted anew."""
+def test_wrapping_between_moves_needs_no_new_list(edges: str) -> None:
+    """LAMMPS wraps positions now and then; a caller may also never wrap them. Either way images are counted again."""
     edge = EDGES[edges][:2]
     box = Box((0.25, -0.5), (0.25 + edge[0], -0.5 + edge[1]), (True, True))
     x_nc = positions(edge, 20) + np.array(box.low_c)
@@ -160,7 +160,7 @@ def test_wrapping_between_moves_costs_no_new_list(edges: str) -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e9])
-def test_positions_that_cannot_be_placed(bad: float) -> None:
+def test_invalid_positions_are_refused(bad: float) -> None:
     box = Box((0.0, 0.0), (2.0, 2.0), (True, True))
     x_nc = positions((2.0, 2.0), 5)
     near = Neighbours(box, CUT, 0.2)
@@ -172,7 +172,7 @@ def test_positions_that_cannot_be_placed(bad: float) -> None:
 
 
 @pytest.mark.parametrize("far", [1e3, 1e6, 1e12, 1e30, -1e18])
-def test_one_particle_far_away_along_an_open_axis_takes_no_cells(far: float) -> None:
+def test_distant_particle_along_an_open_axis_needs_no_cells(far: float) -> None:
     """A drop that lost a particle: the others' pairs stay, and the lost one's group keeps its own."""
     x_nc = np.array([[0.0, 0.0], [0.5, 0.2], [far, 0.1], [far * (1 + 2.0**-52) if abs(far) > 1e15 else far + 0.5, 0.1]])
     box = Box((0.0, 0.0), (3.0, 2.0), (False, True))

@@ -1,4 +1,4 @@
-"""Rows of arrays in registers, reached by pointers that do not know what they point to."""
+"""Rows of arrays in registers, accessed through opaque pointers."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def _arithmetic(a_nc: Any, like: Any, out_nc: Any) -> None:
 
 @pytest.mark.parametrize("size", SIZES)
 def test_arithmetic(size: int) -> None:
-    """The bits of numpy, and nothing written beside a row."""
+    """The bits of numpy, and nothing written outside a row."""
     a_nc, out_nc = rows(2, size), np.full((9, size), 7.0)
     _arithmetic(a_nc, (0.0,) * size, out_nc)
     a, b = a_nc

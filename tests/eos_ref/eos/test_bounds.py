@@ -1,4 +1,4 @@
-"""The derived bounds: wide enough for every order of operations of the documented formula, and not much wider."""
+"""The derived bounds: wide enough for every order of operations of the documented formula, but not much wider."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def power(x: float, g: float) -> float:
         return math.inf
 
 
-# The manual's formula as a programmer may write it: other orders, hoisted quotients, expanded brackets.
+# The manual's formula as a programmer might write it: other orders, hoisted quotients, expanded brackets.
 ORDERS: dict[str, list[Order]] = {
     "linear": [
         lambda law, rho, e: law.cs * law.cs * (rho - law.rho0),
@@ -97,7 +97,7 @@ def test_the_bound_is_not_absurdly_loose(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_a_lost_digit_is_outside(name: str) -> None:
+def test_lost_digit_is_outside(name: str) -> None:
     """An engine in single precision, or with the product of its parameters in it, leaves the bound."""
     law = LAWS[name]
     rho_n = RHO0 * np.linspace(1.2, 1.5, 30)

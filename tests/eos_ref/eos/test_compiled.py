@@ -1,4 +1,4 @@
-"""The compiled loops: their power against Arb, the same bits whatever the block, and what they leave to numpy."""
+"""The compiled loops: their power function against Arb, the same bits in every block, and cases left to numpy."""
 
 # mypy: disable-error-code="untyped-decorator"
 
@@ -85,7 +85,7 @@ def test_expm1_relative_error() -> None:
     assert np.isnan(_exps(np.array([np.nan]))[0])
 
 
-def test_the_split_of_ln2_is_exact_for_every_exponent() -> None:
+def test_split_of_ln2_is_exact_for_every_exponent() -> None:
     assert all(arb(k) * arb(compiled._LN2_HIGH) == arb(k * compiled._LN2_HIGH) for k in range(-(2**11) + 1, 2**11))
     assert abs(arb(compiled._LN2_HIGH) + arb(compiled._LN2_LOW) - arb.const_log2()) < arb(2) ** -97
 
@@ -118,7 +118,7 @@ def test_extreme_equilibrium_densities(rho0: float, gamma: float) -> None:
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 7, 2047, 2048, 2049, 4097])
 def test_same_bits_alone_and_in_a_block(name: str, n: int) -> None:
-    """Vector registers, their remainders and the ends of blocks must not show."""
+    """Vector registers, their remainders and the ends of blocks must not affect the bits."""
     law = LAWS[name]
     rho_n = law.rho0 * np.random.default_rng(n).uniform(0.3, 3, n)
     e_n = np.random.default_rng(3).uniform(1, 2, n) if law.needs_energy else None
@@ -128,19 +128,19 @@ def test_same_bits_alone_and_in_a_block(name: str, n: int) -> None:
         assert alone == together[i]
 
 
-def test_the_compiled_bodies_are_the_laws() -> None:
+def test_compiled_bodies_are_the_laws() -> None:
     assert [compiled._BODIES[style].py_func for style in STYLES] == [law.pressure for law in registry.LAWS.values()]
 
 
-def test_a_place_without_a_law_has_no_pressure() -> None:
+def test_index_without_a_law_has_no_pressure() -> None:
     """Not that of the last law in the chain."""
     p_n = np.zeros(3)
     compiled.pressure_of_one_type(np.ones(3), np.empty(0), len(STYLES), 1.0, 1.0, 0.0, 0.0, p_n)
     assert np.isnan(p_n).all()
 
 
-def test_the_cache_follows_the_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A law that changes must not be answered by an old compiled loop."""
+def test_cache_depends_on_the_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A changed law must not be evaluated by an old compiled loop."""
     before = jit.cache_directory()
     read = Path.read_bytes
     monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + (b"#" if path.name == "laws.py" else b""))

@@ -75,7 +75,7 @@ def test_defaults_are_those_of_fix_rheo() -> None:
 
 @pytest.mark.parametrize("number", [int, np.int32, np.float32, np.float64, np.longdouble, np.array])
 def test_parameters_become_plain_floats(number: Any) -> None:
-    """In whole numbers c*c overflows, in float32 it rounds, before any law sees it."""
+    """In integers c*c overflows and in float32 it rounds, before any law is evaluated."""
     law = EOS("cubic", number(3), number(5), number(2), number(1))
     assert law == EOS("cubic", 3.0, 5.0, 2.0, 1.0)
     assert all(type(x) is float for x in (law.rho0, law.cs, law.parameter, law.background))
@@ -242,7 +242,7 @@ def derivative(law: EOS, rho: float, e: float | None) -> arb:
     try:
         h = rho * 2.0**-40 if rho else 2.0**-40
         up, down = rho + h, rho - h  # rounded to floats; the quotient below is taken of what they then are
-        # without the constant of Tait's law, beside which a high power of a small ratio would vanish
+        # without the constant of Tait's law, next to which a high power of a small ratio would vanish
         varying = 1 if law.style.startswith("tait") else 3
         pressures = [sum(law_terms(law, x, e)[:varying], arb(0)) for x in (up, down)]
         return (pressures[0] - pressures[1]) / (arb(up) - arb(down))
@@ -343,7 +343,7 @@ def test_every_style_is_sampled() -> None:
 
 
 @pytest.mark.parametrize("module", [eos_ref, eos_ref.eos.table], ids=lambda module: module.__name__)
-def test_the_examples_of_the_documentation_are_true(module: ModuleType) -> None:
+def test_examples_of_the_documentation(module: ModuleType) -> None:
     failed, attempted = doctest.testmod(module)
     assert attempted > 0
     assert failed == 0

@@ -68,7 +68,7 @@ def test_table_gives_the_bits_of_each_law(n: int, order: str) -> None:
 
 @settings(deadline=None, derandomize=True, max_examples=40)
 @given(n=st.integers(1, 4500), seed=st.integers(0, 2**31))
-def test_table_does_not_see_the_order(n: int, seed: int) -> None:
+def test_table_is_independent_of_the_order(n: int, seed: int) -> None:
     table = sample_table()
     rho_n, type_n, e_n = states(n)
     order = np.random.default_rng(seed).permutation(n)
@@ -78,7 +78,7 @@ def test_table_does_not_see_the_order(n: int, seed: int) -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.int8, np.uint8, np.int32, np.int64, np.uint64, list])
-def test_types_of_any_whole_kind(dtype: Any) -> None:
+def test_types_of_any_integer_dtype(dtype: Any) -> None:
     table = sample_table()
     rho_n, type_n, e_n = states(100)
     types = type_n.tolist() if dtype is list else type_n.astype(dtype)
@@ -87,7 +87,7 @@ def test_types_of_any_whole_kind(dtype: Any) -> None:
     )
 
 
-def test_table_refuses_what_does_not_fit() -> None:
+def test_table_refuses_arrays_that_do_not_fit() -> None:
     table = EOSTable((EOS("linear"), EOS("ideal/gas", parameter=1.4)))
     for rho, types, e, message in (
         ([1.0, 2.0], [1], None, "one value per particle"),

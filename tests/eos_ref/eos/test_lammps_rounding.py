@@ -45,7 +45,7 @@ def test_bits_are_those_of_scalars_in_the_same_order(law: EOS) -> None:
 
 
 @pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: str(law.style))
-def test_the_law_is_the_references_within_the_bound(law: EOS) -> None:
+def test_law_agrees_with_the_reference_within_the_bound(law: EOS) -> None:
     e = ENERGY / MASS
     own = lammps_rounding.pressure_of_law(law, RHO, ENERGY, MASS)
     table, type_n = EOSTable([law]), np.ones(RHO.size, int)
@@ -59,7 +59,7 @@ def test_the_background_is_added_last() -> None:
     np.testing.assert_array_equal(lammps_rounding.pressure_of_law(law, RHO, None, None), CS * CS * (RHO - RHO0) + 0.1)
 
 
-def test_every_particle_has_the_law_of_its_type() -> None:
+def test_every_particle_uses_the_law_of_its_type() -> None:
     table, type_n = EOSTable([EVERY_LAW[0], EVERY_LAW[4]]), np.arange(RHO.size) % 2 + 1
     p_n = lammps_rounding.pressure(table, RHO, type_n, ENERGY, MASS)
     for t, law in enumerate(table.laws, 1):
@@ -69,7 +69,7 @@ def test_every_particle_has_the_law_of_its_type() -> None:
 
 
 @pytest.mark.parametrize(("rho", "gamma"), [(-1.0, 2.5), (0.0, -1.0), (1e200, 9.0)])
-def test_powers_that_are_no_number_follow_the_c_library(rho: float, gamma: float) -> None:
+def test_undefined_powers_follow_the_c_library(rho: float, gamma: float) -> None:
     """Where `math.pow` raises: a root of a negative number, a pole, an overflow."""
     law = EOS("tait/general", 1.0, 1.0, gamma)
     p = lammps_rounding.pressure_of_law(law, np.array([rho]), None, None)[0]

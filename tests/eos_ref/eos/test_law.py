@@ -1,4 +1,4 @@
-"""Records of laws: what a record says of its law is so, in rational numbers."""
+"""Records of laws: their statements hold in rational numbers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def parameter(law: Law) -> Fraction:
     return Fraction(0 if law.example is None else law.example)
 
 
-def test_a_law_is_everywhere_defined_and_monotone_unless_it_says_so() -> None:
+def test_law_is_defined_and_monotone_except_where_declared() -> None:
     linear = LAWS["linear"]
     plain = Law("plain", *(linear.pressure,) * 4, "", lambda parameter: 1.0, 1.0, linear.lammps)
     assert plain.defined(0.0) == plain.monotone(1.0, 0.0) == EVERYWHERE == (-math.inf, math.inf)
@@ -27,7 +27,7 @@ def test_a_law_is_everywhere_defined_and_monotone_unless_it_says_so() -> None:
 
 
 @pytest.mark.parametrize("style", LAWS)
-def test_an_example_is_allowed_and_grows_with_density_about_rho0(style: str) -> None:
+def test_example_is_valid_and_increases_with_density_about_rho0(style: str) -> None:
     law = LAWS[style]
     assert (
         law.style == style
@@ -40,7 +40,7 @@ def test_an_example_is_allowed_and_grows_with_density_about_rho0(style: str) -> 
     assert law.defined(example).low <= low and high <= law.defined(example).high
 
 
-def test_no_law_is_another_one_at_the_examples() -> None:
+def test_laws_differ_at_the_examples() -> None:
     rho, e, rho0, cs = (float(number) for number in (RHO, E, RHO0, CS))
     pressures = {law.pressure(rho, e, rho0, cs, float(parameter(law))) for law in LAWS.values()}
     assert len(pressures) == len(LAWS)

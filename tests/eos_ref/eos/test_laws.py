@@ -160,7 +160,7 @@ def test_no_real_power_is_nan_or_infinite(name: str, method: str) -> None:
 
 @pytest.mark.parametrize("law", with_backgrounds())
 def test_rigorous_agrees_with_the_manual(law: EOS, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The shared body in balls against the formula written anew: equal to 100 bits, of the terms where P is 0."""
+    """The shared body in balls against an independent formula: equal to 100 bits, of the terms where P is 0."""
     rho_n = densities(law)[::3]
     e_n = energies(law, rho_n)
     monkeypatch.setattr(ctx, "prec", 300)
@@ -168,7 +168,7 @@ def test_rigorous_agrees_with_the_manual(law: EOS, monkeypatch: pytest.MonkeyPat
         e = None if e_n is None else float(e_n[i])
         ours, true = rigorous.pressure(law, float(rho), e), exact(law, float(rho), e)
         assert ours.overlaps(true), f"rho={rho!r}"
-        if rho != law.rho0 or law.background:  # where the pressure is 0, no digit of it can be asked for
+        if rho != law.rho0 or law.background:  # where the pressure is 0, no digit of it can be required
             assert ours.rad() <= abs(true) * arb(2) ** -99, f"rho={rho!r}"
 
 
@@ -180,11 +180,13 @@ def test_rigorous_agrees_with_the_manual(law: EOS, monkeypatch: pytest.MonkeyPat
         (EOS("cubic", RHO0, 13.7, 0.0), EOS("linear", RHO0, 13.7)),
     ],
 )
-def test_laws_that_are_one(one: EOS, other: EOS) -> None:
+def test_equivalent_laws(one: EOS, other: EOS) -> None:
     for rho in densities(one):
         a, b = rigorous.pressure(one, float(rho)), rigorous.pressure(other, float(rho))
         assert a.overlaps(b), f"rho={rho!r}: {a} and {b}"
-        assert abs(a - b) <= abs(b) * arb(2) ** -50, f"rho={rho!r}"  # and neither ball is so wide that all overlaps
+        assert abs(a - b) <= abs(b) * arb(2) ** -50, (
+            f"rho={rho!r}"
+        )  # and neither ball is so wide that it overlaps everything
 
 
 LAW_OF_STYLE = {
@@ -257,7 +259,7 @@ def _faults() -> dict[str, tuple[str, Callable[..., Any]]]:
 
 
 @pytest.mark.parametrize("fault", _faults())
-def test_a_wrong_formula_is_caught(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_formula_is_detected(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The comparison of this file, with a fault planted in the law, must fail for every law of that style."""
     function, wrong = _faults()[fault]
     monkeypatch.setattr(laws, function, wrong)
@@ -268,7 +270,7 @@ def test_a_wrong_formula_is_caught(fault: str, monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_a_wrong_parameter_is_caught(name: str) -> None:
+def test_wrong_parameter_is_detected(name: str) -> None:
     """Compiled and numpy values with one parameter moved, against the exact pressure of the true one."""
     law = replace(LAWS[name], background=1e4)
     moved = [replace(law, background=-1e4), replace(law, background=0.0)]

@@ -1,4 +1,4 @@
-"""Arb values: as accurate as asked for, refused where there is none, and the error of a float against them."""
+"""Arb values: as accurate as requested, refused where undefined, and the error of a float against them."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def test_relative_accuracy_survives_cancellation(name: str, bits: int) -> None:
 
 
 @pytest.mark.parametrize("name", TAIT)
-def test_zero_pressure_ends(name: str) -> None:
-    """At rho0 no relative accuracy can be reached; a background that cancels to the last bit is no trap either."""
+def test_zero_pressure_terminates(name: str) -> None:
+    """At rho0 no relative accuracy can be reached; a background that cancels to the last bit terminates, too."""
     law = TAIT[name]
     assert rigorous.pressure(law, RHO0).contains(0)
     near = rigorous.pressure(law, RHO0 * 1.5)

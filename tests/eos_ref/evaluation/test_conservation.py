@@ -38,7 +38,7 @@ def test_forces_and_heat_add_up_to_zero(name: str, dimension: int) -> None:
 
 @DIMENSIONS
 def test_corrected_kernels_do_not_conserve(dimension: int) -> None:
-    """The tolerance above can tell."""
+    """The tolerance above is sensitive."""
     values = bounded(recipe("RK1", dimension))["f"][0]
     assert np.abs(values.sum(axis=0)).max() > 1e-6 * np.abs(values).sum()
 

@@ -1,4 +1,4 @@
-"""Kernels on disordered particles: gradients of polynomials are exact, and what they fall back to.
+"""Kernels on disordered particles: gradients of polynomials are exact, and where they fall back to the spline.
 
 Tolerances are the rounding bounds that `Rounded` runs give, of both sides of a comparison.
 """
@@ -61,7 +61,7 @@ def test_gradients_are_exact(dimension: int, kernel: str, order: int) -> None:
 
 @DIMENSIONS
 def test_lower_kernels_are_not_exact(dimension: int) -> None:
-    """The test above can tell: RK1 misses quadratic fields, the quintic spline even linear ones."""
+    """The test above is sensitive: RK1 misses quadratic fields, the quintic spline even linear ones."""
     for kernel, order in (("RK1", 2), ("quintic", 1), ("RK0", 1)):
         built = scene(dimension, kernel=kernel, cut=3.25, periodic=(False,) * dimension, margin=1.0)
         f_n, true_nc = polynomial(built.state.x_nc, order, np.random.default_rng(5))
@@ -94,7 +94,7 @@ def test_sums_of_corrected_gradients(kernel: str, dimension: int) -> None:
 
 @DIMENSIONS
 def test_zmin_decides_for_each_side(dimension: int) -> None:
-    """A particle below zmin keeps the plain gradient, whatever its neighbours do."""
+    """A particle below zmin keeps the plain gradient, independent of its neighbours."""
     count = free(dimension, "RK1").simulate(["coordination"]).evaluate()["coordination"]
     zmin = int(np.median(count))
     built = free(dimension, "RK1", zmin)

@@ -13,7 +13,7 @@ from tests.support.particle_scenes import recipe
 PLACES = np.array([[1.0, 1.0], [4.0, 1.0], [3.0, 1.0], [1.0, 9.0]])
 
 
-def test_a_pair_at_the_cutoff_leaves_its_own_particles_open() -> None:
+def test_pair_at_the_cutoff_leaves_only_its_particles_open() -> None:
     model, open_box = recipe("walls", 2).model, Box((0.0, 0.0), (20.0, 20.0), (False, False))
     evaluator = AtCutoff(model, open_box, np.ones(4, int), np.zeros(4, bool))
     far = PLACES * model.cut / 3.0

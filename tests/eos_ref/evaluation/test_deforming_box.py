@@ -1,4 +1,4 @@
-"""Steps in a box that grows and leans: where its corners, its images and the particles go with it."""
+"""Steps in a growing, leaning box: motion of its corners, its images and the particles."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DT = 2.0**-8
 GROWS = Deform((0.7, -0.3))
 
 
-def test_a_box_grows_about_its_middle() -> None:
+def test_box_grows_about_its_middle() -> None:
     first = Box((-1.0, 2.0), (3.0, 4.0), (True, False))
     grown = GROWS.box(first, 0.5)
     np.testing.assert_allclose([grown.low_c, grown.high_c], [[-1.7, 2.15], [3.7, 3.85]], rtol=2 * EPS)
@@ -32,8 +32,8 @@ def test_a_box_grows_about_its_middle() -> None:
 
 @pytest.mark.parametrize("kernel", ["quintic", "RK1", "RK2"])
 @pytest.mark.parametrize("remap", ["x", "none"])
-def test_steps_in_a_box_that_grows(kernel: str, remap: Remap) -> None:
-    """A step is one in a fixed box, then the box grows by a share of what it was when the run began."""
+def test_steps_in_a_growing_box(kernel: str, remap: Remap) -> None:
+    """A step is one in a fixed box; then the box grows by a share of its size at the start of the run."""
     built = scene(2, kernel=kernel).with_model(deform=replace(GROWS, remap=remap))
     growing, fixed = built.simulate([]), built.with_model(deform=None).simulate([])
     first = growing.box
@@ -54,8 +54,8 @@ def test_steps_in_a_box_that_grows(kernel: str, remap: Remap) -> None:
 
 
 @pytest.mark.parametrize("kernel", ["quintic", "RK1"])
-def test_half_step_gradients_are_those_of_the_box_that_has_grown(kernel: str) -> None:
-    """The first half of a step takes velocities by its own positions; the correction is that of the last forces."""
+def test_half_step_gradients_use_the_grown_box(kernel: str) -> None:
+    """The first half of a step uses velocities at its own positions; the correction is that of the last forces."""
     simulation = scene(2, kernel=kernel).with_model(deform=GROWS).simulate([])
     simulation.run(1, DT)
     evaluator = cast(ArrayEvaluator, simulation.evaluator)
@@ -74,7 +74,7 @@ def test_half_step_gradients_are_those_of_the_box_that_has_grown(kernel: str) ->
 LEANS = Deform((0.3, 0.0, -0.2), shear=(0.5, -0.7, 0.9))
 
 
-def test_a_box_leans_by_shares_of_the_edge_that_leans() -> None:
+def test_box_leans_by_shares_of_the_leaning_edge() -> None:
     first = Box((-1.0, 2.0, 0.0), (3.0, 4.0, 8.0), (True,) * 3, (0.25, 0.0, 0.0))
     grown = LEANS.box(first, 0.5)
     assert grown.tilt == pytest.approx((0.25 + 0.5 * 2 * 0.5, -0.7 * 8 * 0.5, 0.9 * 8 * 0.5), rel=4 * EPS)
@@ -87,7 +87,7 @@ def test_a_box_leans_by_shares_of_the_edge_that_leans() -> None:
 
 
 def test_velocities_of_images_round_by_the_size_of_the_box() -> None:
-    """Where it hardly changes: they may be taken as a difference of what it is at the end and at the beginning."""
+    """Where it hardly changes: they may be computed as the difference of its values at the end and at the beginning."""
     first = Box((-1.1, 2.3, 0.7), (3.3, 4.9, 8.1), (True,) * 3, (0.3, 0.0, 0.0))
     deform = replace(LEANS, remap="v", time=1e-9)
     moving = deform.image_velocity(first)
@@ -99,7 +99,7 @@ def test_velocities_of_images_round_by_the_size_of_the_box() -> None:
 
 
 @pytest.mark.parametrize("kernel", ["quintic", "RK1"])
-def test_where_images_move_as_particles_do_a_flow_has_no_boundary(kernel: str) -> None:
+def test_flow_has_no_boundary_if_images_move_with_particles(kernel: str) -> None:
     """v = (x, y) E in a box that moves with it: forces and gradients are those of the same flow cut elsewhere."""
     built = scene(2, kernel=kernel, artificial=0.5)
     built = built.with_model(deform=Deform((0.5, -0.25), "v", (0.75,)))
@@ -108,7 +108,7 @@ def test_where_images_move_as_particles_do_a_flow_has_no_boundary(kernel: str) -
     moving = built.model.deform.image_velocity(box)
     flow_cc = np.linalg.inv(box.cell_cc) @ moving
     flow_nc = (built.state.x_nc - np.array(box.low_c)) @ flow_cc
-    moved_nc = built.state.x_nc + np.array([1.7, 2.3])  # all alike: other pairs lie across a boundary
+    moved_nc = built.state.x_nc + np.array([1.7, 2.3])  # the same for all: other pairs lie across a boundary
     turned_nc = box.images(moved_nc)
     one, other = (
         built.with_state(x_nc=x_nc, v_nc=v_nc).simulate()
@@ -125,7 +125,7 @@ def test_where_images_move_as_particles_do_a_flow_has_no_boundary(kernel: str) -
         assert (np.abs(one.fields["grad/v"] - flow_cc.T) <= one.rounded().fields["grad/v"].error).all()
 
 
-def test_what_a_box_that_grows_cannot_be() -> None:
+def test_invalid_deformations_are_refused() -> None:
     built = scene(2)
     for made, rule in (
         (Deform((0.1,)), "needs 2 rates, found 1"),

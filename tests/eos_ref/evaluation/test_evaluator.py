@@ -1,4 +1,4 @@
-"""What becomes of a particle's sums, stage by stage, against values by hand; the constructor both evaluators share."""
+"""Stages that evaluate a particle's sums, against values by hand; the constructor both evaluators share."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def test_both_evaluators_have_one_constructor() -> None:
 
 
 @pytest.mark.parametrize(("left", "bounded"), [(1.0, True), (0.5, False)])
-def test_a_shift_of_which_all_is_left_needs_no_normal(left: float, bounded: bool) -> None:
-    """In a regular lattice rounding alone is left of the gradient of the color function: it has no direction."""
+def test_unscaled_shift_needs_no_normal(left: float, bounded: bool) -> None:
+    """In a regular lattice the gradient of the color function is pure rounding: it has no direction."""
 
     class Undirected(ArrayEvaluator):
         def cross_type_normal(self, gradient: Any) -> Any:
@@ -53,7 +53,7 @@ def test_a_shift_of_which_all_is_left_needs_no_normal(left: float, bounded: bool
     assert np.isfinite(simulation.rounded(Undirected).fields["shift/v"].error).all() == bounded
 
 
-def test_a_class_is_open_where_its_error_is() -> None:
+def test_class_is_open_where_its_error_is_nonzero() -> None:
     plain = is_class(np.array([0.0, 1.0]), 1)
     assert isinstance(plain, np.ndarray)
     assert plain.tolist() == [False, True]
@@ -63,7 +63,7 @@ def test_a_class_is_open_where_its_error_is() -> None:
     assert rounded.open.tolist() == [False, False, True]
 
 
-def test_a_solid_meets_others_with_its_equilibrium_density_at_least() -> None:
+def test_solid_has_at_least_its_equilibrium_density_in_pair_terms() -> None:
     built = scene(2, walls=True)
     evaluator, solid_n = stages(built), built.state.solid_n
     thin_n = np.full(evaluator.n, 0.5)
@@ -106,7 +106,7 @@ def test_viscosity_of_each_style() -> None:
     assert (np.abs(value(evaluator.viscosity(G_ncc)) - expected_n) <= 16 * U * expected_n).all()
 
 
-def test_temperature_stays_at_freezing_until_the_latent_heat_is_there() -> None:
+def test_temperature_stays_at_freezing_until_the_latent_heat_is_absorbed() -> None:
     thermal = (Thermal(0.1, 2.0, 1.0, 1.5), Thermal(0.1, 2.0))
     evaluator = stages(scene(2, thermal=thermal, one_type=True))
     e_n = np.array([2.0, 3.0, 3.5, 4.0, 5.0])

@@ -23,8 +23,8 @@ DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3])
 
 @DIMENSIONS
 @pytest.mark.parametrize("name", RECIPES)
-def test_short_boxes_are_replicated_ones(name: str, dimension: int) -> None:
-    """Several images in a box shorter than two cutoffs: as many particles of a box twice as long."""
+def test_short_box_equals_its_replication(name: str, dimension: int) -> None:
+    """Several images in a box shorter than two cutoffs equal the particles of a box twice as long."""
     built = recipe(name, dimension)
     s, box = built.state, built.box
     edge = np.array(box.edge_c)
@@ -41,7 +41,7 @@ def test_short_boxes_are_replicated_ones(name: str, dimension: int) -> None:
 
 @DIMENSIONS
 @pytest.mark.parametrize("name", RECIPES)
-def test_edges_that_lean_by_whole_edges(name: str, dimension: int) -> None:
+def test_edges_leaning_by_whole_edges(name: str, dimension: int) -> None:
     """They make the same lattice of images."""
     built = recipe(name, dimension)
     box = replace(built.box, periodic=(True,) * dimension)
@@ -53,7 +53,7 @@ def test_edges_that_lean_by_whole_edges(name: str, dimension: int) -> None:
 
 
 @DIMENSIONS
-def test_a_particle_and_its_own_images(dimension: int) -> None:
+def test_particle_and_its_own_images(dimension: int) -> None:
     """One particle in a box of edge 1: every image is a neighbour, no force by symmetry."""
     built = scene(dimension, thermal=HOT)
     s = built.state
@@ -68,7 +68,7 @@ def test_a_particle_and_its_own_images(dimension: int) -> None:
     assert not found["heatflow"][0].any()
 
 
-def test_neighbours_at_the_cutoff_are_none() -> None:
+def test_pairs_at_cutoff_are_excluded() -> None:
     """r < cut strictly."""
     built = scene(2, cut=3.0, periodic=(False, False), margin=9.0)
     s = built.state
@@ -80,8 +80,8 @@ def test_neighbours_at_the_cutoff_are_none() -> None:
 
 
 @DIMENSIONS
-def test_a_distance_is_bounded_whichever_of_a_pair_has_the_image(dimension: int) -> None:
-    """In a box of hundreds of cutoffs a place beyond the upper face rounds by more than one beyond the lower."""
+def test_distance_is_bounded_for_either_choice_of_image(dimension: int) -> None:
+    """In a box of hundreds of cutoffs a position beyond the upper face rounds by more than one beyond the lower."""
     built = recipe("quintic", dimension)
     n, d = built.state.x_nc.shape
     low, high = built.box.low_c[0], built.box.low_c[0] + 284.4

@@ -33,8 +33,8 @@ def as_set(pairs: tuple[Any, Any, Any]) -> set[tuple[Any, ...]]:
 
 @pytest.mark.parametrize("periodic", [(True, True), (True, False), (False, False)])
 @pytest.mark.parametrize("cut", [0.5, 1.5, 2.5])
-def test_pairs_and_images_are_those_of_counting(periodic: tuple[bool, bool], cut: float) -> None:
-    """The box is shorter than two cutoffs for the largest: particles meet their own images."""
+def test_pairs_and_images_equal_those_of_a_full_count(periodic: tuple[bool, bool], cut: float) -> None:
+    """The box is shorter than two cutoffs for the largest cutoff: particles interact with their own images."""
     box = Box((-1.0, 0.0), (1.0, 3.0), periodic)
     x_nc = np.random.default_rng(4).uniform([-1.0, 0.0], [1.0, 3.0], (12, 2))
     found = directed_pairs(x_nc, box, cut)
@@ -57,7 +57,7 @@ def test_images_of_a_tilted_box(tilt: tuple[float, float, float]) -> None:
     assert (box.periods(x_nc - inside_nc) == box.images(x_nc)).all()
 
 
-def test_an_open_axis_beside_an_edge_that_leans() -> None:
+def test_open_axis_next_to_a_leaning_edge() -> None:
     box = Box((0.0, 0.0, 0.0), (2.0, 3.0, 4.0), (True, True, False), (1.25, 0.0, 0.0))
     x_nc = np.random.default_rng(5).uniform([-2.0, 0.0, 0.0], [2.0, 3.0, 4.0], (15, 3)) * [1, 1, 4]
     found = as_set(directed_pairs(x_nc, box, 1.25))
@@ -78,7 +78,7 @@ def test_rounding_of_fractions_of_a_tilted_box(seed: int) -> None:
 
 @pytest.mark.parametrize("size", [2.0**-40, 2.0**-10, 2.0**30])
 def test_pairs_are_the_same_at_every_size(size: float) -> None:
-    """A search in units of 1 does not end in a box of 1e-3."""
+    """A search in units of 1 never terminates in a box of 1e-3."""
     box = Box((0.0, 0.0), (5.0 * size, 4.0 * size), (False, True))
     x_nc = np.random.default_rng(8).uniform(0.0, [5.0, 4.0], (20, 2))
     i, j, shift_pc = directed_pairs(x_nc * size, box, 2.5 * size)
@@ -95,7 +95,7 @@ def test_three_axes_and_particles_outside_the_box() -> None:
     assert found == all_pairs(x_nc, box, 1.25)
 
 
-def test_pairs_are_sorted_and_stand_twice() -> None:
+def test_pairs_are_sorted_and_listed_in_both_directions() -> None:
     box = Box((0.0, 0.0), (4.0, 4.0), (True, True))
     i, j, shift_pc = directed_pairs(np.random.default_rng(6).uniform(0, 4, (20, 2)), box, 1.0)
     keys = [(a, b, *s) for a, b, s in zip(i.tolist(), j.tolist(), shift_pc.tolist(), strict=True)]
@@ -105,14 +105,14 @@ def test_pairs_are_sorted_and_stand_twice() -> None:
     }
 
 
-def test_a_pair_at_the_cutoff_does_not_count() -> None:
+def test_pair_at_the_cutoff_is_excluded() -> None:
     box = Box((0.0, 0.0), (8.0, 8.0), (False, False))
     x_nc = np.array([[1.0, 1.0], [2.0, 1.0]])
     assert not as_set(directed_pairs(x_nc, box, 1.0))
     assert len(as_set(directed_pairs(x_nc, box, np.nextafter(1.0, 2.0)))) == 2
 
 
-def test_a_particle_far_away_is_nobodys_neighbour() -> None:
+def test_distant_particle_has_no_neighbours() -> None:
     box = Box((0.0, 0.0), (1e12, 1.0), (False, True))
     x_nc = np.array([[0.0, 0.1], [0.5, 0.1], [1e12, 0.1]])
     assert {pair[:2] for pair in as_set(directed_pairs(x_nc, box, 0.75)) if pair[0] != pair[1]} == {(0, 1), (1, 0)}
@@ -134,7 +134,7 @@ HUGE = {
 @pytest.mark.parametrize("name", HUGE)
 @pytest.mark.parametrize("open_axis", [False, True])
 def test_few_particles_in_a_huge_box(name: str, open_axis: bool) -> None:
-    """Beside each other, and across the faces: the library that listed pairs before ended the process for most."""
+    """Close together, and across the faces: the library used before terminated the process for most."""
     edge, tilt = HUGE[name]
     periodic = (True,) * (len(edge) - 1) + (not (open_axis and not tilt),)
     box = Box((0.0,) * len(edge), edge, periodic, tilt)
@@ -145,8 +145,8 @@ def test_few_particles_in_a_huge_box(name: str, open_axis: bool) -> None:
     assert len(found) > 20 and found == all_pairs(x_nc, box, 1.0)
 
 
-def test_order_where_numbers_of_edges_leave_no_room_for_a_key() -> None:
-    """Particles billions of edges outside: pairs are sorted by all their numbers, as ever."""
+def test_order_when_image_counts_overflow_the_key() -> None:
+    """Particles billions of edges outside: pairs are sorted by all their indices, as usual."""
     box = Box((0.0, 0.0), (1.0, 1.0), (True, True))
     x_nc = np.array([[0.25, 0.5], [0.5, 0.5], [0.75, 0.25]]) + np.array([[0.0, 0.0], [2.0**34, 0.0], [0.0, 2.0**33]])
     i, j, shift_pc = directed_pairs(x_nc, box, 1.125)
@@ -155,8 +155,8 @@ def test_order_where_numbers_of_edges_leave_no_room_for_a_key() -> None:
 
 
 @pytest.mark.parametrize("tilt", [(), (0.75, 0.0, 0.0)])
-def test_pairs_of_moving_particles_are_those_of_a_search(tilt: tuple[float, ...]) -> None:
-    """None is needed in nearly the same places; one is where particles cross a face, or box or cutoff change."""
+def test_pairs_of_moving_particles_equal_those_of_a_search(tilt: tuple[float, ...]) -> None:
+    """No search is needed for small displacements; one is if particles cross a face, or box or cutoff change."""
     box = Box((-1.0, 0.0, 0.5), (1.0, 3.0, 4.5), (True, True, False), tilt)
     random = np.random.default_rng(7)
     x_nc = random.uniform(box.low_c, box.high_c, (40, 3))
@@ -189,12 +189,12 @@ def test_candidates_are_shared_within_a_block_and_nowhere_else() -> None:
         for k in range(SHARED):
             last = candidates(x_nc + 2.0 + k, box, 1.0)
         assert candidates(x_nc + 1.0 + SHARED, box, 1.0) is last
-        assert candidates(x_nc + 1.0, box, 1.0) is not second, "another that was asked for later took its place"
+        assert candidates(x_nc + 1.0, box, 1.0) is not second, "replaced by one requested later"
     assert candidates(x_nc + 1.0 + SHARED, box, 1.0) is not last
 
 
-def test_particles_too_far_away_for_their_places_to_be_known_have_no_pairs() -> None:
-    """A run that is lost asked for as many images as there are edges on the way to its particles."""
+def test_particles_too_distant_to_resolve_have_no_pairs() -> None:
+    """A diverged run requested as many images as there are edges between its particles and the box."""
     box = Box((0.0, 0.0), (4.0, 4.0), (True, False))
     x_nc = np.array([[1.0, 1.0], [1e18, 2.0]])
     with pytest.raises(InputError, match="positions: must be known to less than an edge"):

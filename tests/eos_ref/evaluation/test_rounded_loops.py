@@ -1,4 +1,4 @@
-"""Compiled operations on `Rounded` arrays, and sums over pairs: the bits of those in arrays."""
+"""Compiled operations on `Rounded` arrays, and sums over pairs: the same bits as with arrays."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def loops_as_before() -> Iterator[None]:
 
 
 def numbers(seed: int) -> Rounded:
-    """Values and errors of every kind, each meeting each."""
+    """Values and errors of every kind, in all combinations."""
     random = np.random.default_rng(seed)
     values = np.where(
         random.random(N) < 0.5, random.choice(ODD, N), random.normal(size=N) * 10.0 ** random.integers(-9, 9, N)
@@ -71,7 +71,7 @@ def test_arrays_are_left_to_the_loops_unless_one_is_broadcast() -> None:
 
 
 @pytest.mark.parametrize("name", ["add", "sub", "mul", "truediv"])
-def test_operations_of_vectors_and_of_errors_that_are_broadcast_have_the_same_bits(name: str) -> None:
+def test_operations_with_broadcast_vectors_and_errors_have_the_same_bits(name: str) -> None:
     a, b = (Rounded(x.value.reshape(-1, 2), x.error.reshape(-1, 2)) for x in (numbers(1), numbers(2)))
     same(*both(lambda: getattr(operator, name)(a, b)))
     same(*both(lambda: getattr(operator, name)(a[:, 1], Rounded(b.value[:, 0], 1e-9))))

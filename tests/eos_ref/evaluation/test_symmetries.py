@@ -1,4 +1,4 @@
-"""What must hold in any frame, for any numbering, and at any scale.
+"""Invariance under changes of frame, numbering and scale.
 
 Tolerances are the rounding bounds that `Rounded` runs give, of both sides of a comparison.
 """
@@ -25,7 +25,7 @@ Field = dict[str, tuple[Any, Any]]
 
 
 def changed(found: Field, **maps: Any) -> Field:
-    """Fields, each mapped; those without a map as they are."""
+    """Fields, each mapped; those without a map unchanged."""
     return {name: tuple(maps.get(name, lambda a: a)(a) for a in pair) for name, pair in found.items()}
 
 
@@ -153,7 +153,7 @@ SCALING = [name for name in RECIPES if name not in NOT_SCALING]
 
 
 def power_of(name: str, dimension: int) -> int:
-    """The power of ``size`` that `rescaled` brings an output: lengths and times take one, masses and volumes d."""
+    """The power of ``size`` by which `rescaled` scales an output: lengths and times take one, masses and volumes d."""
     length, mass, time, volume = QUANTITIES[name].dimension
     return length + time + dimension * (mass + volume)
 
@@ -171,7 +171,7 @@ def test_rescaling(name: str, dimension: int) -> None:
 @DIMENSIONS
 @pytest.mark.parametrize("name", ["quintic", "RK1", "walls", "walls, thermal", "forces"])
 def test_rescaling_over_steps(name: str, dimension: int) -> None:
-    """Five steps in longdouble, where roundings are 2**11 times smaller: held to one evaluation's float64 bound."""
+    """Five steps in longdouble, where roundings are 2**11 times smaller: within one evaluation's float64 bound."""
     built, size, dt = recipe(name, dimension), 3.0, 2.0**-8
     pair = []
     for one, step in ((built, dt), (rescaled(built, size), size * dt)):

@@ -26,7 +26,7 @@ STATE = ("x_nc", "v_nc", "rho_n", "energy_n")
 
 @pytest.mark.parametrize(("name", "dimension"), [*[(n, 2) for n in RECIPES], ("walls, RK1", 3), ("walls, thermal", 3)])
 def test_steps_of_the_double_loop(name: str, dimension: int) -> None:
-    """Two steps in longdouble on either side, held to the float64 bounds of one evaluation at the end.
+    """Two steps in longdouble on either side, within the float64 bounds of one evaluation at the end.
 
     What is left of rounding in either is 2**-11 of that; only the kernel's constants and the inverse of the equation of
     state are float64 in the reference. The state may differ by a step times such a bound and by 8 roundings of itself.
@@ -74,7 +74,7 @@ def alone(dimension: int, forces: tuple[Force, ...] = (), **options: Any) -> Sce
 
 @DIMENSIONS
 @pytest.mark.parametrize("kernel", ["quintic", "RK0", "RK2"])
-def test_a_free_particle_moves_ballistically(kernel: str, dimension: int) -> None:
+def test_free_particle_moves_ballistically(kernel: str, dimension: int) -> None:
     """Exactly: dt and velocity are dyadic. Density and energy stay."""
     built = alone(dimension, kernel=kernel, zmin=22, thermal=MELTING, artificial=0.75, damp=0.125, shift=Shift())
     simulation = built.simulate([])
@@ -125,7 +125,7 @@ def test_forces_in_their_order() -> None:
 
 @DIMENSIONS
 @pytest.mark.parametrize("walls", [False, True])
-def test_a_wall_with_no_force_stays(walls: bool, dimension: int) -> None:
+def test_wall_without_force_stays(walls: bool, dimension: int) -> None:
     """At rest, and its velocity if prescribed; its density too unless it is reconstructed."""
     built = scene(dimension, walls=walls, solids=True)
     solid_n = built.state.solid_n
@@ -156,7 +156,7 @@ def test_runs_add_up(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", RECIPES)
-def test_a_simulation_leaves_its_input_alone(name: str) -> None:
+def test_simulation_does_not_modify_its_input(name: str) -> None:
     built = recipe(name, 2)
     before = built.state.copy()
     built.simulate([]).run(2, DT)
@@ -164,7 +164,7 @@ def test_a_simulation_leaves_its_input_alone(name: str) -> None:
         assert np.array_equal(getattr(before, array), getattr(built.state, array)), array
 
 
-def test_a_copy_of_a_state_shares_nothing() -> None:
+def test_copy_of_a_state_shares_no_arrays() -> None:
     s = recipe("gas", 2).state
     twin = s.copy()
     for array in (*STATE, "type_n", "solid_n"):
@@ -184,7 +184,7 @@ def test_summed_densities_forget_the_initial_ones(name: str, dimension: int) -> 
 
 
 def test_self_mass_is_the_number_density() -> None:
-    """With self/mass the sum of a particle does not see the masses of others."""
+    """With self/mass the sum of a particle is independent of the masses of others."""
     built = recipe("self/mass", 2)
     summed = built.simulate(["rho"])
     summed.evaluate()
@@ -204,7 +204,7 @@ def test_expansion_dilutes() -> None:
     """
     a, dt = 0.5, 2.0**-10
     built = scene(2, kernel="RK1", cut=3.25, periodic=(False, False), margin=2.0, one_type=True)
-    idle = EOSTable((EOS("linear", 1.25, 1e-150), EOS("linear", 1.25, 1e-150)))  # no pressure to speak of
+    idle = EOSTable((EOS("linear", 1.25, 1e-150), EOS("linear", 1.25, 1e-150)))  # negligible pressure
     built = built.with_model(eos=idle, viscosity=(Viscosity("constant", 0.0),) * 2)
     built = built.with_state(v_nc=a * built.state.x_nc, rho_n=np.full(len(built.state.x_nc), 1.25))
     errors = error(built.simulate().rounded().gradient.v_ncc).max()
@@ -272,7 +272,7 @@ def test_latent_heat_holds_the_temperature() -> None:
     assert solid_n.any()
 
 
-def test_no_phase_changes_at_set_up() -> None:
+def test_phases_do_not_change_at_set_up() -> None:
     built = ice(latent=0.5)
     simulation = built.simulate([])
     simulation.setup()

@@ -1,4 +1,4 @@
-"""Reconstructed walls move with the fluid without friction; surfaces are where there are no neighbours.
+"""Reconstructed walls move with the fluid without friction; surfaces are where neighbours are missing.
 
 Tolerances are the rounding bounds that `Rounded` runs give, of both sides of a comparison.
 """
@@ -66,7 +66,7 @@ def test_surfaces_of_a_half_filled_box(style: str) -> None:
     assert (np.abs(found["surface/divr"][inside] - 2) < 0.1).all()
     normal = found["surface/n"][edge]
     assert (np.abs(np.hypot(*normal.T) - 1) < 1e-8).all()  # the softening 1e-10 over |grad C| > 0.01
-    assert (normal[:, 1] * np.sign(y_n[edge] - 4.5) > 0.5).all()  # beside the hole that the lone one left too
+    assert (normal[:, 1] * np.sign(y_n[edge] - 4.5) > 0.5).all()  # also next to the hole that the lone particle left
     assert not found["surface/n"][class_n != 1].any()
     assert (found["surface/r"][class_n > 0] == 0).all()
     at = built.state.x_nc[class_n == 1]

@@ -1,6 +1,6 @@
 r"""A kernel that fix rheo does not have, Wendland's C2 of support 2h, through both evaluators.
 
-Nothing but its object is given: support, normalisation, shape and slope. The double loop has them from the text again.
+Nothing but its object is given: support, normalisation, shape and slope. The double loop has its own copy.
 Source: Wendland, Adv. Comput. Math. 4, 389 (1995); Dehnen & Aly, MNRAS 425, 1068 (2012), table 1 (their r is q/2).
 """
 

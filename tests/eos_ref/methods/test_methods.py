@@ -1,4 +1,4 @@
-"""Ways to evaluate a law: each against Arb, within what its form promises; the search for worst cases."""
+"""Methods to evaluate a law: each against Arb, within the error of its form; the search for worst cases."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def steepness(law: EOS) -> float:
 
 
 @pytest.mark.parametrize(("method", "law"), cases(), ids=lambda v: getattr(v, "name", getattr(v, "style", "")))
-def test_far_from_rho0_every_method_is_the_law(method: LawMethod, law: EOS) -> None:
-    """At 0.1 to 2 times rho0 no form cancels by more than some 2**5: what is left is the precision it works in.
+def test_every_method_agrees_with_the_law_far_from_rho0(method: LawMethod, law: EOS) -> None:
+    """At 0.1 to 2 times rho0 no form cancels by more than some 2**5: the error is that of its working precision.
 
     In single precision the law's condition number, at most some 8 gamma here, multiplies the rounding of the state.
     A table is off by h^2/8 |P''| where it is linear, and by less where it is cubic.
@@ -67,7 +67,7 @@ def test_far_from_rho0_every_method_is_the_law(method: LawMethod, law: EOS) -> N
 
 
 @pytest.mark.parametrize(("method", "law"), cases(), ids=lambda v: getattr(v, "name", getattr(v, "style", "")))
-def test_the_best_conditioned_methods_keep_their_digits_everywhere(method: LawMethod, law: EOS) -> None:
+def test_best_conditioned_methods_keep_their_digits_everywhere(method: LawMethod, law: EOS) -> None:
     if method.conditioning <= 1:
         for regime in (Regime(1e-12, 1e-9), Regime(1e-6, 1e-3), Regime(1e-2, 5.0)):
             if method.name == "series" and regime.high > 1 and steepness(law) % 1:
@@ -78,14 +78,14 @@ def test_the_best_conditioned_methods_keep_their_digits_everywhere(method: LawMe
 
 
 @pytest.mark.parametrize("law", [law for law in LAWS if law.style.startswith("tait") and not law.background])
-def test_the_printed_power_form_loses_what_the_compression_is_small(law: EOS) -> None:
+def test_printed_power_form_loses_digits_at_small_compression(law: EOS) -> None:
     """(rho/rho0)^gamma - 1 has an absolute error of some eps: relative to gamma d it grows as 1/d."""
     for d in (1e-9, 1e-6):
         error = worst(named("textbook"), law, Regime(d, 2 * d))
         assert 0.01 * bounds.EPS / d < error < 16 * bounds.EPS / d
 
 
-def test_the_series_counts_the_terms_it_needs_and_diverges_beyond() -> None:
+def test_series_uses_the_terms_it_needs_and_diverges_beyond() -> None:
     law = EOS("tait/general", 1.2345, 7.89, 1.4)
     counts = [len(series.coefficients(law, reach)) for reach in (1e-9, 1e-3, 0.1, 0.5)]
     assert counts == sorted(counts)
@@ -97,7 +97,7 @@ def test_the_series_counts_the_terms_it_needs_and_diverges_beyond() -> None:
     assert len(series.coefficients(water, 2.0)) <= 7  # a polynomial: the series ends
 
 
-def test_single_precision_of_the_difference_keeps_digits_where_that_of_the_density_does_not() -> None:
+def test_single_precision_difference_keeps_digits_lost_by_the_density() -> None:
     law, regime = EOS("tait/water", 1.2345, 7.89), Regime(1e-6, 1e-5)
     assert worst(named("float32 excess"), law, regime) < 2 * SINGLE
     assert worst(named("float32 state"), law, regime) > SINGLE / 1e-5
@@ -125,7 +125,7 @@ def _fourth_derivative(law: EOS, rho_n: np.ndarray) -> float:
     return float(np.abs(law.cs**2 / law.rho0**3 * (g - 1) * (g - 2) * (g - 3) * x_n ** (g - 4)).max()) * 1.01
 
 
-def test_a_coarser_table_is_worse() -> None:
+def test_coarser_table_is_worse() -> None:
     law, rho_n = EOS("tait/water", 1.0, 1.0), np.linspace(0.7, 1.5, 501)
     exact_n = law.evaluate(rho_n)
     errors = [np.abs(Table(law, 0.7, 1.5, nodes).pressure(rho_n) - exact_n).max() for nodes in (17, 65, 257)]
@@ -135,7 +135,7 @@ def test_a_coarser_table_is_worse() -> None:
 # --- the search
 
 
-def test_the_search_finds_worse_cases_than_samples() -> None:
+def test_search_finds_worse_cases_than_samples() -> None:
     law, regime = EOS("tait/general", 1.2345, 7.89, 1.4), Regime(1e-9, 1e-6)
     evaluate = named("textbook").function(law, *regime.ends(law))
     rho_n = regime.densities(law, SAMPLES)
@@ -145,8 +145,8 @@ def test_the_search_finds_worse_cases_than_samples() -> None:
     assert found.error == certain_error(evaluate, law, found.rho)
 
 
-def test_the_search_finds_a_fault_between_the_samples() -> None:
-    """A method that is wrong within 1e-9 of one density; the nearest sample lies just beside it."""
+def test_search_finds_a_fault_between_samples() -> None:
+    """A method that is wrong within 1e-9 of one density; the nearest sample lies just outside."""
     law, regime = EOS("linear", 1.2345, 7.89), Regime(0.1, 0.2)
     wrong = 1.2345 * 1.15
 
@@ -155,17 +155,17 @@ def test_the_search_finds_a_fault_between_the_samples() -> None:
 
     samples = np.array([wrong + 1.1e-9, wrong + 1e-3])
     found = worst_case(evaluate, law, samples, lambda rho: regime.holds(law, rho))
-    # What the law itself rounds, some U over the excess of 0.15 (rho0), comes on top of the fault.
+    # The law's own roundings, some U over the excess of 0.15 (rho0), add to the fault.
     assert abs(found.error - 1e-6) < 64 * 2.0**-53 / 0.15
 
 
-def test_a_number_that_is_none_is_infinitely_wrong() -> None:
+def test_error_of_nan_is_infinite() -> None:
     law, regime = EOS("linear", 1.2345, 7.89), Regime(0.1, 0.2)
     found = worst_case(lambda rho_n, e_n: np.full(rho_n.shape, np.nan), law, regime.densities(law, 9), lambda r: r > 0)
     assert found.error == np.inf
 
 
-def test_a_regime_outside_of_the_domain_is_refused() -> None:
+def test_regime_outside_the_domain_is_refused() -> None:
     with pytest.raises(InputError, match="none of the interval"):
         worst_case(lambda r, e: r, EOS("tait/general", 1.0, 1.0, 1.4), np.array([-1.0]), lambda r: r < 0)
 
@@ -186,7 +186,7 @@ def laws() -> st.SearchStrategy[EOS]:
 
 @settings(max_examples=60, deadline=None)
 @given(laws(), st.floats(-14, 0), st.floats(0.1, 3.0), st.floats(-13.5, -2.0), st.integers(0, 2**32 - 1))
-def test_what_is_chosen_for_a_tolerance_meets_it(law: EOS, at: float, wide: float, tolerance: float, seed: int) -> None:
+def test_chosen_method_meets_the_tolerance(law: EOS, at: float, wide: float, tolerance: float, seed: int) -> None:
     """The promise: at random states of the interval, certified with Arb, the error is below the tolerance."""
     d_n = np.random.default_rng(seed).uniform(10**at, min(10 ** (at + wide), 3.0), 400)
     d_n[::2] *= -0.25
@@ -198,7 +198,7 @@ def test_what_is_chosen_for_a_tolerance_meets_it(law: EOS, at: float, wide: floa
         assert rigorous.error(p, exact) <= 10**tolerance * size
 
 
-def test_a_loose_tolerance_buys_a_cheaper_method_and_a_tight_one_costs() -> None:
+def test_looser_tolerance_chooses_a_cheaper_method() -> None:
     law, rho_n = EOS("tait/water", 1.2345, 7.89), np.linspace(1.2, 1.3, 1000)
     loose, tight = (choice.cheapest(law, rho_n, None, tolerance) for tolerance in (1e-3, 2e-15))
     costs = choice.measured()["tait/water"]
@@ -206,18 +206,18 @@ def test_a_loose_tolerance_buys_a_cheaper_method_and_a_tight_one_costs() -> None
     assert choice.worst_error(tight, law, rho_n, None) <= 2e-15 < choice.worst_error(loose, law, rho_n, None) <= 1e-3
 
 
-def test_a_law_without_measured_costs_is_evaluated_by_the_reference_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_law_without_measured_costs_uses_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
     law, rho_n = EOS("tait/water", 1.2345, 7.89), np.linspace(1.2, 1.3, 50)
     monkeypatch.setattr(choice, "measured", dict)
     assert choice.cheapest(law, rho_n, None, 1e-3).name == "compiled"
 
 
-def test_a_tolerance_below_what_doubles_can_do_is_refused() -> None:
+def test_tolerance_below_double_precision_is_refused() -> None:
     with pytest.raises(InputError, match="tolerance: must be at least"):
         EOS("tait/water", 1.2345, 7.89).pressure(np.linspace(1.2, 1.3, 50), method="auto", tolerance=1e-17)
 
 
-def test_costs_cover_every_method_that_can_be_chosen() -> None:
+def test_costs_cover_every_selectable_method() -> None:
     for law in LAWS:
         for method in choice.usable(law):
             cost = choice.measured()[law.style][method.name]
@@ -229,21 +229,21 @@ def test_costs_cover_every_method_that_can_be_chosen() -> None:
 
 
 @pytest.mark.parametrize(("method", "law"), [(m, law) for law in LAWS for m in choice.usable(law)])
-def test_a_named_method_has_the_bits_of_that_method_in_any_shape(method: LawMethod, law: EOS) -> None:
+def test_named_method_gives_the_same_bits_in_any_shape(method: LawMethod, law: EOS) -> None:
     rho_nc = law.rho0 * np.linspace(0.9, 1.1, 12).reshape(3, 4)
     e_n = np.full(12, ENERGY) if law.needs_energy else None
     expected_n = method.function(law, float(rho_nc.min()), float(rho_nc.max()))(rho_nc.ravel(), e_n)
     assert np.array_equal(law.pressure(rho_nc, ENERGY, method.name), expected_n.reshape(3, 4))
 
 
-def test_without_a_method_the_pressure_is_that_of_the_compiled_loops() -> None:
+def test_default_pressure_is_that_of_the_compiled_loops() -> None:
     for law in LAWS:
         rho_n = law.rho0 * np.linspace(0.5, 1.5, 50)
         assert np.array_equal(law.pressure(rho_n, ENERGY), law.pressure(rho_n, ENERGY, method="compiled"))
 
 
 @pytest.mark.parametrize("arguments", [("series",), ("auto", 1e-9), ("table, cubic",)])
-def test_where_a_law_is_not_defined_every_method_gives_nan(arguments: tuple[Any, ...]) -> None:
+def test_every_method_gives_nan_where_the_law_is_undefined(arguments: tuple[Any, ...]) -> None:
     law = EOS("tait/general", parameter=1.4)
     p_n = law.pressure([-0.5, 1.1, np.nan, 0.9], None, *arguments)
     assert np.isnan(p_n).tolist() == [True, False, True, False]
@@ -251,7 +251,7 @@ def test_where_a_law_is_not_defined_every_method_gives_nan(arguments: tuple[Any,
     assert law.pressure([], None, *arguments).shape == (0,)
 
 
-def test_a_table_of_laws_chooses_for_every_type_by_itself() -> None:
+def test_table_of_laws_chooses_separately_for_every_type() -> None:
     table, rho_n = EOSTable((LAWS[0], LAWS[2], LAWS[5])), np.linspace(1.0, 1.5, 9)
     type_n, e_n = np.arange(9) % 3 + 1, np.full(9, ENERGY)
     for arguments in (("numpy",), ("auto", 1e-3)):
@@ -274,7 +274,7 @@ def test_a_table_of_laws_chooses_for_every_type_by_itself() -> None:
     ],
 )
 @pytest.mark.parametrize("laws", [(LAWS[0],), (LAWS[0], LAWS[0])])
-def test_a_method_or_a_tolerance_that_makes_no_sense_is_refused(
+def test_invalid_method_or_tolerance_is_refused(
     laws: tuple[EOS, ...], arguments: tuple[Any, ...], message: str
 ) -> None:
     for pressure in (

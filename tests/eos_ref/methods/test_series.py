@@ -1,4 +1,4 @@
-"""Tait's law by its series: coefficients in closed form, and the rest that they leave out."""
+"""Tait's law by its series: coefficients in closed form, and the truncation error."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from eos_ref.methods import series
 
 
 @pytest.mark.parametrize("gamma", [1.0, 2.0, 3.0, 4.0, 7.0])
-def test_the_series_of_a_whole_exponent_is_the_polynomial(gamma: float) -> None:
-    """Binomial coefficients over gamma, which end by themselves; of numbers as small the quotient alone is rounded."""
+def test_series_of_a_whole_exponent_is_the_polynomial(gamma: float) -> None:
+    """Binomial coefficients over gamma, finitely many; for numbers this small only the quotient is rounded."""
     coefficient_k = series.coefficients(EOS("tait/general", 1.0, 1.0, gamma), 0.5)
     binomial = [Fraction(1)]
     for k in range(1, int(gamma)):
@@ -22,7 +22,7 @@ def test_the_series_of_a_whole_exponent_is_the_polynomial(gamma: float) -> None:
 
 
 @pytest.mark.parametrize(("gamma", "reach"), [(1.4, 0.05), (7.15, 0.1), (-2.5, 0.02), (0.5, 1e-6)])
-def test_the_terms_left_out_are_below_half_a_last_place(gamma: float, reach: float) -> None:
+def test_truncation_error_is_below_half_an_ulp(gamma: float, reach: float) -> None:
     kept = len(series.coefficients(EOS("tait/general", 1.0, 1.0, gamma), reach))
     terms, exponent = [Fraction(1)], Fraction(gamma)
     for k in range(1, 200):
@@ -32,7 +32,7 @@ def test_the_terms_left_out_are_below_half_a_last_place(gamma: float, reach: flo
     assert kept < series.MOST and abs(terms[kept - 1]) * Fraction(reach) ** (kept - 1) > Fraction(2) ** -60, "few"
 
 
-def test_no_more_terms_than_a_power_costs() -> None:
+def test_number_of_terms_is_limited_by_the_cost_of_a_power() -> None:
     assert len(series.coefficients(EOS("tait/general", 1.0, 1.0, 1.4), 0.999)) == series.MOST
 
 

@@ -9,7 +9,7 @@ from eos_ref import EOS
 from eos_ref.eos import compiled
 from eos_ref.methods import single
 
-N = compiled.BLOCK + 1  # the last particle is in a block of its own
+N = compiled.BLOCK + 1  # the last particle is in a separate block
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The box: edges that lean, images, faces, and how it grows; in numbers that are exact."""
+"""The box: leaning edges, images, faces, and growth; in exact numbers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LEANING = Box((0.0, 0.0, 0.0), (4.0, 2.0, 8.0), (True,) * 3, (1.0, 2.0, -0.5))
         (((0.0, 0.0), (1.0, 1.0), (True, True), (math.nan,)), "must be finite"),
     ],
 )
-def test_what_is_no_box(arguments: tuple[tuple[float, ...], ...], rule: str) -> None:
+def test_invalid_boxes_are_refused(arguments: tuple[tuple[float, ...], ...], rule: str) -> None:
     with pytest.raises(InputError, match=rule):
         Box(*arguments)
 
@@ -54,13 +54,13 @@ def test_images_are_counted_along_periodic_axes_alone() -> None:
     assert np.array_equal(UPRIGHT.periods(np.array([[2.5, 2.5], [-6.5, 0.0]])), [[1, 0], [-2, 0]])
 
 
-def test_what_lies_beyond_a_face() -> None:
+def test_positions_beyond_a_face() -> None:
     assert UPRIGHT.outside(np.array([[-1.0, 2.0], [3.0, 4.0], [3.5, 3.0], [0.0, 1.5]])).tolist() == [0, 0, 1, 1]
     x_nc = np.array([[0.0, 0.0, 4.0], [1.0, -0.25, 4.0], [5.0, -0.25, 4.0], [5.25, -0.25, 4.0]])
     assert LEANING.outside(x_nc).tolist() == [1, 0, 0, 1], "x from yz / 2 + xz / 2, y from -1/4, half way up"
 
 
-def test_rounding_takes_no_position_beyond_a_face_that_leans() -> None:
+def test_rounding_moves_no_position_beyond_a_leaning_face() -> None:
     """On the plane y = z of a box of edges 2.72 that leans by one of them, found 1e-13 inside and outside of it."""
     box = Box((0.0,) * 3, (2.72,) * 3, (True,) * 3, (0.0, 0.0, 2.72))
     x_nc = np.array([[0.34, 1.0199999999999798, 1.0199999999999836], [0.34, 1.02, 1.02], [0.34, 1.02 - 1e-12, 1.02]])
@@ -69,8 +69,8 @@ def test_rounding_takes_no_position_beyond_a_face_that_leans() -> None:
     assert upright.outside(np.array([[0.0, -5e-324, 0.0]])).all(), "a face that does not lean is not rounded"
 
 
-def test_roundings_of_positions_in_a_box_that_leans() -> None:
-    """With N = xy/ly = 1/2 both 1 + |N| + |N|^2 and 1 + |N| have this one element besides 1: N^2 is nothing in 2D."""
+def test_roundings_of_positions_in_a_leaning_box() -> None:
+    """With N = xy/ly = 1/2 both 1 + |N| + |N|^2 and 1 + |N| have this one element other than 1: N^2 is 0 in 2D."""
     assert UPRIGHT.rounding(1.0).tolist() == [0.0, 0.0]
     box = Box((0.0, 0.0), (4.0, 2.0), (True, True), (1.0,))
     lean_cc = np.array([[1.0, 0.0], [0.5, 1.0]])
@@ -78,7 +78,7 @@ def test_roundings_of_positions_in_a_box_that_leans() -> None:
     assert np.array_equal(box.rounding(1.0), 14 * 2.0**-53 * terms_c)
 
 
-def test_a_box_grows_about_its_middle_and_leans_by_its_first_edges() -> None:
+def test_box_grows_about_its_middle_and_leans_by_its_first_edges() -> None:
     deform = Deform((0.5, -0.25), shear=(0.125,), time=2.0)
     box = Box((0.0, 0.0), (4.0, 2.0), (True, True))
     assert deform.box(box, 2.0) == Box((-2.0, 0.5), (6.0, 1.5), (True, True), (0.5,))

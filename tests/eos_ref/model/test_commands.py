@@ -1,4 +1,4 @@
-"""Commands of the properties: what they mean, and what they refuse in one line."""
+"""Commands of the properties: their meaning, and one-line messages for bad ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A model in units of its own must predict what the same model in consistent numbers predicts."""
+"""A model in its own units must predict the same as the model in consistent numbers."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def state() -> State:
     )
 
 
-def test_the_same_in_consistent_numbers() -> None:
+def test_prediction_is_the_same_in_consistent_numbers() -> None:
     """Every parameter has its factor, and every output the inverse one."""
     plain = consistent_model(MODEL, REAL)
     assert plain.units == "lj" and plain.cut == MODEL.cut and plain.fix.cs == MODEL.fix.cs

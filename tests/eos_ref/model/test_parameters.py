@@ -143,7 +143,7 @@ def one_spot(s: State) -> dict[str, Any]:
 
 
 def one_spot_across(s: State) -> dict[str, Any]:
-    """On both faces of a periodic box, which are one."""
+    """On both faces of a periodic box, which coincide."""
     x_nc = s.x_nc.copy()
     x_nc[2], x_nc[7] = (0.0, 2.5), (6.0, 2.5)
     return {"x_nc": x_nc}
@@ -198,7 +198,7 @@ def test_energies_of_a_thermal_model() -> None:
     one_line(caught)
 
 
-def test_a_gas_has_no_negative_energy() -> None:
+def test_gas_has_no_negative_energy() -> None:
     """Its speed of sound would be imaginary; to conduction alone the zero of energies is arbitrary."""
     built = scene(thermal=HOT)
     energy_n = np.where(np.arange(30) == 4, -0.5, 1.0)
@@ -223,7 +223,7 @@ def test_a_gas_has_no_negative_energy() -> None:
         ({"rho0": (1e-308, 1.0), "cs": (1e-3, 2.0)}, "scale of the pressure: .* for type 1, found 1e-314"),
     ],
 )
-def test_scales_that_numbers_cannot_hold(change: Any, message: str) -> None:
+def test_scales_beyond_floating_point_are_refused(change: Any, message: str) -> None:
     model = scene().model
     with pytest.raises(InputError, match=message) as caught:
         replace(model, fix=replace(model.fix, **change), pair=PairRheo(change.get("cut", model.cut)))

@@ -1,4 +1,4 @@
-"""What a wish needs: no more than it must, in the order of evaluation; and evaluators are asked for no more."""
+"""The stages that requested fields need: no more than necessary, in order, and no others are evaluated."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ STAGES = {
 
 
 class Spy(ArrayEvaluator):
-    """Notes the stages that are called from outside."""
+    """Records the stages that are called from outside."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -108,7 +108,7 @@ def test_pressure_needs_no_pairs() -> None:
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("name", RECIPES)
 def test_any_one_field_alone_is_the_same(name: str, dimension: int) -> None:
-    """Every field asked for alone comes out to the last bit as among all others."""
+    """Every field requested alone equals, to the last bit, the same field among all others."""
     built = recipe(name, dimension)
     whole = built.simulate()
     whole.evaluate()
@@ -121,7 +121,7 @@ def test_any_one_field_alone_is_the_same(name: str, dimension: int) -> None:
 
 
 @pytest.mark.parametrize("name", RECIPES)
-def test_steps_with_nothing_but_what_they_need(name: str) -> None:
+def test_steps_evaluate_only_what_they_need(name: str) -> None:
     built = recipe(name, 2)
     lean, rich = built.simulate([]), built.simulate()
     assert set(lean.plan) <= set(rich.plan)
@@ -151,14 +151,14 @@ def test_plans_are_closed_and_in_order(name: str) -> None:
                     assert plan.index(needed) < plan.index(quantity), (quantity, needed)
 
 
-def test_records_name_each_other() -> None:
+def test_records_refer_to_each_other() -> None:
     for name, quantity in QUANTITIES.items():
         assert quantity.name == name
         assert {quantity.whole, quantity.completed_by or "rho"} <= set(QUANTITIES)
         assert (quantity.part_of == "") or quantity.part_of in order()
 
 
-def test_repeated_wishes_change_nothing() -> None:
+def test_repeated_requests_change_nothing() -> None:
     model = scene(artificial=0.5).model
     assert required(model, ["f", "f", "rho"]) == required(model, ["rho", "f"])
     assert required(model, []) == ()
@@ -188,12 +188,12 @@ def test_unknown_fields(field: str) -> None:
         "cv",
     ],
 )
-def test_fields_that_the_model_has_not(field: str) -> None:
+def test_fields_missing_from_the_model(field: str) -> None:
     with pytest.raises(InputError, match=f"field: is not part of this model .*found '{field}'"):
         required(scene().model, [field])
 
 
-def test_status_is_there_without_surfaces() -> None:
+def test_status_is_available_without_surfaces() -> None:
     assert required(scene().model, ["status"]) == ()
 
 

@@ -1,4 +1,4 @@
-"""Systems of units: the factors against constants of nature, and what is measured in which unit."""
+"""Systems of units: the factors against constants of nature, and the unit of each quantity."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SINCE_1986 = abs(6.0221367e23 / MOLE - 1) + abs(1.60217733e-19 / CHARGE - 1)
 
 @pytest.mark.parametrize("name", ["real", "metal"])
 def test_factors_are_ratios_of_units(name: str) -> None:
-    """As far as LAMMPS' constants, which are older than the definitions of today, can be."""
+    """To the accuracy of LAMMPS' constants, which predate today's definitions."""
     u = UNITS[name]
     energy = u.mass * u.length**2 / u.time**2
     assert u.mass == pytest.approx(1e-3 / MOLE, rel=SINCE_1986, abs=0)
@@ -42,5 +42,5 @@ def test_every_quantity_with_mass_has_a_kind() -> None:
     assert shapes["pressure"] == {-1, 0}  # stress/atom is a pressure times a volume
 
 
-def test_a3_goes_with_the_formula() -> None:
+def test_unit_of_a3_follows_from_the_formula() -> None:
     assert UNITS["real"].of("A3") == rounded(UNITS["real"].density ** -2, 3)

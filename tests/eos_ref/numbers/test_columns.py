@@ -1,4 +1,4 @@
-"""Arrays by column keep the errors of what they are made of."""
+"""Arrays joined from columns keep the errors of the columns."""
 
 from __future__ import annotations
 

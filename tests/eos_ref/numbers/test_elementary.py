@@ -78,7 +78,7 @@ def test_root1p_undoes_powm1(gamma: float) -> None:
     y_n = elementary.powm1(x_n, 1.0, gamma)
     log_n = np.abs(np.log(x_n))
     in_y = 4 * (1 + np.abs(gamma) * log_n) * np.abs(y_n / (1 + y_n)) / abs(gamma)
-    # besides: log1p 2 (two units of the last place), the division, and exp 2
+    # in addition: log1p 2 (two units of the last place), the division, and exp 2
     bound_n = EPS * (in_y + 3 * log_n + 2)
     assert np.all(np.abs(elementary.root1p(y_n, gamma) / x_n - 1) <= bound_n)
 

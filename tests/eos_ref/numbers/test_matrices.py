@@ -32,7 +32,7 @@ def rows(m_nij: Any) -> list[list[Any]]:
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_the_factors_multiply_to_the_matrix(size: int) -> None:
+def test_factors_multiply_to_the_matrix(size: int) -> None:
     m_nij = definite(5, size)
     factor, definite_n = cholesky(rows(m_nij))
     l_nij = np.array([[np.broadcast_to(entry, 5) for entry in row] for row in factor]).transpose(2, 0, 1)
@@ -60,7 +60,7 @@ def test_solutions_are_columns_of_the_inverse(size: int) -> None:
 
 
 @pytest.mark.parametrize("last", [0.0, -1.0])
-def test_matrices_without_a_factor_are_named_and_harm_no_other(last: float) -> None:
+def test_matrices_without_a_factor_are_flagged_and_affect_no_other(last: float) -> None:
     m_nij = np.stack([np.diag([2.0, 4.0]), np.diag([2.0, last]), np.diag([9.0, 1.0])])
     factor, definite_n = cholesky(rows(m_nij))
     assert definite_n.tolist() == [True, False, True]
@@ -68,7 +68,7 @@ def test_matrices_without_a_factor_are_named_and_harm_no_other(last: float) -> N
     assert np.isfinite(solve_unit(factor, 1)[1]).all()
 
 
-def test_the_rounding_bound_covers_the_error_of_a_badly_conditioned_matrix() -> None:
+def test_rounding_bound_covers_the_error_of_an_ill_conditioned_matrix() -> None:
     m_nij = np.array([[[1.0, 1.0], [1.0, 1.0 + 2.0**-20]]])
     exact = 2.0**20  # entry 1, 1 of the inverse: 1/determinant
     m = [[Rounded(entry, np.zeros(1)) for entry in row] for row in rows(m_nij)]
@@ -78,7 +78,7 @@ def test_the_rounding_bound_covers_the_error_of_a_badly_conditioned_matrix() -> 
     assert abs(value(x)[0] - exact) <= error(x)[0] <= 1e-7 * exact
 
 
-def test_whether_a_matrix_is_definite_is_open_where_rounding_decides() -> None:
+def test_definiteness_is_open_where_rounding_decides() -> None:
     one, almost = Rounded(np.ones(2), np.zeros(2)), Rounded(np.array([1.0, 2.0]), np.full(2, 1e-15))
     _, definite_n = cholesky([[one], [one, almost]])
     assert definite_n.open.tolist() == [True, False]
@@ -86,7 +86,7 @@ def test_whether_a_matrix_is_definite_is_open_where_rounding_decides() -> None:
 
 @pytest.mark.parametrize("along", [0, 1])
 def test_neighbours_in_a_row_along_an_axis_have_no_factor(along: int) -> None:
-    """That is certain; of neighbours in a row across the axes rounding decides, and nothing is known of the factor."""
+    """That is certain; for neighbours in a row across the axes rounding decides, and the factor is unbounded."""
     u = [Rounded(np.zeros(3)), Rounded(np.zeros(3))]
     u[along] = Rounded([0.3, -0.4, 0.7], [1e-16] * 3)
 

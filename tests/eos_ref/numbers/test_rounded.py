@@ -1,4 +1,4 @@
-"""Errors of `Rounded` arrays cover what rounding does: single operations, expressions, sums, decisions, fields."""
+"""Errors of `Rounded` arrays cover rounding: single operations, expressions, sums, decisions, fields."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ QUICK = settings(max_examples=150, deadline=None, derandomize=True)
 U = 2.0**-53
 number = st.floats(-1e6, 1e6).filter(lambda x: x == 0 or abs(x) > 1e-6)
 positive = st.floats(1e-6, 1e6)
-spread = st.floats(-1, 1)  # where inside its interval a number truly lies
+spread = st.floats(-1, 1)  # position of the true value inside its interval
 relative = st.sampled_from([0.0, 1e-15, 1e-9, 1e-3, 0.5])
 
 
@@ -258,7 +258,7 @@ def test_indexing_and_shapes() -> None:
     assert value(a) is a.value
 
 
-def test_numpy_leaves_products_to_us() -> None:
+def test_numpy_defers_operators_to_rounded() -> None:
     for found in (np.ones(2) * Rounded([1.0, 2.0], 0.5), np.float64(3) - Rounded([1.0, 2.0], 0.5)):
         assert isinstance(found, Rounded)
         assert (found.error >= 0.5).all()
@@ -301,7 +301,7 @@ def test_bounds_cover_longdouble(name: str, dimension: int) -> None:
 
 
 @pytest.mark.parametrize("kinds", list(itertools.product((False, True), repeat=2)))
-def test_elements_put_in_place_keep_their_errors(kinds: tuple[bool, bool]) -> None:
+def test_assigned_elements_keep_their_errors(kinds: tuple[bool, bool]) -> None:
     numbers = np.array([1.0, 2.0]), np.array([3.0, 4.0, 5.0])
     part, rest = (Rounded(x, 0.25 * x) if kind else x for x, kind in zip(numbers, kinds, strict=True))
     found = placed(part, np.array([2, 0]), rest)
@@ -320,13 +320,13 @@ def edge_scene() -> tuple[Scene, int]:
     return scene(2, periodic=(True, False), margin=3.0, surface=SurfaceDetection("divergence", float(divr_n[k]), 3)), k
 
 
-def test_an_open_surface_is_open_in_all_that_follows() -> None:
+def test_open_surface_leaves_dependent_fields_open() -> None:
     """Whether the particle is a surface is undecided: class, normal, and distances of neighbours have errors."""
     built, k = edge_scene()
     found = bounded(built)
     assert found["surface"][0][k] == 0
     assert found["surface"][1][k] >= 1
-    assert np.hypot(*found["surface/n"][1][k]) >= 1 - 1e-8  # a unit vector or none; 1e-10 softens it
+    assert np.hypot(*found["surface/n"][1][k]) >= 1 - 1e-8  # a unit vector or zero; 1e-10 softens it
     simulation = built.simulate()
     simulation.evaluate()
     e = simulation.evaluator

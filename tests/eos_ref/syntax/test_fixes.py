@@ -1,4 +1,4 @@
-"""The two fix commands: all that the manual's syntax accepts, and one clear line for everything else."""
+"""The two fix commands: everything that the manual's syntax accepts, and a clear one-line message otherwise."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def laws(text: str, ntypes: int = 2, **per_type: Any) -> tuple[EOS, ...]:
         # every form of types
         ("*1 linear 2* tait/water", (EOS("linear"), EOS("tait/water"))),
         ("1*2 cubic 1", (EOS("cubic", parameter=1.0), EOS("cubic", parameter=1.0))),
-        # later entries override, whole: an argument of the earlier style is gone
+        # later entries override completely: an argument of the earlier style is dropped
         ("* cubic 3 2 linear", (EOS("cubic", parameter=3.0), EOS("linear"))),
         ("2 linear * tait/water", (EOS("tait/water"), EOS("tait/water"))),
         ("* cubic 3 * cubic 4", (EOS("cubic", parameter=4.0),) * 2),
@@ -130,7 +130,7 @@ def test_bad_pressure_commands(text: str, message: str) -> None:
     [
         ("1 linear", {}, "atom type 2: needs an equation of state"),
         ("1 linear * background 3", {}, "atom type 2: needs an equation of state in addition to the background"),
-        ("* background 3", {}, "atom type 1: needs an equation of state besides"),
+        ("* background 3", {}, "atom type 1: needs an equation of state in addition to the background"),
         ("3 linear", {}, "type range: must lie within the atom types 1 to 2, found '3'"),
         ("* linear 3* tait/water", {}, "must lie within the atom types 1 to 2"),
         ("* tait/general 0", {}, r"gamma of tait/general: must not be 0.*\(deck, atom type 1\)"),
@@ -142,14 +142,14 @@ def test_bad_pressure_commands(text: str, message: str) -> None:
         ("* linear", {"rho0": (math.nan, 1.0)}, r"rho0: must be a finite number.*atom type 1"),
     ],
 )
-def test_entries_that_do_not_resolve(text: str, arguments: dict[str, Any], message: str) -> None:
+def test_unresolvable_entries_are_refused(text: str, arguments: dict[str, Any], message: str) -> None:
     entries = parse_fix_rheo_pressure(PRESSURE + text)
     with pytest.raises(InputError, match=message) as caught:
         resolve(entries, 2, where="deck", **arguments)
     assert "\n" not in str(caught.value)
 
 
-def test_hand_made_entries_are_checked() -> None:
+def test_entries_made_in_python_are_checked() -> None:
     with pytest.raises(InputError, match="needs the argument P_b"):
         resolve([PressureEntry("*", "linear"), PressureEntry("*", "background")], 1)
     with pytest.raises(InputError, match="pressure style"):
@@ -176,7 +176,7 @@ PLAIN = FixRheo(3.0, "quintic", 0)
             "fix 1 all rheo 3.0 quintic 0 thermal density 0.1 0.1 speed/sound 10.0 1.0",
             replace(PLAIN, thermal=True, rho0=(0.1, 0.1), cs=(10.0, 1.0)),
         ),
-        # the second and third, as the syntax section wants them
+        # the second and third, as the syntax section requires
         (
             "fix 1 all rheo 3.0 RK1 10 shift surface/detection coordination 40 8",
             FixRheo(3.0, "RK1", 10, shift=Shift(), surface_detection=SurfaceDetection("coordination", 40.0, 8)),
@@ -290,7 +290,7 @@ def test_bad_rheo_commands(text: str, message: str) -> None:
 
 
 @pytest.mark.parametrize("ntypes", [None, 3])
-def test_a_wrong_number_of_values_needs_the_number_of_types(ntypes: int | None) -> None:
+def test_wrong_number_of_values_is_refused(ntypes: int | None) -> None:
     assert parse_fix_rheo(RHEO + "density 1 2 3", ntypes).rho0 == (1.0, 2.0, 3.0)
     with pytest.raises(InputError, match=r"needs one value per atom type \((N|3)\)"):
         parse_fix_rheo(RHEO + "density", ntypes)
@@ -340,13 +340,13 @@ settings_of_rheo = st.builds(
 
 @settings(deadline=None, derandomize=True)
 @given(st.lists(entries, min_size=1, max_size=6), gaps)
-def test_any_entries_survive_the_text(written: list[PressureEntry], gap: str) -> None:
+def test_any_entries_survive_a_round_trip(written: list[PressureEntry], gap: str) -> None:
     words = PRESSURE.split()
     for entry in written:
         words += [entry.types, entry.style] + ([] if entry.value is None else [repr(entry.value)])
     read = parse_fix_rheo_pressure(gap.join(words))
     assert read == tuple(written)
-    # and what they come to, told again in the simplest way: the last law and the last background of each type
+    # and their result, computed in the simplest way: the last law and the last background of each type
     whole = (PressureEntry("*", "linear"), *read)
     for t, law in enumerate(resolve(whole, NTYPES).laws, 1):
         mine = [e for e in whole if covers(e.types, t)]
@@ -363,7 +363,7 @@ def covers(types: str, t: int) -> bool:
 
 
 def rheo_text(fix: FixRheo, gap: str, order: int) -> str:
-    """The command, its keywords in an order of chance."""
+    """The command, its keywords in random order."""
     keywords: list[list[str]] = []
     if fix.thermal:
         keywords.append(["thermal"])
@@ -391,7 +391,7 @@ def rheo_text(fix: FixRheo, gap: str, order: int) -> str:
 
 @settings(deadline=None, derandomize=True)
 @given(settings_of_rheo, gaps, st.integers(0, 10**6))
-def test_any_settings_survive_the_text(fix: FixRheo, gap: str, order: int) -> None:
+def test_any_settings_survive_a_round_trip(fix: FixRheo, gap: str, order: int) -> None:
     text = rheo_text(fix, gap, order)
     assert parse_fix_rheo(text, NTYPES) == fix
     assert parse_fix_rheo(text) == fix

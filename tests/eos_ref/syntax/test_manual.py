@@ -1,4 +1,4 @@
-"""Versions of the manual, and what they document otherwise."""
+"""Versions of the manual, and the differences between them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_manual_of_a_version(version: str, manual: Manual) -> None:
     assert manual_of(version) == manual
 
 
-def test_the_same_line_means_what_its_manual_says() -> None:
+def test_meaning_of_a_line_depends_on_the_manual() -> None:
     assert get_args(Manual) == MANUALS
     for manual in MANUALS:
         shift = parse_fix_rheo(LINE, 4, manual).shift
@@ -41,8 +41,8 @@ def test_the_same_line_means_what_its_manual_says() -> None:
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_the_two_sums_shift_other_particles(dimension: int) -> None:
-    """Both are compared with the double loop wherever all recipes are; here, that a recipe can tell them apart."""
+def test_two_sums_shift_different_particles(dimension: int) -> None:
+    """Both are compared with the double loop wherever all recipes are; here, a recipe distinguishes them."""
     shifts = [bounded(recipe(name, dimension))["shift/v"][0] for name in ("cross", "cross, by distance")]
     still = [np.all(shift_nc == 0, axis=1) for shift_nc in shifts]
     assert still[0].any() and still[1].any() and np.any(still[0] != still[1])

@@ -1,4 +1,4 @@
-"""Lists of atom types: every form of the manual, and every form that is none."""
+"""Ranges of atom types: every form of the manual, and every invalid form."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ REVERSED = "must not be reversed"
         ("999999999999999999", WITHIN),
     ],
 )
-def test_what_is_no_range_of_two_types(text: str, rule: str) -> None:
+def test_invalid_ranges_of_two_types(text: str, rule: str) -> None:
     with pytest.raises(InputError, match=re.escape(rule)) as caught:
         type_range(text, 2, "in.deck")
     message = str(caught.value)
@@ -90,7 +90,7 @@ def test_what_is_no_range_of_two_types(text: str, rule: str) -> None:
 
 @settings(deadline=None, derandomize=True)
 @given(st.integers(1, 50), st.integers(1, 50), st.integers(1, 50))
-def test_a_range_is_what_it_says(low: int, high: int, ntypes: int) -> None:
+def test_range_selects_the_types_between_its_ends(low: int, high: int, ntypes: int) -> None:
     def value(text: str) -> list[int] | None:
         try:
             return list(type_range(text, ntypes))

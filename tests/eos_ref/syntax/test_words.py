@@ -1,4 +1,4 @@
-"""Words of commands: how they are split, and what is no number."""
+"""Words of commands: how they are split, and words that are not numbers."""
 
 from __future__ import annotations
 

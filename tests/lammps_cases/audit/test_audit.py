@@ -1,4 +1,4 @@
-"""The audit of decks: real LAMMPS runs decks that bend the flow in every documented way; faults are planted."""
+"""The audit of decks: real LAMMPS runs decks with every documented option of flow control; faults are planted."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ HEALTHY = ["plain", "loop", "include", "systems", "gas", "deposit"]
 
 @functools.cache
 def audited(name: str, folder: Path) -> AuditResult:
-    """Audit of a deck of ours; what the deck writes is kept in ``folder``."""
+    """Audit a deck of the tests; its output is kept in ``folder``."""
     return audit_deck(DECKS / f"in.{name}", AuditOptions(keep=folder, fields=PRESSURE))
 
 
@@ -49,8 +49,8 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
 
 # --- healthy decks ---
 
-# Their densities lie on both sides of rho0 at random, of which the audit says rightly that such a tension would clump
-# in time; their masses, densities and speeds are odd numbers, so that none can be taken for another.
+# Their densities lie on both sides of rho0 at random, and the audit warns correctly that such a tension would clump
+# in time; their masses, densities and speeds are odd numbers, so that none can be confused with another.
 DELIBERATE = (
     "the tension at which particles clump",
     " times rho0 V = ",
@@ -82,7 +82,7 @@ def test_healthy_deck_is_clean(name: str, kept: Callable[[str], Path]) -> None:
         ("deposit", {1: [0, 10, 20, 30], 2: [33, 40]}),
     ],
 )
-def test_every_run_is_looked_at(name: str, looks: dict[int, list[int]], kept: Callable[[str], Path]) -> None:
+def test_every_run_is_sampled(name: str, looks: dict[int, list[int]], kept: Callable[[str], Path]) -> None:
     checks = [check for check in case_of(audited(name, kept(name))).checks if check.type == 1]
     found: dict[int, list[int]] = {}
     for check in checks:
@@ -90,8 +90,8 @@ def test_every_run_is_looked_at(name: str, looks: dict[int, list[int]], kept: Ca
     assert found == looks
 
 
-def test_minimization_is_not_looked_at(tmp_path: Path) -> None:
-    """It calls back as a run does, but evaluates no pressure."""
+def test_minimization_is_not_sampled(tmp_path: Path) -> None:
+    """It invokes the callback as a run does, but evaluates no pressure."""
     commands = f"set group all rheo/rho 1.1\n{FIXES}fix 3 all rheo/pressure * linear\n"
     case = case_of(
         audit_deck(write_deck(tmp_path, f"{commands}run 20\nminimize 1e-5 1e-5 50 50\nrun 20\n"), OF_PRESSURE)
@@ -111,7 +111,7 @@ def test_laws_are_those_after_substitution_and_redefinition(kept: Callable[[str]
     ]
 
 
-def test_atoms_that_come_and_go_are_checked(kept: Callable[[str], Path]) -> None:
+def test_created_and_deleted_atoms_are_checked(kept: Callable[[str], Path]) -> None:
     result = audited("deposit", kept("deposit"))
     natoms = [check.natoms for check in case_of(result).checks if check.type == 1]
     assert natoms[0] < natoms[1] < natoms[3] and case_of(result).natoms == 66 == len(result.arrays["id"])
@@ -126,7 +126,7 @@ def test_energy_is_per_mass(kept: Callable[[str], Path]) -> None:
     np.testing.assert_allclose(arrays["pressure.lammps"], expected_n, rtol=10 * 2.0**-53)
 
 
-def test_arrays_of_the_last_look(kept: Callable[[str], Path]) -> None:
+def test_arrays_of_the_last_sample(kept: Callable[[str], Path]) -> None:
     arrays = audited("plain", kept("plain")).arrays
     assert np.all(np.diff(arrays["id"]) > 0) and arrays["step"] == 40
     assert arrays["x"].shape == (64, 3) and arrays["box"].tolist() == [[0, 0, -0.01], [8, 8, 0.01]]
@@ -232,7 +232,7 @@ def test_one_wrong_atom_is_named(monkeypatch: pytest.MonkeyPatch, kept: Callable
     monkeypatch.setattr(supervise, "ENTRY", _one_atom)
     result = audit_deck(DECKS / "in.plain", OF_PRESSURE)
     case = case_of(result)
-    assert int(result.arrays["step"]) == 20  # what is drawn is where it begins
+    assert int(result.arrays["step"]) == 20  # the picture shows where it starts
     healthy = audited("plain", kept("plain")).arrays
     assert int(healthy["step"]) == max(check.step for check in case.checks) == 40
     wrong_type = int(healthy["type"][healthy["id"] == 17][0])
@@ -243,7 +243,7 @@ def test_one_wrong_atom_is_named(monkeypatch: pytest.MonkeyPatch, kept: Callable
     assert bad == {(step, wrong_type) for step in (20, 30, 40)}
 
 
-def test_crash_keeps_what_was_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_crash_keeps_earlier_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervise, "ENTRY", _segfault)
     result = audit_deck(DECKS / "in.plain", OF_PRESSURE)
     case = case_of(result)
@@ -260,7 +260,7 @@ def test_quit_inside_a_run_ends_only_the_child() -> None:
 
 
 def test_hang_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The time limit passes when LAMMPS hangs, however long it took to start."""
+    """The time limit expires while LAMMPS hangs, independent of its start-up time."""
     ahead = [0.0]
     clock = SimpleNamespace(monotonic=lambda: time.monotonic() + ahead[0], perf_counter=time.perf_counter)
     take = Findings.take
@@ -278,7 +278,7 @@ def test_hang_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def test_error_inside_a_look_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_inside_a_sample_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervise, "ENTRY", _wrong_look)
     with pytest.raises(InputError, match="look: must not fail"):
         audit_deck(DECKS / "in.plain", OF_PRESSURE)
@@ -301,7 +301,7 @@ def test_ctrl_c_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, tmp_path:
 # --- LAMMPS' own errors, limits ---
 
 
-def test_error_of_lammps_is_refused() -> None:
+def test_error_of_lammps_is_bad_input() -> None:
     result = audit_deck(DECKS / "in.error", OF_PRESSURE)
     case = case_of(result)
     assert case.verdict == "refused" and result.record.exit_code() == 3
@@ -330,7 +330,7 @@ def test_every() -> None:
     ("command", "steps"),
     [("run  45 pre no", 65), ("run ${n}", None), ("run 45 upto", None), ("minimize 0 0 10 10", None)],
 )
-def test_the_steps_of_a_run_are_known_where_its_command_names_them(command: str, steps: int | None) -> None:
+def test_steps_of_a_run_are_read_from_its_command(command: str, steps: int | None) -> None:
     assert supervise.steps_after(command, 20) == steps
 
 
@@ -349,13 +349,13 @@ def test_offset_and_density_off_rho0() -> None:
     assert far.startswith("type 2: rho is 1.66 times rho0 = 0.8 ") and "a pressure of 0.659 rho0 c^2" in far
 
 
-def test_density_that_stays_near_rho0_but_off_it(tmp_path: Path) -> None:
+def test_density_with_constant_offset_from_rho0(tmp_path: Path) -> None:
     commands = f"mass * 1\nset group all rheo/rho 1.05\n{FIXES}fix 3 all rheo/pressure * linear\nrun 1\n"
     lines = case_of(audit_deck(write_deck(tmp_path, commands), OF_PRESSURE)).warnings
     assert len([line for line in lines if ": rho0 = 1 was never reached: " in line]) == 2
 
 
-def test_run_without_pressure_is_said(tmp_path: Path) -> None:
+def test_run_without_pressure_is_reported(tmp_path: Path) -> None:
     commands = f"set group all rheo/rho 1.0\n{FIXES}fix 3 all rheo/pressure * linear\nrun 5\n"
     deck = write_deck(tmp_path, commands)
     deck.write_text(f"{MELT}clear\n{deck.read_text()}")

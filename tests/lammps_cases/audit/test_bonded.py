@@ -1,4 +1,4 @@
-"""Decks with bonds: what special_bonds removes is explained, and what bonds add to is all that is not checked."""
+"""Decks with bonds: pairs removed by special_bonds are explained, and only fields that bonds add to are unchecked."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def audited(folder: Path, weights: str, *edits: tuple[str, str]) -> CaseRecord:
     return case_of(audit_deck(deck))
 
 
-def test_what_special_bonds_removes_is_explained(tmp_path: Path) -> None:
+def test_pairs_removed_by_special_bonds_are_explained(tmp_path: Path) -> None:
     case = audited(tmp_path, "lj 0 1 1 coul 0 1 1")
     by = {field.field: field.explained_by for field in case.fields}
     assert by.keys() >= OF_PAIRS and not OF_PAIRS & case.unchecked.keys()
@@ -45,7 +45,7 @@ def test_what_special_bonds_removes_is_explained(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("weights", ["lj 0 1 1 coul 1 1 1", "lj 1 1 1 coul 0 1 1", "lj 0.5 1 1 coul 0.5 1 1"])
-def test_weights_above_0_change_nothing(weights: str, tmp_path: Path) -> None:
+def test_positive_weights_change_nothing(weights: str, tmp_path: Path) -> None:
     case = audited(tmp_path, weights)
     assert {field.field for field in case.fields} >= OF_PAIRS and not OF_PAIRS & case.unchecked.keys()
     assert {field.verdict for field in case.fields} <= {"exact", "pass", "explained"}

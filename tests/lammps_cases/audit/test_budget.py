@@ -49,7 +49,7 @@ def quintic(sample: ParticleSample) -> ParticleSample:
 
 
 @pytest.mark.parametrize("name", [FORCES, SHIFT])
-def test_pressure_gives_what_compression_takes(name: str) -> None:
+def test_pressure_power_equals_compression_work(name: str) -> None:
     sample = quintic(sample_of(name))
     found = budget(sample, still(sample), 1, 0, 0.0, [entry for entry in LEDGER if entry.id == "force-per-volume"])
     assert {"momentum", "energy of pressure"} <= set(found.residual)
@@ -62,14 +62,14 @@ def test_pressure_gives_what_compression_takes(name: str) -> None:
     assert max(abs(f) for f in wrong.force) > found.bound["momentum"]
 
 
-def test_a_force_without_the_volume_keeps_neither() -> None:
+def test_force_without_volume_breaks_conservation() -> None:
     sample = quintic(sample_of(FORCES))
     wrong = Rates(sample, ForcePerVolume)
     residuals = wrong.residuals(wrong)
     assert all(abs(value(of)[0]) > error(of)[0] for of in residuals.values())
 
 
-def test_parts_add_up_to_the_whole() -> None:
+def test_parts_add_up_to_the_total() -> None:
     sample = sample_of(FORCES)
     gravity = Action("gravity", "all", (0.1, -0.2, 0.0))
     sample = replace(sample, actions=[(gravity, np.ones(len(sample.mass_n), bool))])
@@ -88,7 +88,7 @@ def test_parts_add_up_to_the_whole() -> None:
         assert abs(force - weight) <= error(summed(f_n))[0] + of_weight
 
 
-def test_velocities_are_completed_by_half_a_step() -> None:
+def test_half_step_velocities_are_completed() -> None:
     sample = sample_of(FORCES)
     force_nc = np.ones(sample.state.x_nc.shape)
     at_rest = replace(sample, state=replace(sample.state, v_nc=still(sample)))
@@ -102,7 +102,7 @@ def test_velocities_are_completed_by_half_a_step() -> None:
 
 
 @pytest.mark.parametrize("name", [FORCES, "forces.all.quintic.3d", THERMAL])
-def test_finer_particles_are_the_same_fluid(name: str) -> None:
+def test_refined_particles_represent_the_same_fluid(name: str) -> None:
     sample = sample_of(name)
     state, d = sample.state, sample.model.dimension
     fine = rerun.finer(sample.model, sample.box, state)
@@ -121,7 +121,7 @@ def test_finer_particles_are_the_same_fluid(name: str) -> None:
         assert math.fsum(fine.state.energy_n) == math.fsum(state.energy_n)
 
 
-def test_runs_that_run_away_say_so() -> None:
+def test_diverging_runs_record_how_they_ended() -> None:
     sample = sample_of(FORCES)
     series = rerun.reruns(TimedSample(sample, 50.0, 1, 0, np.arange(len(sample.mass_n))), 40, 10, ())
     assert series[0].name == rerun.AS_IT_IS and all(of.ended for of in series)
@@ -169,14 +169,14 @@ def test_vortices_are_recognised_by_their_velocities() -> None:
 
 
 @pytest.mark.parametrize("eta", [0.0, 1e-30, 1e6])
-def test_a_viscosity_that_leaves_no_rate_has_no_closed_solution(eta: float) -> None:
+def test_viscosity_without_decay_rate_has_no_closed_solution(eta: float) -> None:
     good = vortices()
     law = replace(good.sample.model.viscosity[0], eta=eta)
     model = replace(good.sample.model, viscosity=(law,))
     assert closed(replace(good, sample=replace(good.sample, model=model)), [0, 10]) is None
 
 
-def test_what_a_finding_adds_is_what_the_run_with_it_has_more() -> None:
+def test_contribution_of_a_finding_is_the_difference_of_runs() -> None:
     exact = ClosedRecord(flow="", quantity="kinetic energy", about="", steps=[0, 1], values=[1, 0.5], decays=True)
     looks = {"steps": [0, 1], "momentum": [[0.0], [0.0]]}
     right = SeriesRecord(name=rerun.AS_IT_IS, kinetic=[1.0, 0.5], **looks)
@@ -197,7 +197,7 @@ def test_what_a_finding_adds_is_what_the_run_with_it_has_more() -> None:
     assert wrong.contribution == 1.0, "with it the decay is faster"
 
 
-def test_a_deviation_is_taken_at_a_common_step() -> None:
+def test_deviation_is_measured_at_a_common_step() -> None:
     decay = ClosedRecord(
         flow="", quantity="kinetic energy", about="", steps=[0, 4, 8], values=[1, 0.5, 0.25], decays=True
     )

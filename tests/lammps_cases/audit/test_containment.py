@@ -1,4 +1,4 @@
-"""Decks of strangers on real LAMMPS: the process that runs them is contained, whatever the text of the deck."""
+"""Untrusted decks on real LAMMPS: the process that runs them is contained, whatever the text of the deck."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ BOX = (
 
 
 def answers(monkeypatch: pytest.MonkeyPatch, deck: Path, entry: Callable[..., Any], keep: Path | None = None) -> Any:
-    """What an entry found out in the process of a deck, contained as for an audit."""
+    """Result of an entry function in the process of a deck, contained as for an audit."""
     monkeypatch.setattr(supervise, "ENTRY", functools.partial(_answered, entry))
     with pytest.raises(InputError) as told:
         pytest.fail(case_of(audit_deck(deck, AuditOptions(trust=False, keep=keep))).message)
@@ -67,7 +67,7 @@ def _commands(commands: list[str], lmp: Any) -> list[str]:
 
 
 def _calls(outside: str, lmp: Any) -> dict[str, str]:
-    """What code that a deck loads could try: the error of every call, empty if it succeeds."""
+    """Calls that code loaded by a deck could try: the error of each, empty if it succeeds."""
     import signal
     import socket
     import tempfile
@@ -96,7 +96,7 @@ def _calls(outside: str, lmp: Any) -> dict[str, str]:
         "datagram": lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM),
         "local socket": lambda: socket.socket(socket.AF_UNIX),
         "signal": lambda: os.kill(os.getppid(), signal.SIGTERM),
-        # and what it may do
+        # allowed calls
         "own file": lambda: Path("made").write_text("x"),
         "own folder": lambda: shutil.rmtree(tempfile.mkdtemp(dir=".")),
         "thread": lambda: threading.Thread(target=print).start(),
@@ -113,7 +113,7 @@ def _calls(outside: str, lmp: Any) -> dict[str, str]:
 
 
 ALLOWED = {"own file", "own folder", "thread", "clock"}
-# Of its own file system, and its own processes.
+# Calls on its own file system and processes.
 WITHIN_BUBBLEWRAP = {"symbolic link", "fifo", "shared memory", "signal", "environment of others"}
 
 
@@ -137,7 +137,7 @@ MEANS = [means for means in ("landlock", "bubblewrap") if means in containment.a
 
 @pytest.fixture(params=MEANS)
 def means(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Each means that this machine has, one after the other."""
+    """Each means of containment that this machine has."""
     monkeypatch.setattr(containment, "available", lambda: (request.param,))
     monkeypatch.setattr(containment, "SYSTEM", (*containment.SYSTEM, str(Path(__file__).parents[2])))  # the entries
     return str(request.param)
@@ -180,14 +180,14 @@ REACHING_OUT = [
     "dump e all custom 1 x.gz id",
     "dump d all atom 1 \u2018{outside}/made\u2019",
     "run 1",
-    "write_dump all atom {outside}/made",  # last: LAMMPS does not survive what follows a dump that it cannot write
+    "write_dump all atom {outside}/made",  # last: LAMMPS crashes after a dump that it cannot write
 ]
 
 
 def test_commands_of_a_deck_reach_nothing(
     outside: Path, deck: Path, means: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Given to LAMMPS itself, past everything that reads the text before."""
+    """Given to LAMMPS directly, without the checks of the text."""
     monkeypatch.setenv("EOS_REF_SECRET", SECRET)
     (deck.parent / "link").symlink_to(outside / "secret")
     commands = [command.format(outside=outside) for command in REACHING_OUT]
@@ -225,7 +225,7 @@ def test_audit_of_a_hostile_deck_leaks_nothing(
     assert told and SECRET not in told and not (outside / "made").exists()
 
 
-def test_deck_is_refused_where_nothing_contains_it(
+def test_deck_is_refused_without_containment(
     deck: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Callable[..., Outcome]
 ) -> None:
     monkeypatch.delenv(TRUST, raising=False)
@@ -281,7 +281,7 @@ def test_mpi_starts_in_a_contained_process(ranks: int, means: str, tmp_path: Pat
     assert not (tmp_path / "made").exists()
 
 
-# --- decks without end, and texts that are none
+# --- endless decks, and texts that are not decks
 
 
 @pytest.mark.parametrize(
@@ -293,9 +293,9 @@ def test_mpi_starts_in_a_contained_process(ranks: int, means: str, tmp_path: Pat
     ],
     ids=["jump", "loop", "run"],
 )
-def test_decks_without_end_are_stopped(commands: str, place: str, deck: Path) -> None:
+def test_endless_decks_are_stopped(commands: str, place: str, deck: Path) -> None:
     deck.write_text(commands)
-    case = case_of(audit_deck(deck, AuditOptions(timeout=10.0)))  # that a busy machine reads the first command in
+    case = case_of(audit_deck(deck, AuditOptions(timeout=10.0)))  # within which a busy machine reads the first command
     assert case.verdict == "timeout" and case.message.startswith("stopped after 10 s") and place in case.message
 
 
@@ -316,11 +316,11 @@ def test_decks_without_end_are_stopped(commands: str, place: str, deck: Path) ->
     ],
     ids=range(11),
 )
-def test_texts_of_any_kind_end_in_a_line(content: bytes, rule: str, deck: Path) -> None:
+def test_any_text_gives_a_one_line_message(content: bytes, rule: str, deck: Path) -> None:
     deck.write_bytes(content)
     begin = time.monotonic()
     try:
-        place.check_script(deck)  # of a trusted deck it is not asked
+        place.check_script(deck)  # not checked for a trusted deck
         told = case_of(audit_deck(deck, AuditOptions(timeout=60.0))).message
     except InputError as error:
         told = str(error)
@@ -328,7 +328,7 @@ def test_texts_of_any_kind_end_in_a_line(content: bytes, rule: str, deck: Path) 
     assert time.monotonic() - begin < 20.0
 
 
-def test_fifos_and_devices_are_no_decks(deck: Path) -> None:
+def test_fifos_and_devices_are_refused(deck: Path) -> None:
     os.mkfifo(deck.parent / "fifo")
     (deck.parent / "zero").symlink_to("/dev/zero")
     deck.write_text("include fifo\n")
@@ -339,7 +339,7 @@ def test_fifos_and_devices_are_no_decks(deck: Path) -> None:
 
 
 def test_limits_hold(deck: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Memory, and the disk: half of what was free when the deck began."""
+    """Of memory, and of the disk: half of the space that was free when the deck began."""
     monkeypatch.setattr(supervise, "ENTRY", _fills_memory)
     case = case_of(audit_deck(deck))
     assert case.verdict == "crashed" and "MemoryError" in case.message

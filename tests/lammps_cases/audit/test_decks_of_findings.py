@@ -1,4 +1,4 @@
-"""The decks of all findings (``eos-ref report-bug``), audited: none shows anything new, and none passes."""
+"""The decks of all findings (``eos-ref report-bug``), audited: every one shows its finding and nothing new."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.support.bug_decks import ENGINES, engine_of, finding_of, report_of, s
 
 IDS = [entry.id for entry in LEDGER]
 
-# Their decks do what the page says, but for a word of the page: no field, no run and no output is affected.
+# Their decks differ from the page in one word only: no field, no run and no output is affected.
 OF_THE_PAGE = {
     "cubic-unit": "LAMMPS computes the formula; the unit that the page gives for its prefactor does not fit it",
     "support-unit": "LAMMPS compares the sum of the formula; the page says that the threshold has no unit",
@@ -68,7 +68,7 @@ def test_deck_of_a_finding_is_never_new(name: str, engine: str, tmp_path: Path) 
         assert case.verdict not in ("exact", "pass") and name in case.explained_by, case.message
 
 
-def test_tables_are_of_findings() -> None:
+def test_tables_name_existing_findings() -> None:
     assert {*OF_THE_PAGE, *FORBIDDEN} <= set(IDS)
 
 
@@ -76,7 +76,7 @@ def test_tables_are_of_findings() -> None:
 
 
 def refused(lines: tuple[str, ...]) -> InputError:
-    """What the reference says of the commands of a deck."""
+    """The complaint of the reference about the commands of a deck."""
     deck, ntypes = Deck(), 2  # as in the data files of such decks
     for words in map(str.split, lines):
         ntypes = int(words[1]) if words[0] == "create_box" else ntypes
@@ -93,7 +93,7 @@ ACCEPTING = [entry for entry in LEDGER if isinstance(entry, OutcomeFinding) and 
 
 
 @pytest.mark.parametrize("entry", ACCEPTING, ids=lambda entry: entry.id)
-def test_arguments_accepted_are_those_that_the_reference_refuses(entry: OutcomeFinding) -> None:
+def test_arguments_accepted_by_lammps_are_refused_by_the_reference(entry: OutcomeFinding) -> None:
     probes = [commands(probe.input) for probe in manual.probes() if entry.covers(probe.name)]
     errors = [refused(lines) for lines in probes or [report_of(entry.id).deck.lines]]
     assert {error.what for error in errors} == set(entry.accepts)
@@ -102,6 +102,6 @@ def test_arguments_accepted_are_those_that_the_reference_refuses(entry: OutcomeF
     assert [*acting.found] == [entry.id]
 
 
-def test_other_arguments_are_no_known_bug() -> None:
+def test_other_arguments_are_not_a_known_bug() -> None:
     acting, error = Acting("2025.7.22.4.0"), InputError("cut", "must be positive", 0.0)
     assert acting.accepted(error) is error and not acting.found

@@ -1,4 +1,4 @@
-"""NaN, infinity and subnormal numbers in every column of a dump that is audited: never PASS, never a traceback."""
+"""NaN, infinity and subnormal numbers in every column of an audited dump: never PASS, never a traceback."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def described_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have LAMMPS describe the deck once for all tests."""
+    """Run LAMMPS once to describe the deck for all tests."""
     who, setups = describe(folder)
     monkeypatch.setattr(finished, "described", lambda *_: (Findings(who=who), setups))
 
@@ -76,7 +76,7 @@ def audited(dump: Path, folder: Path) -> CaseRecord:
 
 @pytest.mark.parametrize("text", ["nan", "inf", "-inf"])
 @pytest.mark.parametrize("column", COLUMNS)
-def test_what_is_no_finite_number_is_no_pass(
+def test_non_finite_number_never_passes(
     column: str, text: str, folder: Path, tmp_path: Path, eos_ref_command: Callable[..., Outcome]
 ) -> None:
     dump, step, atom = edited(folder, column, text, tmp_path)
@@ -91,7 +91,7 @@ def test_what_is_no_finite_number_is_no_pass(
 
 @pytest.mark.parametrize("text", ["5e-324", "1e-310"])
 @pytest.mark.parametrize("column", [name for name in COLUMNS if name not in INTEGERS])
-def test_a_subnormal_number_is_one_like_any_other(column: str, text: str, folder: Path, tmp_path: Path) -> None:
+def test_subnormal_number_is_compared(column: str, text: str, folder: Path, tmp_path: Path) -> None:
     dump, _, _ = edited(folder, column, text, tmp_path)
     try:
         case = audited(dump, folder)

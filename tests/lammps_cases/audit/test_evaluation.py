@@ -1,4 +1,4 @@
-"""What can be compared in a sample, in blocks as well as at once."""
+"""Which particles of a sample can be compared: the same in blocks as at once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lammps_cases.verdict.problems import problem_of
 
 
 def sample_of(name: str) -> ParticleSample:
-    """Return the particles of a case, of which some lie a little above the others."""
+    """Return the particles of a case, some of them displaced slightly upwards."""
     (case,) = (case for case in casefile.load() if case.name == name)
     problem = problem_of(case.scene, prepare(case).atoms, case.where, case.scene.snapshots)
     state = problem.state
@@ -26,7 +26,7 @@ def sample_of(name: str) -> ParticleSample:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["surfaces.divergence.open", "thermal-walls.reconstructed.rk1", "shift.sum.2d"])
-def test_blocks_leave_out_the_same_particles(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_exclude_the_same_particles(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sample = sample_of(name)
     model = sample.model
     asked = [f for f in fields.checked() if f not in ("virial", "press") and has(model, keyword_of(f))]

@@ -1,4 +1,4 @@
-"""The audit of fields beside the pressure: real LAMMPS runs decks of ours, faults are planted on either side."""
+"""The audit of fields other than the pressure: test decks on real LAMMPS, with faults planted on either side."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ FOUND: dict[str, tuple[set[str], dict[str, str]]] = {
 
 @functools.cache
 def audited(name: str, folder: Path) -> AuditResult:
-    """Audit of all fields of a deck of ours; what the deck writes is kept in ``folder``."""
+    """Audit all fields of a deck of the tests; its output is kept in ``folder``."""
     return audit_deck(DECKS / f"in.{name}", AuditOptions(keep=folder, fields=("all",)))
 
 
@@ -86,7 +86,7 @@ def test_every_field_is_compared(name: str, kept: Callable[[str], Path]) -> None
 
 
 def test_fields_have_values(kept: Callable[[str], Path]) -> None:
-    """A comparison of zeros would be clean as well."""
+    """A comparison of zeros would pass, too."""
     summed = audited("summed", kept("summed")).arrays
     assert set(np.unique(summed["surface.lammps"])) == {0.0, 1.0, 2.0}
     for field in ("shift/v", "grad/v", "surface/n", "surface/r", "stress/v"):
@@ -98,15 +98,15 @@ def test_fields_have_values(kept: Callable[[str], Path]) -> None:
     assert np.abs(power["heatflow.lammps"]).max() > 1e-6
 
 
-def test_looks_on_one_step_are_fresh(kept: Callable[[str], Path]) -> None:
-    """A run set up anew calls back twice on a step, with other half-step velocities: both agree with the reference."""
+def test_samples_of_one_step_are_independent(kept: Callable[[str], Path]) -> None:
+    """A second set-up invokes the callback twice on a step, with different half-step velocities; both samples agree."""
     checks = [c for c in case_of(audited("summed", kept("summed"))).checks if c.field == "grad/v"]
     assert [(c.run, c.step) for c in checks] == [(1, 0), (1, 10), (1, 20), (2, 20), (2, 30), (2, 30), (2, 40)]
     assert all(c.verdict == "pass" and c.natoms == 75 for c in checks)
 
 
-def test_set_up_with_summed_walls(kept: Callable[[str], Path]) -> None:
-    """There LAMMPS shows densities of solids that it did not use: fluid alone is judged, by density not at all."""
+def test_set_up_with_summed_wall_densities(kept: Callable[[str], Path]) -> None:
+    """LAMMPS then outputs densities of solids that it did not use: only fluid is judged, and density not at all."""
     checks = case_of(audited("walls_summed", kept("walls_summed"))).checks
     first = {(c.field, c.type): c.natoms for c in checks if c.step == 0}
     assert first == {("coordination", 0): 64, ("rho", 0): 22, ("chi", 0): 64, ("viscosity", 0): 64, ("pressure", 1): 22}
@@ -115,7 +115,7 @@ def test_set_up_with_summed_walls(kept: Callable[[str], Path]) -> None:
 
 
 def test_atoms_off_the_plane(kept: Callable[[str], Path]) -> None:
-    """Deposited into a slab, they lie off the plane of a 2D deck: fields near them are no longer those of 2D."""
+    """Atoms deposited into a slab lie off the plane of a 2D deck: fields near them are not two-dimensional."""
     case = case_of(audited("deposit", kept("deposit")))
     assert "atoms of this 2D deck have neighbours at another height" in case.warnings[-1]
     assert {c.step for c in case.checks if c.field == "grad/v"} == {0}
@@ -152,7 +152,7 @@ def _damage(field: str, sample: Any) -> None:
     def wrong(self: Any, n: int) -> Any:
         shown = right(self, n)
         calls.append(n)
-        if len(calls) > 1:  # from the second look on
+        if len(calls) > 1:  # from the second sample on
             row = self.lmp.numpy.extract_atom("id")[:n].tolist().index(17)
             values = shown[field].reshape(n, -1)
             values[row, -1] += 1 if field == "coordination" else 1e-9
@@ -214,7 +214,7 @@ def soft_forces(x_nc: Any, edge: float, amplitude: float, cut: float) -> Any:
     return (size[..., None] * apart).sum(axis=1)
 
 
-def test_share_of_pair_rheo_is_the_rest_of_the_forces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_force_of_pair_rheo_is_the_remainder_of_the_total(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     results: list[AuditResult] = []
     audit = supervise.audit_deck
 
@@ -243,7 +243,7 @@ def test_share_of_pair_rheo_is_the_rest_of_the_forces(tmp_path: Path, monkeypatc
     )
 
 
-def test_wrong_share_of_pair_rheo_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_force_of_pair_rheo_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervise, "ENTRY", functools.partial(_second_only, _one_force))
     case = case_of(audit_deck(DECKS / "in.overlay", AuditOptions()))
     assert case.verdict == "differs" and {f.field for f in case.fields if f.verdict == "differs"} == {"f"}
@@ -262,21 +262,21 @@ def test_wrong_share_of_pair_rheo_is_found(monkeypatch: pytest.MonkeyPatch) -> N
         ("pair_style soft 1.2", False),
     ],
 )
-def test_when_the_share_of_pair_rheo_can_be_asked_for(commands: str, asked: bool) -> None:
+def test_when_force_of_pair_rheo_is_available(commands: str, asked: bool) -> None:
     assert share.can_be_had(followed(MODEL + commands)) is asked
 
 
-def test_words_of_pair_rheo_among_others() -> None:
+def test_words_of_pair_rheo_in_a_hybrid_style() -> None:
     assert deck.rheo_words(followed(MODEL).pair) == ["rheo", "3.0", "artificial/visc", "0.1", "harmonic/means"]
 
 
-def test_second_lammps_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failure_of_the_second_lammps_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     write = share.write
     monkeypatch.setattr(share, "write", lambda asked, to: write(replace(asked, commands=["bogus"]), to))
     case = case_of(audit_deck(DECKS / "in.overlay", AuditOptions(steps=1)))
     told = next(line for line in case.not_checked if line.startswith("f: "))
     assert "pair_style soft adds to it; of pair_style rheo alone" in told and "cannot be had (ERROR" in told
-    assert case.verdict == "explained" and case.findings == ["force-per-volume"]  # which no look at f contradicts
+    assert case.verdict == "explained" and case.findings == ["force-per-volume"]  # which no sample of f contradicts
 
 
 SUMMED_WRONG = ["coordination", "rho", "grad/v", "shift/v", "surface/r", "surface/n", "surface/divr", "f", "drho"]
@@ -291,8 +291,8 @@ def test_one_wrong_value_is_named(field: str, monkeypatch: pytest.MonkeyPatch) -
     assert f"{field} leaves its bound first at step 10 (run 1), atom 17: 1 of 75 atoms" in case.message or field == "f"
     bad = {(check.field, check.step) for check in case.checks if check.verdict == "differs"}
     assert bad == {(field, 10), (field, 20)}
-    assert int(result.arrays["step"]) == 10  # where it begins, not where the audit ends
-    if field == "f":  # without the finding, which takes all others out of their bounds as well
+    assert int(result.arrays["step"]) == 10  # where it starts, not where the audit ends
+    if field == "f":  # without the finding, which also moves all other ones out of their bounds
         assert "f leaves its bound first at step 10 (run 1)" in case.message
 
 
@@ -308,7 +308,7 @@ def test_wrong_parameter_differs(plant: Any, name: str, red: set[str], monkeypat
     assert "first at step 0 (run 1)" in case.message
 
 
-# --- what is asked for
+# --- fields requested
 
 
 @pytest.mark.parametrize(
@@ -321,12 +321,12 @@ def test_wrong_parameter_differs(plant: Any, name: str, red: set[str], monkeypat
         ("walls_corrected", "f", "reproducing kernels used densities of walls"),
     ],
 )
-def test_field_that_a_deck_does_not_have(name: str, field: str, why: str) -> None:
+def test_field_missing_from_the_deck(name: str, field: str, why: str) -> None:
     with pytest.raises(InputError, match=rf"{field}: cannot be checked in this deck: .*{why}"):
         audit_deck(DECKS / f"in.{name}", AuditOptions(fields=("pressure", field)))
 
 
-def test_unknown_field_is_one_line() -> None:
+def test_unknown_field_gives_a_one_line_message() -> None:
     run = subprocess.run(
         [sys.executable, "-m", "lammps_cases.cli.main", "audit", "in.plain", "--fields", "pressure,densty"],
         cwd=DECKS,
@@ -357,7 +357,7 @@ def test_command_line_prints_fields(tmp_path: Path) -> None:
     assert "<td>surface/divr</td>" in page and "Not checked" in page
 
 
-def test_chosen_fields_alone() -> None:
+def test_only_chosen_fields_are_compared() -> None:
     case = case_of(audit_deck(DECKS / "in.summed", AuditOptions(fields=("surface/n", "rho"), steps=10)))
     assert [field.field for field in case.fields] == ["rho", "surface/n"] and case.verdict == "pass"
     assert "--fields rho,surface/n" in case.reproduce and case.not_checked == []
@@ -407,13 +407,13 @@ def test_parameters_of_a_hybrid_deck() -> None:
         ("pair_style rheo 3.0\npair_coeff * *\nfix 9 all spring/self 1\nunfix 9", ""),
     ],
 )
-def test_what_adds_to_the_force(commands: str, why: str) -> None:
+def test_contributions_to_the_force(commands: str, why: str) -> None:
     found = followed(MODEL + commands)
     reason = found.adds_force() or found.changes_pairs()
     assert why in reason and bool(why) == bool(reason)
 
 
-def test_shifts_of_particles_that_oxidize_are_left_out() -> None:
+def test_shifts_of_oxidizing_particles_are_excluded() -> None:
     """LAMMPS' own oxidation example differs from step 69 on, and agrees without fix rheo/oxidation and its bonds."""
     model = Model(
         2,
@@ -429,7 +429,7 @@ def test_shifts_of_particles_that_oxidize_are_left_out() -> None:
     assert not fields.why_not("grad/v", model, fields.Setting(oxidizing, "lj"))
 
 
-def test_types_without_pairs_of_rheo_have_other_cutoffs() -> None:
+def test_types_without_rheo_pairs_have_other_cutoffs() -> None:
     some = "pair_style hybrid rheo 3.0\npair_coeff 1 1 rheo\npair_coeff 1 2 none"
     for style in (some, some.replace("hybrid ", "hybrid/overlay soft 2.0 ")):
         found = followed(style)
@@ -438,7 +438,7 @@ def test_types_without_pairs_of_rheo_have_other_cutoffs() -> None:
     assert not every.hides_pairs() and not followed("pair_style rheo 3.0\npair_coeff 1 1").hides_pairs()
 
 
-def test_images_that_have_other_velocities() -> None:
+def test_images_with_other_velocities() -> None:
     model = Model(
         *(2, parse_fix_rheo("fix 1 all rheo 3.0 quintic 0 shift"), (1.0,), EOSTable((EOS("linear"),)), PairRheo(3.0)),
         (Viscosity("constant", 0.1),),
@@ -451,7 +451,7 @@ def test_images_that_have_other_velocities() -> None:
     assert not fields.why_not("grad/v", model, still)
 
 
-def test_what_takes_pairs_out() -> None:
+def test_commands_that_remove_pairs() -> None:
     assert followed("neigh_modify exclude type 1 1").hides_pairs() and not followed(MODEL).hides_pairs()
     assert not followed("neigh_modify exclude type 1 1\nneigh_modify exclude none").hides_pairs()
     bonds = "bond_style bpm/spring\nspecial_bonds lj 0 1 1 "
@@ -462,7 +462,7 @@ def test_what_takes_pairs_out() -> None:
 
 
 def test_pairs_at_the_cutoff_are_open() -> None:
-    """Of a square lattice with a cutoff of 3 spacings four neighbours lie on it, to the last bit or not."""
+    """On a square lattice with a cutoff of 3 spacings four neighbours lie at the cutoff, exactly or within rounding."""
     from eos_ref import EOS, EOSTable
 
     for limit, open_ in ((24, False), (25, True), (28, True), (29, False)):

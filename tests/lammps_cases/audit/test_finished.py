@@ -1,4 +1,4 @@
-"""Audits of finished output: dumps and restart files that real LAMMPS wrote, whole and with planted faults."""
+"""Audits of finished output: dumps and restart files written by real LAMMPS, unchanged and with planted faults."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def with_dumps(name: str) -> str:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The folder of a deck that LAMMPS has run, with all that it wrote."""
+    """The folder of a deck after LAMMPS has run it, with all output."""
 
     @functools.cache
     def run(name: str) -> Path:
@@ -88,7 +88,7 @@ def described(deck: Path) -> tuple[dict[str, str], DeckSetups]:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have LAMMPS describe each deck once."""
+    """Run LAMMPS only once per deck to describe it."""
     monkeypatch.setattr(finished, "described", lambda deck, _: (Findings(who=described(deck)[0]), described(deck)[1]))
 
 
@@ -134,7 +134,7 @@ def test_dumps_of_all_formats(name: str, label: str, written: Callable[[str], Pa
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("label", ["scaled", "unwrapped"])
 @pytest.mark.parametrize("name", ["box", "walls_quintic"])
-def test_places_in_other_forms(name: str, label: str, written: Callable[[str], Path]) -> None:
+def test_positions_in_other_forms(name: str, label: str, written: Callable[[str], Path]) -> None:
     case, plain = (audited(written(name) / f"{form}.dump") for form in (label, "fifteen"))
     known = {field: verdict for field, verdict in verdicts(plain).items() if verdict == "explained"}
     assert verdicts(case).keys() == verdicts(plain).keys()
@@ -143,7 +143,7 @@ def test_places_in_other_forms(name: str, label: str, written: Callable[[str], P
 
 
 @pytest.mark.usefixtures("quick")
-def test_unwrapped_places_may_lie_edges_away(written: Callable[[str], Path]) -> None:
+def test_unwrapped_positions_may_lie_several_edges_away(written: Callable[[str], Path]) -> None:
     dump = written("box") / "unwrapped.dump"
     lines = [line.split() for line in dump.read_text().splitlines()]
     rows = [words for words in lines if len(words) == len(headers("box")) and words[0].isdigit()]
@@ -156,7 +156,7 @@ def test_unwrapped_places_may_lie_edges_away(written: Callable[[str], Path]) -> 
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_dump_of_gzip_is_unpacked(written: Callable[[str], Path]) -> None:
+def test_gzipped_dump_is_unpacked(written: Callable[[str], Path]) -> None:
     dump = written("box") / "fifteen.dump"
     packed = dump.with_name("fifteen.dump.gz")
     packed.write_bytes(gzip.compress(dump.read_bytes()))
@@ -164,7 +164,7 @@ def test_a_dump_of_gzip_is_unpacked(written: Callable[[str], Path]) -> None:
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_binary_dump_is_as_one_with_all_digits(written: Callable[[str], Path]) -> None:
+def test_binary_dump_equals_dump_with_all_digits(written: Callable[[str], Path]) -> None:
     binary, text = (audited(written("box") / name) for name in ("all.bin", "all.dump"))
     assert [field.model_dump() for field in binary.fields] == [field.model_dump() for field in text.fields]
     assert len(binary.fields) >= 9
@@ -172,7 +172,7 @@ def test_a_binary_dump_is_as_one_with_all_digits(written: Callable[[str], Path])
 
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("name", ["all.bin", "six.dump"])
-def test_whole_snapshots_of_a_dump_that_is_cut_off_are_judged(name: str, written: Callable[[str], Path]) -> None:
+def test_complete_snapshots_of_a_truncated_dump_are_judged(name: str, written: Callable[[str], Path]) -> None:
     content = (written("box") / name).read_bytes()
     cut = written("box") / f"cut.{name}"
     steps = set()
@@ -194,8 +194,8 @@ def test_whole_snapshots_of_a_dump_that_is_cut_off_are_judged(name: str, written
 
 
 @pytest.mark.usefixtures("quick")
-def test_bounds_are_as_wide_as_the_digits(written: Callable[[str], Path]) -> None:
-    """Each format's worst difference comes near its bound, and the bounds shrink with the digits."""
+def test_bounds_follow_the_printed_digits(written: Callable[[str], Path]) -> None:
+    """The largest difference of each format comes near its bound, and bounds shrink with more digits."""
     bounds = {}
     for label in ("six", "fifteen"):
         field = next(f for f in audited(written("box") / f"{label}.dump").fields if f.field == "pressure")
@@ -232,7 +232,7 @@ TELLS = {"box": {"x": "grad/v", "vx": "grad/v", "fx": "grad/v", "rho": "pressure
 
 
 def headers(name: str) -> list[str]:
-    """The names of the columns behind the places, in order, by what they hold."""
+    """The names of the columns after the positions, in order, by their content."""
     d = 3 if name == "box" else 2
     ranks = {"grad/v": 2, "stress/v": 2, "stress/t": 2, "shift/v": 1, "surface/n": 1}
     words = [word.removesuffix("/*") for word in f"{STATE} {COLUMNS[name]}".split()]
@@ -240,7 +240,7 @@ def headers(name: str) -> list[str]:
 
 
 def planted(dump: Path, column: str, name: str, folder: Path, frame: int, grow: float) -> tuple[Path, int]:
-    """A copy in which one atom's value of a column is another one in a snapshot; and that atom."""
+    """Change one atom's value of a column in one snapshot of a copy; return the copy and the atom."""
     lines = dump.read_text().splitlines()
     starts = [k for k, line in enumerate(lines) if line.startswith("ITEM: ATOMS")]
     at = headers(name).index({"f": "fx"}.get(column, column))
@@ -259,7 +259,7 @@ def planted(dump: Path, column: str, name: str, folder: Path, frame: int, grow: 
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("frame, label, grow", [(2, "all", 1e-6), (0, "six", 1e-1)])
 @pytest.mark.parametrize("name, field", [(name, field) for name, fields in DIRECT.items() for field in fields])
-def test_planted_column_is_found(
+def test_planted_column_is_detected(
     name: str, field: str, label: str, grow: float, frame: int, written: Callable[[str], Path], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
@@ -276,7 +276,7 @@ def test_planted_column_is_found(
 
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("name, column, field", [(n, c, f) for n, tells in TELLS.items() for c, f in tells.items()])
-def test_planted_state_is_found_by_what_follows(
+def test_planted_state_is_detected_by_dependent_fields(
     name: str, column: str, field: str, written: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = written(name)
@@ -288,7 +288,7 @@ def test_planted_state_is_found_by_what_follows(
 
 
 @pytest.mark.parametrize("label", ["scaled", "unwrapped"])
-def test_a_planted_place_is_found(
+def test_planted_position_is_detected(
     label: str, written: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = written("box")
@@ -310,7 +310,7 @@ def test_a_planted_place_is_found(
         ({("chi", fields.ABSENT): [0]}, f"chi: {fields.ABSENT}"),
     ],
 )  # fmt: skip
-def test_a_dump_without_a_column_that_can_be_checked_says_which_it_lacks(reasons: Any, says: str) -> None:
+def test_dump_without_checkable_columns_names_the_missing_ones(reasons: Any, says: str) -> None:
     audit = finished._Audit.__new__(finished._Audit)
     audit.findings, audit.reasons = Findings(), reasons
     with pytest.raises(InputError, match=rf"that can be checked against each other; {re.escape(says)}.*\(a\.dump\)"):
@@ -318,7 +318,7 @@ def test_a_dump_without_a_column_that_can_be_checked_says_which_it_lacks(reasons
 
 
 def cut(dump: Path, keep: Sequence[str], name: str, folder: Path) -> Path:
-    """A copy with some columns alone, as a dump of a deck that asks for no more."""
+    """A copy with only some columns, as if the deck had dumped no more."""
     lines, numbers = [], [k for k, what in enumerate(headers(name)) if what in keep]
     inside = False
     for line in dump.read_text().splitlines():
@@ -355,7 +355,7 @@ def writing(setups: DeckSetups, label: str, dump: Path, group: str = "all", modi
         ("x y z vx vy vz rho grad/v drho", {"drho"}, {"grad/v"}, "columns fx fy fz, as the forces saw the state half"),
     ],
 )
-def test_what_lacks_columns_is_not_checked(
+def test_fields_with_missing_columns_are_not_checked(
     keep: str, compared: set[str], at_first: set[str], reason: str,
     written: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
@@ -391,7 +391,7 @@ def test_sums_need_all_particles(
     assert any(line.startswith("f: the dump holds") and word in line for line in case.not_checked)
 
 
-def test_fixes_that_move_particles_after_the_forces(
+def test_fixes_moving_particles_after_the_forces(
     written: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = written("box")
@@ -434,9 +434,7 @@ def test_renamed_columns_and_chosen_fields(written: Callable[[str], Path], monke
         ("rho", "inf", "pressure: 1 of 125 particles cannot be compared, by the digits"),
     ],
 )
-def test_what_is_no_number_leaves_particles_out(
-    column: str, value: str, reason: str, written: Callable[[str], Path]
-) -> None:
+def test_nan_excludes_particles(column: str, value: str, reason: str, written: Callable[[str], Path]) -> None:
     folder = written("box")
     lines = (folder / "all.dump").read_text().splitlines()
     at = next(k for k, line in enumerate(lines) if line.startswith("ITEM: ATOMS")) + 1
@@ -468,8 +466,8 @@ def test_restart_is_judged_by_field(written: Callable[[str], Path]) -> None:
     assert {"pressure", "grad/v", "shift/v", "f"} <= verdicts(case).keys()
 
 
-def test_restart_with_fixes_of_its_own_run(written: Callable[[str], Path], tmp_path: Path) -> None:
-    """A law that a later run has does not count for the restart of an earlier one."""
+def test_restart_uses_fixes_of_its_run(written: Callable[[str], Path], tmp_path: Path) -> None:
+    """A law defined for a later run does not apply to the restart file of an earlier one."""
     text = (written("box") / "in.deck").read_text().splitlines()
     (tmp_path / "in.deck").write_text("\n".join([*text, "unfix 3", "fix 3 all rheo/pressure * linear", "run 5", ""]))
     shutil.copy(written("box") / "kept.5", tmp_path)
@@ -505,7 +503,7 @@ def test_restart_with_fixes_of_its_own_run(written: Callable[[str], Path], tmp_p
     ],
 )
 @pytest.mark.usefixtures("quick")
-def test_bad_input_is_one_line(
+def test_bad_input_gives_a_one_line_message(
     arguments: Sequence[str], message: str, written: Callable[[str], Path], eos_ref_command: Run,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip

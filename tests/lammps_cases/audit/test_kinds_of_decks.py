@@ -1,4 +1,4 @@
-"""Decks of users, by kind: what an audit finds in a block of fluid (tests/decks/in.block) with words changed."""
+"""Kinds of user decks: what an audit finds in a block of fluid (tests/decks/in.block) with words changed."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ EXPLAINED: dict[str, tuple[Edits, dict[str, set[str]]]] = {
 
 
 @pytest.mark.parametrize("kind", EXPLAINED)
-def test_what_neighbour_lists_decide_is_explained_by_them(kind: str, tmp_path: Path) -> None:
+def test_effects_of_neighbour_lists_are_explained(kind: str, tmp_path: Path) -> None:
     edits, by_field = EXPLAINED[kind]
     case = case_of(tmp_path, edits)
     assert case.verdict == "explained"
@@ -80,12 +80,12 @@ def test_what_neighbour_lists_decide_is_explained_by_them(kind: str, tmp_path: P
 
 
 def stale_memory_of(byte: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fill memory with a byte when it is allocated; only a trusted deck gets these variables."""
+    """Fill allocated memory with a byte; only a trusted deck gets these variables."""
     monkeypatch.setenv("MALLOC_PERTURB_", str(255 - byte))
     monkeypatch.setenv("GLIBC_TUNABLES", "glibc.malloc.tcache_count=0")  # what the cache returns is not filled
 
 
-def test_fields_of_stale_memory_are_not_predictable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fields_from_stale_memory_are_not_predictable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All other fields are compared, and nothing differs."""
     stale_memory_of(0, monkeypatch)
     case = case_of(tmp_path, [(RHEO, "RK1 60 density")], trust=True)
@@ -97,7 +97,7 @@ def test_fields_of_stale_memory_are_not_predictable(tmp_path: Path, monkeypatch:
         assert case.unchecked[name].startswith("not predictable in steps 0 to 20, because of the known bug stale-")
 
 
-def test_a_stop_by_stale_memory_is_understood(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stop_caused_by_stale_memory_is_explained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Eight bytes of 127 are the double 1.4e306."""
     stale_memory_of(127, monkeypatch)
     case = case_of(tmp_path, [*ROOM, (RHEO, "RK1 20 density")], trust=True)
@@ -106,7 +106,7 @@ def test_a_stop_by_stale_memory_is_understood(tmp_path: Path, monkeypatch: pytes
     assert {field.verdict for field in case.fields} <= {"exact", "pass", "explained"}
 
 
-def test_what_reads_velocities_of_images_is_exempt_together(tmp_path: Path) -> None:
+def test_fields_reading_velocities_of_images_are_exempt_together(tmp_path: Path) -> None:
     leaning = ("box block 0 10 0 10 -0.5 0.5", "box prism 0 10 0 10 -0.5 0.5 0 0 0")
     sheared = ("run          20", "fix 5 all deform 1 xy erate 0.01 remap v\nrun 20")
     case = case_of(tmp_path, [leaning, sheared, (RHEO, "quintic 0 shift density")])
@@ -148,21 +148,21 @@ ACTING: dict[str, tuple[Edits, str, str]] = {
 
 
 @pytest.mark.parametrize("kind", ACTING)
-def test_what_acts_without_a_difference_is_named(kind: str, tmp_path: Path) -> None:
+def test_findings_acting_without_a_difference_are_named(kind: str, tmp_path: Path) -> None:
     edits, finding, does = ACTING[kind]
     case = case_of(tmp_path, edits)
     assert acting(case)[finding].startswith(does)
     assert finding in case.explained_by and case.verdict == "explained"
 
 
-def test_a_deck_that_no_bug_affects_is_exact(tmp_path: Path) -> None:
+def test_deck_unaffected_by_bugs_is_exact(tmp_path: Path) -> None:
     case = case_of(tmp_path, LATTICE)
     assert case.verdict == "exact" and not case.acting and not case.warnings
 
 
 @pytest.mark.parametrize("steps", [40, 700])
-def test_heat_that_runs_away_has_a_cause(steps: int, tmp_path: Path) -> None:
-    """The bug multiplies heat flows by 1/(m cv) = 16: from some step on energies are beyond all numbers."""
+def test_diverging_heat_has_a_cause(steps: int, tmp_path: Path) -> None:
+    """The bug multiplies heat flows by 1/(m cv) = 16: from some step on energies overflow."""
     edits = [
         *HOT,
         ("velocity ", WARM),
@@ -183,8 +183,8 @@ def test_heat_that_runs_away_has_a_cause(steps: int, tmp_path: Path) -> None:
     assert case.verdict == "error" and not any(field.verdict == "differs" for field in case.fields)
 
 
-def test_particles_at_one_place_break_a_deck(tmp_path: Path) -> None:
-    """Neither code has forces there: that is no difference between them."""
+def test_coinciding_particles_break_a_deck(tmp_path: Path) -> None:
+    """Neither code defines forces there, so there is no difference between them."""
     case = case_of(
         tmp_path, [*LATTICE, ("set          group", "create_atoms 1 single 3.0 4.0 0.0\nset          group")]
     )
@@ -233,7 +233,7 @@ def test_questionable_set_ups_are_those_of_the_worst_sample(kind: str, tmp_path:
 
 
 @pytest.mark.parametrize("lost, count", [("ignore", 10), ("warn", 10)])
-def test_particles_that_are_lost_are_counted(lost: str, count: int, tmp_path: Path) -> None:
+def test_lost_particles_are_counted(lost: str, count: int, tmp_path: Path) -> None:
     drift = [
         (PERIODIC, OPEN),
         *LATTICE,

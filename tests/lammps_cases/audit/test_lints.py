@@ -1,4 +1,4 @@
-"""Lints of an audit: each is silent on a deck that is right, and speaks up on real LAMMPS when one word is wrong."""
+"""Lints of an audit: each is silent on a correct deck and warns on real LAMMPS when one word is wrong."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def case_of(folder: Path, *changes: tuple[str, str], fields: tuple[str, ...] = (
 
 
 @pytest.mark.lammps
-def test_a_right_deck_is_not_warned_of(tmp_path: Path) -> None:
+def test_correct_deck_gives_no_warning(tmp_path: Path) -> None:
     case = case_of(tmp_path, fields=("all",))
     assert case.warnings == [] and case.verdict in ("pass", "explained")
 
@@ -51,7 +51,7 @@ def test_a_right_deck_is_not_warned_of(tmp_path: Path) -> None:
             ["type 1: speed of sound 1 is 4.58 times ", "type 1: rho is 1.2 times rho0 = 1 (median of 72 fluid "],
         ),
         ([(MASS, MASS.replace("1.0", "1.5"))], ["type 1: m = 1.5 is 1.5 times rho0 V = 0.9999"]),
-        # Masses that fit a density which is far from rho0 are not to blame as well.
+        # Masses that fit a density far from rho0 are not reported in addition.
         (
             [(RHO, RHO.replace("1.0", "1.5")), (MASS, MASS.replace("1.0", "1.5"))],
             ["type 1: speed of sound 1 is 2.39 times ", "type 1: rho is 1.5 times rho0 = 1 "],
@@ -83,7 +83,7 @@ def test_a_right_deck_is_not_warned_of(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_wrong_word_is_named(changes: list[tuple[str, str]], lines: list[str], tmp_path: Path) -> None:
+def test_wrong_word_is_named(changes: list[tuple[str, str]], lines: list[str], tmp_path: Path) -> None:
     found = case_of(tmp_path, *changes).warnings
     own = [line for line in found if "tension at which" not in line]
     assert len(own) == len(lines)
@@ -91,16 +91,16 @@ def test_a_wrong_word_is_named(changes: list[tuple[str, str]], lines: list[str],
 
 
 @pytest.mark.lammps
-def test_fluid_that_something_else_holds(tmp_path: Path) -> None:
-    """A setforce within a region is not followed; what it does to the floor is seen all the same."""
+def test_fluid_held_by_another_fix(tmp_path: Path) -> None:
+    """A setforce within a region is not followed; its effect on the floor is still detected."""
     changes = [(STATUS, ""), (" interface/reconstruct", ""), ("setforce 0 0 0", "setforce 0 0 0 region floor")]
-    # The lowest rows have no fluid that moves beside them.
+    # The lowest rows have no moving fluid next to them.
     (line,) = case_of(tmp_path, *changes, fields=("coordination",)).warnings
     assert line.startswith("24 fluid particles of type 2 are at rest in step 20 as in the sample before, although ")
 
 
 @pytest.mark.lammps
-def test_a_range_with_a_hyphen_is_followed_as_lammps_takes_it(tmp_path: Path) -> None:
+def test_range_with_hyphen_is_read_as_by_lammps(tmp_path: Path) -> None:
     law = ("rheo/pressure * linear", "rheo/pressure * linear 1-2 background 0.01")
     case = case_of(tmp_path, law)
     assert [law.background for law in case.laws] == [0.01, 0.0] and case.explained_by == ["hyphen-range-accepted"]
@@ -113,7 +113,7 @@ def test_a_range_with_a_hyphen_is_followed_as_lammps_takes_it(tmp_path: Path) ->
     assert refused.verdict == "refused" and refused.warnings == [line]
 
 
-def test_what_is_no_range_is_left_alone() -> None:
+def test_words_that_are_not_ranges_are_ignored() -> None:
     assert hyphens(["fix", "1-2", "all", "rheo/pressure", "*", "background", "1e-2"]) == []
     assert hyphens(["fix", "1", "all", "deposit", "1-2", "3"]) == [] == hyphens(["pair_coeff", "1-2", "*"])
 
@@ -149,8 +149,8 @@ def sample_of(x_nc: np.ndarray, box: Box, v_nc: np.ndarray | None = None) -> Par
     return ParticleSample(model, box, State(x_nc, v_nc, np.ones(n), np.ones(n, int), np.zeros(n, bool)), np.ones(n))
 
 
-def test_of_many_particles_blocks_are_judged(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The numbers of the particles in evenly spaced blocks are those of all, and a line has their count."""
+def test_many_particles_are_sampled_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Results from evenly spaced blocks equal those of all particles, and the line states the count."""
     x_nc = np.stack(np.meshgrid(np.arange(30), np.arange(30), indexing="ij"), -1).reshape(-1, 2) + 0.5
     sample = sample_of(x_nc, Box((0.0, 0.0), (30.0, 30.0), (True, False)))
     n_n, full_n = number_density(sample)
@@ -168,7 +168,7 @@ def test_of_many_particles_blocks_are_judged(monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_only_particles_with_full_support_count(d: int) -> None:
-    """Of a lattice of spacing 1 between two free surfaces those two rows away from them, and 1/n is 1 there."""
+    """On a lattice of spacing 1 between two free surfaces: those two rows inside, where 1/n is 1."""
     rows, across = 8, 6
     x_nc = np.stack(np.meshgrid(*[np.arange(across) + 0.5] * (d - 1), np.arange(rows) + 0.5, indexing="ij"), -1)
     x_nc = x_nc.reshape(-1, d)
@@ -180,7 +180,7 @@ def test_only_particles_with_full_support_count(d: int) -> None:
     assert not number_density(sample_of(x_nc[:1], box))[1].any()
 
 
-def test_stillness_takes_two_samples_and_something_that_moves() -> None:
+def test_stillness_needs_two_samples_and_a_moving_particle() -> None:
     x_nc = np.stack(np.meshgrid(np.arange(6.0), np.arange(6.0)), -1).reshape(-1, 2) + 0.5
     ids, box = np.arange(36), Box((0, 0), (6, 6), (True, True))
     held_n = x_nc[:, 1] < 2

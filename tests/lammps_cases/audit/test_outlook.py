@@ -1,4 +1,4 @@
-"""What known findings do to a deck, and why a run broke off: told from the reference, with and without them."""
+"""Effects of known findings on a deck and causes of failed runs, from the reference with and without the findings."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ def case_of(text: str, folder: Path) -> CaseRecord:
 # --- effects
 
 
-def test_a_multiple_is_told_by_its_factor() -> None:
+def test_multiple_is_reported_by_its_factor() -> None:
     right = np.array([[1.0, -2.0], [0.5, 0.25]])
     assert compare(right, 100 * right, 0.0 * right) == (2, 99.0, 100.0)  # sums of few bits
     assert compare(right, right, 0.0 * right) is None
     assert compare(right, right + 1e-9, np.full((2, 2), 1e-8)) is None, "rounding is no effect"
 
 
-def test_another_difference_is_told_by_its_size() -> None:
+def test_other_difference_is_reported_by_its_size() -> None:
     right, wrong = np.array([4.0, 2.0, 1.0]), np.array([4.0, 3.0, 1.0])
     assert compare(right, wrong, np.zeros(3)) == (1, 0.25, None)
     assert compare(np.zeros(3), wrong, np.zeros(3)) == (3, None, None)
@@ -80,7 +80,7 @@ def sample_of_vortices() -> ParticleSample:
     return ParticleSample(problem.model, problem.box, problem.state, np.full(len(problem.state.x_nc), 0.01))
 
 
-def test_of_many_particles_some_show_what_a_finding_does(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_effect_of_a_finding_is_sampled_from_many_particles(monkeypatch: pytest.MonkeyPatch) -> None:
     sample = sample_of_vortices()
     (whole,) = effects.effects(sample, ENGINE, 1, 0)
     monkeypatch.setattr(effects, "MOST", 900)
@@ -91,7 +91,7 @@ def test_of_many_particles_some_show_what_a_finding_does(monkeypatch: pytest.Mon
     assert some.factor == pytest.approx(whole.factor, rel=1e-12) and number(some.factor) == "100"
 
 
-def test_lists_of_neighbours_are_read_for_findings_that_follow_them() -> None:
+def test_neighbour_lists_are_read_for_findings_that_depend_on_them() -> None:
     sample, listed = sample_of_vortices(), known(ENGINE)
     wrong = SampleEvaluation(sample, ("f",), ForcePerVolume)
     shown = {"f": np.asarray(value(wrong.output("f")))}
@@ -104,8 +104,8 @@ def test_lists_of_neighbours_are_read_for_findings_that_follow_them() -> None:
 
 
 @pytest.mark.lammps
-def test_a_finding_is_seen_where_the_deck_adds_forces_that_hide_it(tmp_path: Path) -> None:
-    """Its own f cannot be compared, as something unknown adds to it; what the finding does to pair forces is known.
+def test_finding_hidden_by_other_forces_is_detected(tmp_path: Path) -> None:
+    """The total f cannot be compared, as an unknown force adds to it; the effect of the finding on pairs is known.
 
     Forces are multiplied by density over mass, 1.01 over 0.01.
     """
@@ -122,7 +122,7 @@ def test_a_finding_is_seen_where_the_deck_adds_forces_that_hide_it(tmp_path: Pat
 
 
 @pytest.mark.lammps
-def test_a_right_deck_that_a_finding_blows_up(tmp_path: Path) -> None:
+def test_correct_deck_made_unstable_by_a_finding(tmp_path: Path) -> None:
     case = case_of(COLUMN, tmp_path)
     assert case.verdict == "refused" and case.outlook is not None
     assert (case.outlook.cause, case.outlook.findings) == ("findings", ["force-per-volume"])
@@ -139,7 +139,7 @@ def test_a_right_deck_that_a_finding_blows_up(tmp_path: Path) -> None:
 
 
 @pytest.mark.lammps
-def test_the_same_in_unit_volumes_is_stable(tmp_path: Path) -> None:
+def test_same_deck_in_unit_volumes_is_stable(tmp_path: Path) -> None:
     case = case_of(UNIT, tmp_path)
     assert case.verdict in ("pass", "explained") and case.outlook is None
 
@@ -163,7 +163,7 @@ def test_the_same_in_unit_volumes_is_stable(tmp_path: Path) -> None:
         ("gravity 1.0 vector 0 -1 0", "gravity 40.0 vector 0 1 0", "not understood", "not understood"),
     ],
 )
-def test_what_is_no_finding(old: str, new: str, cause: str, because: str, tmp_path: Path) -> None:
+def test_differences_that_are_not_findings(old: str, new: str, cause: str, because: str, tmp_path: Path) -> None:
     text = UNIT.replace(old, new, 1).replace("boundary        p s p", "boundary        p f p")
     case = case_of(text, tmp_path)
     assert case.verdict == "refused" and case.outlook is not None, case.message

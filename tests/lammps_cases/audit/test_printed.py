@@ -1,4 +1,4 @@
-"""What eos-ref audit prints: each thing once, within the columns of a terminal."""
+"""Output of eos-ref audit: each statement once, within the width of the terminal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.lammps
 COLUMNS = 110
 
 
-def test_a_deck_that_breaks_off(
+def test_deck_that_fails_midway(
     eos_ref_command: Callable[..., Outcome], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(COLUMNS))

@@ -32,7 +32,7 @@ ALONE = ("processors      2 1 1", "")
 
 
 def deck_of(name: str, folder: Path, *edits: tuple[str, str]) -> Path:
-    """A deck of tests/decks, with changes, in a folder of its own."""
+    """A deck of tests/decks, with changes, in a separate folder."""
     shutil.copytree(DECKS, folder, dirs_exist_ok=True)
     deck = folder / f"in.{name}"
     text = deck.read_text()
@@ -72,7 +72,7 @@ def judged(result: AuditResult) -> dict[str, Any]:
         pytest.param("halves", (), (ALONE,), id="a rank without atoms"),
     ],
 )
-def test_two_ranks_are_judged_as_one(
+def test_two_ranks_give_the_verdict_of_one(
     name: str, edits: Sequence[tuple[str, str]], alone: Sequence[tuple[str, str]], tmp_path: Path
 ) -> None:
     (tmp_path / "kept").mkdir()
@@ -94,21 +94,21 @@ def test_two_ranks_are_judged_as_one(
 
 
 @pytest.mark.slow
-def test_pairs_between_processes_are_known_bugs_too(tmp_path: Path) -> None:
+def test_pairs_between_processes_show_known_bugs(tmp_path: Path) -> None:
     edits = (("units           lj", "units lj\nnewton off on"), ("block 1 7 1 5", "block 11 15 1 5"))
     case = case_of(audited(deck_of("halves", tmp_path, *edits), 2, every=20))
     assert "boundary-pairs-twice" in {record.finding for record in case.acting}
     assert case.verdict == "explained" and "because of the known bug boundary-pairs-twice" in case.unchecked["grad/v"]
 
 
-def test_a_deck_for_more_ranks_says_so(tmp_path: Path) -> None:
+def test_deck_needing_more_ranks_is_refused(tmp_path: Path) -> None:
     case = case_of(audit_deck(deck_of("halves", tmp_path, ("2 1 1", "2 3 1"))))
     assert case.verdict == "refused"
     assert "Specified processors != physical processors" in case.message and "--ranks 6 starts as many" in case.message
 
 
-def test_an_error_on_one_rank_ends_all(tmp_path: Path) -> None:
-    """An atom far in the right half has no place any more, which only the rank there sees; the other waits for it."""
+def test_error_on_one_rank_ends_all(tmp_path: Path) -> None:
+    """An atom far in the right half has an invalid position, which only the rank there sees; the other waits for it."""
     far = "region far block 22.5 23.5 1.5 2.5 -0.5 0.5 units box\ngroup far region far\nvelocity far set 1e305 0 0\n"
     edits = (("block 1 7 1 5", "block 1 25 1 5"), ("run             20", f"{far}timestep 1e5\nrun 20"))
     case = case_of(audited(deck_of("halves", tmp_path, *edits), 2))
@@ -162,7 +162,7 @@ def test_large_messages_pass_between_contained_ranks(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("count", [0, -1, 65])
-def test_numbers_of_ranks(count: int, eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_number_of_ranks(count: int, eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
     refused = eos_ref_command("audit", DECKS / "in.halves", "--ranks", str(count), "--out", tmp_path / "out")
     assert refused.code == 2 and refused.err.count("\n") == 1 and not (tmp_path / "out").exists()
     assert f"ranks: must be 1 to 64 processes, found {count}" in refused.err
@@ -172,13 +172,13 @@ def _without_mpi(site: str | None, count: int) -> str:
     raise EngineLacks(f"{count} ranks need MPI, and this LAMMPS was built without")
 
 
-def test_a_lammps_without_mpi_has_one_rank(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lammps_without_mpi_has_one_rank(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ranks, "launcher_of", _without_mpi)
     with pytest.raises(InputError, match=r"^ranks: cannot be started \(2 ranks need MPI, and this LAMMPS was built"):
         audited(DECKS / "in.halves", 2)
 
 
-def test_bubblewrap_contains_no_ranks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bubblewrap_refuses_ranks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(containment, "means", lambda: "bubblewrap")
     with pytest.raises(InputError, match=r"^deck: can be contained on several ranks by Landlock alone .* --trust"):
         audit_deck(DECKS / "in.halves", AuditOptions(ranks=2, trust=False))

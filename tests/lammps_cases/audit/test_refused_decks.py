@@ -1,4 +1,4 @@
-"""Decks that an audit does not run, or not to the end: what they may not do, and what cannot be checked."""
+"""Decks that an audit does not run, or not to the end: forbidden commands, and set-ups that cannot be checked."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_shell_is_refused_before_anything_runs(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_shell_made_of_variables_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By its text, whatever contains the process."""
+    """From its text, whatever contains the process."""
     monkeypatch.setattr(supervise, "confined", lambda options: "none")
     with pytest.raises(InputError, match=r"'shell touch touched' \(in\.hidden_shell:6\)"):
         audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path, trust=False))
@@ -36,7 +36,7 @@ def test_shell_made_of_variables_is_refused(tmp_path: Path, monkeypatch: pytest.
 
 def test_shell_is_run_if_allowed(tmp_path: Path) -> None:
     case = case_of(audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path, trust=True, fields=PRESSURE)))
-    assert case.verdict == "refused"  # by LAMMPS, for want of fix rheo
+    assert case.verdict == "refused"  # by LAMMPS, without fix rheo
     assert (tmp_path / "touched").exists()
 
 
@@ -92,11 +92,11 @@ def test_commands_that_reach_outside(command: str) -> None:
         "if '1 > 0' then 'print shell'",
     ],
 )
-def test_commands_that_do_not(command: str) -> None:
+def test_commands_that_stay_inside(command: str) -> None:
     place.check_command(text.words(text.without_comment(command)), "here", DeckPlace())
 
 
-def test_includes_are_judged(tmp_path: Path) -> None:
+def test_included_files_are_checked(tmp_path: Path) -> None:
     deck = tmp_path / "in.deck"
     deck.write_text("if '0 > 1' then 'include a.inc'\n")
     (tmp_path / "a.inc").write_text("jump b.inc\njump SELF\n")
@@ -140,11 +140,11 @@ def test_errors_of_the_flow_are_refused(command: str, tmp_path: Path) -> None:
     assert case.verdict == "refused" and case.message.startswith("ERROR") and "in.deck:" in case.message
 
 
-def test_words_of_a_deck_that_a_terminal_obeys_or_cannot_show(tmp_path: Path) -> None:
+def test_control_and_unprintable_characters_are_escaped(tmp_path: Path) -> None:
     deck = tmp_path / "in.words"
     for words, told in (
         (b"foo \x1b[31mred\x07", r"Unknown command: foo \x1b[31mred\x07"),
-        (b"print $\xe9", "Substitution for illegal variable \ufffd"),  # of which LAMMPS quotes a byte
+        (b"print $\xe9", "Substitution for illegal variable \ufffd"),  # LAMMPS quotes one byte of it
     ):
         deck.write_bytes(b"units lj\n" + words + b"\n")
         case = case_of(audit_deck(deck))

@@ -1,4 +1,4 @@
-"""A deck as a regression test: what is accepted, what counts as a change, decks of a folder, and eos-ref.toml."""
+"""A deck as a regression test: baselines, what counts as a change, folders of decks, and eos-ref.toml."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def edit(deck: Path, old: str, new: str) -> None:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_what_changes_is_said_with_step_field_and_atom(deck: Path, eos_ref_command: Run) -> None:
+def test_change_is_reported_with_step_field_and_atom(deck: Path, eos_ref_command: Run) -> None:
     code, said, _ = eos_ref_command("audit", deck, "--accept", "--reason", "the first")
     assert (code, "first baseline: 1 deck" in said) == (0, True)
     kept = {path.relative_to("eos-ref-baseline").as_posix() for path in Path("eos-ref-baseline").rglob("*.*")}
@@ -76,13 +76,13 @@ def test_what_changes_is_said_with_step_field_and_atom(deck: Path, eos_ref_comma
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_another_engine_is_within_the_bounds_but_for_a_finding(deck: Path, eos_ref_command: Run) -> None:
+def test_another_engine_differs_only_by_a_finding(deck: Path, eos_ref_command: Run) -> None:
     eos_ref_command("audit", deck, "--accept", "--baseline", "kept")
     code, said, _ = eos_ref_command("audit", deck, "--baseline", "kept", "--engine", OTHER)
     assert code == 1
     assert "changed: in.deck f from step 0 (explained by force-per-volume, now pass): atom 1 at step 0: " in said
     assert "judged otherwise: in.deck (explained by force-per-volume, now pass)" in said
-    assert "within bounds: " in said and "grad/v from" not in said  # other bits, which are no fault of another program
+    assert "within bounds: " in said and "grad/v from" not in said  # other bits are not a fault of another program
 
     code, said, _ = eos_ref_command("compare", "env", OTHER, "--deck", deck, "--json")
     rows = {row["field"]: row for row in json.loads(said)["fields"]}
@@ -107,14 +107,14 @@ def test_another_engine_is_within_the_bounds_but_for_a_finding(deck: Path, eos_r
         (("--accept", "--baseline", "."), "baseline: must be a new folder, or hold an earlier baseline, found '.'"),
     ],
 )
-def test_bad_input_of_baselines(words: tuple[str, ...], line: str, deck: Path, eos_ref_command: Run) -> None:
+def test_bad_baselines_are_refused(words: tuple[str, ...], line: str, deck: Path, eos_ref_command: Run) -> None:
     code, _, err = eos_ref_command("audit", deck, *words)
     assert (code, err.splitlines()[-1]) == (2, f"eos-ref: {line}")
     assert not Path("eos-ref-baseline").exists()
 
 
 @pytest.mark.lammps
-def test_kept_text_is_read_as_the_same_numbers(deck: Path, eos_ref_command: Run) -> None:
+def test_stored_text_is_read_back_exactly(deck: Path, eos_ref_command: Run) -> None:
     eos_ref_command("audit", deck, "--accept")
     report, accepted = read(REPORT), baseline.read(Path("eos-ref-baseline"))
     ours, theirs = report.cases["in.deck"], accepted.cases["in.deck"]
@@ -155,7 +155,7 @@ Found = tuple[int, float, float] | None
         ([1.0], 0, None),
     ],
 )
-def test_values_part_beyond_the_bounds_of_both(now: list[float], step: int, found: Found) -> None:
+def test_values_differ_beyond_the_bounds_of_both(now: list[float], step: int, found: Found) -> None:
     far = outcomes.beyond(sample([1.0, 2.0], 0.1), sample(now, 0.1 + 1e-9, step))
     assert repr(far and (far.atom, far.was, far.now)) == repr(found)
 
@@ -165,7 +165,7 @@ def test_values_part_beyond_the_bounds_of_both(now: list[float], step: int, foun
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_a_folder_of_decks(deck: Path, eos_ref_command: Run) -> None:
+def test_folder_of_decks(deck: Path, eos_ref_command: Run) -> None:
     folder = Path("decks")
     (folder / "sub").mkdir(parents=True)
     for name in ("in.a", "sub/b.in", "sub/in.skipped", "sub/start.txt"):
@@ -220,7 +220,7 @@ def test_a_folder_of_decks(deck: Path, eos_ref_command: Run) -> None:
         ),
     ],
 )
-def test_settings_that_are_refused(text: str, line: str, tmp_path: Path) -> None:
+def test_bad_settings_are_refused(text: str, line: str, tmp_path: Path) -> None:
     (tmp_path / command.SETTINGS).write_text(text)
     with pytest.raises(InputError) as raised:
         command.read_settings(tmp_path)
@@ -228,7 +228,7 @@ def test_settings_that_are_refused(text: str, line: str, tmp_path: Path) -> None
     assert said.startswith(line) and said.endswith(f"({tmp_path / command.SETTINGS})") and "\n" not in said
 
 
-def test_the_documented_settings_are_read(tmp_path: Path) -> None:
+def test_documented_settings_are_read(tmp_path: Path) -> None:
     documented = (Path(__file__).parents[3] / "docs" / "audit.md").read_text()
     (tmp_path / command.SETTINGS).write_text(documented.split("```toml\n")[1].split("```")[0])
     of_file = command.read_settings(tmp_path)
@@ -236,7 +236,7 @@ def test_the_documented_settings_are_read(tmp_path: Path) -> None:
     assert of_file.options("in.tank.2", AuditOptions()).fields == ("pressure", "f")
 
 
-def test_options_of_the_command_go_before_the_file(tmp_path: Path) -> None:
+def test_command_line_options_override_the_file(tmp_path: Path) -> None:
     (tmp_path / command.SETTINGS).write_text('every = 5\nsteps = 100\n[deck."in.t*"]\nsteps = 7\nfields = ["f"]')
     read_settings = command.read_settings(tmp_path)
     of_tank = read_settings.options("in.tank", AuditOptions())
@@ -254,7 +254,7 @@ def test_options_of_the_command_go_before_the_file(tmp_path: Path) -> None:
         ("2027-02-10", date(2027, 2, 11), False),
     ],
 )
-def test_an_allowance_holds_until_the_end_of_its_day_or_month(until: str, today: date, holds: bool) -> None:
+def test_allowance_holds_until_the_end_of_its_day_or_month(until: str, today: date, holds: bool) -> None:
     allowances = command.Settings(allow={"force-per-volume": f"until {until}, x"})
     held, notes = allowances.allowed({"force-per-volume"}, today)
     assert (bool(held), bool(notes)) == (holds, not holds)

@@ -79,7 +79,7 @@ def test_numbers_are_scaled_by_their_dimensions(written: str, scaled: str) -> No
         "read_restart file",
     ],
 )
-def test_a_command_that_may_mean_something_else_is_refused(written: str) -> None:
+def test_ambiguous_command_is_refused(written: str) -> None:
     with pytest.raises(InputError, match=r"^command .*cannot be rescaled with certainty.*found .*\(in.deck:7\)$"):
         Scaling(Scale(2, 2.0), FIRST).command(command(written))
 
@@ -99,7 +99,7 @@ def test_a_command_that_may_mean_something_else_is_refused(written: str) -> None
         ("newton off", 1, None),
     ],
 )
-def test_what_the_first_run_begins_with_is_kept(written: str, runs: int, kept: bool | None) -> None:
+def test_state_before_the_first_run_is_kept(written: str, runs: int, kept: bool | None) -> None:
     script = [command(written, runs)]
     if kept is None:
         with pytest.raises(InputError, match=r"after the first run.*\(in.deck:7\)"):
@@ -108,7 +108,7 @@ def test_what_the_first_run_begins_with_is_kept(written: str, runs: int, kept: b
         assert bool(list(scaling.kept_commands(script))) is kept
 
 
-def test_conditions_are_taken_before_the_first_run_only() -> None:
+def test_conditions_are_evaluated_only_before_the_first_run() -> None:
     branch = ScriptCommand("in.deck:9", 'if "$(ke) > 1" then "run 1"', 0)
     assert not list(scaling.kept_commands([branch]))
     branch.runs = 1
@@ -116,7 +116,7 @@ def test_conditions_are_taken_before_the_first_run_only() -> None:
         list(scaling.kept_commands([branch]))
 
 
-def test_only_variables_that_are_referred_to_are_kept() -> None:
+def test_only_referenced_variables_are_kept() -> None:
     script = ["variable a equal v_b+1", "variable b equal 2", "variable c equal 3", "thermo_style custom step v_a"]
     assert scaling.needed_variables([*map(command, script)]) == {"a", "b"}
 
@@ -131,7 +131,7 @@ def written(text: str, folder: Path) -> list[str]:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_a_column_that_lammps_loses_runs_in_another_unit_of_length(
+def test_column_unstable_in_lammps_runs_in_another_unit_of_length(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "in.deck").write_text(COLUMN)
@@ -210,15 +210,15 @@ def test_three_dimensions_and_heat(tmp_path: Path) -> None:
         (DRY.replace(RUN, "run 1\nset type 1 rheo/rho 2\nrun 1\n"), r"command set: .*\(in.deck:28\)"),
     ],
 )
-def test_a_deck_that_no_unit_of_length_mends_is_refused(text: str, message: str, tmp_path: Path) -> None:
+def test_deck_that_no_unit_of_length_can_fix_is_refused(text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message):
         written(text, tmp_path)
     assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.lammps
-def test_a_number_with_the_wrong_factor_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By the reference, in the particles of the set-up: with LAMMPS once, as a folder's set-ups are the same."""
+def test_number_with_the_wrong_factor_is_detected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the reference, from the particles of the set-up; with LAMMPS once, as all set-ups of a folder are equal."""
     (tmp_path / "in.deck").write_text(THREE)
     _, setups = described(tmp_path / "in.deck", AuditOptions())
     right = Scaling.factor
@@ -231,7 +231,7 @@ def test_a_number_with_the_wrong_factor_is_seen(tmp_path: Path, monkeypatch: pyt
             module.rescaled(setups, "in.deck", "in.new")
 
 
-def test_groups_are_types_or_ids() -> None:
+def test_groups_are_defined_by_types_or_ids() -> None:
     type_n, id_n = np.array([1, 2, 2, 1, 1]), np.array([9, 1, 2, 4, 5])
     members = {"all": type_n > 0, "wall": type_n == 2, "some": id_n < 5, "none": type_n == 3}
     no = np.zeros(0)

@@ -1,4 +1,4 @@
-"""A deck followed without its runs: the steps of each, the commands and the dumps before it."""
+"""A deck followed without executing its runs: the steps of each run, and the commands and dumps before it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lammps_cases.audit.options import AuditOptions
 
 
 def lammps() -> Any:
-    """Two atoms at step 100, of a LAMMPS that only answers."""
+    """A stub of LAMMPS with two atoms at step 100."""
     per_atom = {"id": np.array([2, 1]), "mass": np.array([0.0, 1.5])}
     return SimpleNamespace(
         extract_setting={"world_size": 1, "nlocal": 2, "dimension": 2, "ntypes": 1}.get,
@@ -31,7 +31,7 @@ def watch() -> SetupWatch:
 
 
 def followed(watch: SetupWatch, *lines: str) -> DeckSetups:
-    """What is kept of commands; of runs LAMMPS is told no step."""
+    """The set-ups recorded from commands; LAMMPS is given runs of no steps."""
     for line in lines:
         words = line.split()
         if words[0] == "run":
@@ -43,13 +43,13 @@ def followed(watch: SetupWatch, *lines: str) -> DeckSetups:
     return watch.setups()
 
 
-def test_runs_follow_one_another_though_lammps_makes_no_step(watch: SetupWatch) -> None:
+def test_steps_of_successive_runs_are_counted_without_stepping(watch: SetupWatch) -> None:
     runs = followed(watch, "run 20", "run 150 upto", "run 5", "reset_timestep 0", "run 7").runs
     assert [(run.first, run.last) for run in runs] == [(100, 120), (120, 150), (150, 155), (100, 107)]
     assert runs[0].id_n.tolist() == [2, 1] and runs[0].mass_t == [0.0, 1.5] and not runs[0].solid_n.any()
 
 
-def test_a_run_knows_the_commands_before_it(watch: SetupWatch) -> None:
+def test_run_records_the_commands_before_it(watch: SetupWatch) -> None:
     lines = ["timestep 0.01", "print hello", "compute p all pressure", "run 1", "uncompute p", "fix 1 all nve", "run 1"]
     kept = followed(watch, *lines)
     assert kept.commands == ["timestep 0.01", "compute p all pressure", "uncompute p", "fix 1 all nve"]
@@ -59,7 +59,7 @@ def test_a_run_knows_the_commands_before_it(watch: SetupWatch) -> None:
     assert watch.setups().commands[-1] == 'variable v equal """1 + 1"""'
 
 
-def test_a_dump_has_the_runs_between_its_definition_and_its_end(watch: SetupWatch) -> None:
+def test_dump_covers_the_runs_from_definition_to_end(watch: SetupWatch) -> None:
     lines = ["run 1", "dump d all custom 5 f id x", "dump_modify d sort id", "run 1", "undump d", "run 1"]
     last = ["write_dump all custom g id modify sort id", "dump d all custom 9 h id", "clear", "run 1"]
     first, written, second = followed(watch, *lines, *last).dumps

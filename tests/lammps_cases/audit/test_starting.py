@@ -1,4 +1,4 @@
-"""Decks as people start them: switches of LAMMPS' command line, and the folder in which a deck runs."""
+"""How users start decks: switches of LAMMPS' command line, and the folder in which a deck runs."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_switches(words: str, var: dict[str, Sequence[str]], package: tuple[str,
         ("-in in.y", "deck: must be given once"),
     ],
 )
-def test_switches_that_are_refused(
+def test_bad_switches_are_refused(
     words: str, message: str, eos_ref_command: Callable[..., Outcome], tmp_path: Path
 ) -> None:
     deck = tmp_path / "in.x"
@@ -81,12 +81,12 @@ def test_switches_that_are_refused(
     assert not (tmp_path / "out").exists()
 
 
-def test_values_of_var_may_hold_the_deck(eos_ref_command: Callable[..., Outcome]) -> None:
+def test_values_of_var_may_contain_the_deck(eos_ref_command: Callable[..., Outcome]) -> None:
     outcome = eos_ref_command("audit", "-var", "n", "12", "in.x")
     assert outcome.code == 2 and "deck: must be given once before -var" in outcome.err
 
 
-def test_options_are_words_of_the_command_line() -> None:
+def test_options_become_words_of_the_command_line() -> None:
     options = AuditOptions.of(
         every=5, timeout=float("inf"), fields="rho, pressure", suffix="kk", package=["omp 4"], root="a b",
         var={"n": 12, "text": "a b", "many": (1, 2)}, ranks=4, budgets=True, engine="/site",
@@ -136,7 +136,7 @@ def test_deck_with_variables(eos_ref_command: Callable[..., Outcome], tmp_path: 
 
 @pytest.mark.lammps
 def test_variables_are_index_variables_of_the_command_line(tmp_path: Path) -> None:
-    """The deck's own definition does not count, words may hold anything, and the first of several values is taken."""
+    """They override the deck's definition, words may contain anything, and the first of several values is used."""
     deck = write_deck(tmp_path, "variable n index 9\nprint '${n}|${text}|${many}' file out.txt\nrun 0\n")
     var = {"n": "-3", "text": "a # $x", "many": (1, 2)}
     audit_deck(deck, AuditOptions(var=var, keep=tmp_path / "kept", fields=PRESSURE))
@@ -184,7 +184,7 @@ def test_where_a_deck_runs(
     assert (found.root, found.working) == tuple((project / each).resolve() for each in expected)
 
 
-def test_names_may_hold_variables(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_may_contain_variables(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project)
     deck = project / "decks" / "in.named"
     for text, var, here in (
@@ -199,7 +199,7 @@ def test_names_may_hold_variables(project: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("root", ["data", "none", "data/water.data"])
-def test_root_must_hold_the_deck(root: str, project: Path) -> None:
+def test_root_must_contain_the_deck(root: str, project: Path) -> None:
     with pytest.raises(InputError, match="root: must be a folder that holds the deck"):
         place.find(project / "decks" / "in.tank", project / root, {})
 
@@ -229,7 +229,7 @@ def test_paths_out_of_the_copy_are_refused(
     assert "must not leave the folder that is copied" in outcome.err and typed in outcome.err and place_ in outcome.err
 
 
-def test_what_is_typed_is_what_helps(project: Path) -> None:
+def test_suggested_command_works_when_typed(project: Path) -> None:
     deck, decks = project / "decks" / "in.above", project / "decks"
     with pytest.raises(InputError, match="must not leave"):
         place.check_script(deck, DeckPlace(decks, decks))
@@ -262,7 +262,7 @@ def test_decks_of_a_project(
 
 
 @pytest.mark.lammps
-def test_a_deck_of_another_folder_runs_in_the_current_one(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_deck_from_another_folder_runs_in_the_current_one(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project / "data")
     shutil.copy(project / "common" / "fluid.inc", ".")
     deck = project / "decks" / "in.beside"
@@ -284,7 +284,7 @@ def test_restart_of_a_project(project: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert {check.step for check in case.checks} == {5}
 
 
-def test_folders_beside_the_copy_are_links(tmp_path: Path) -> None:
+def test_folders_next_to_the_copy_are_links(tmp_path: Path) -> None:
     for name in ("a/b/c", "a/other", "x"):
         (tmp_path / "disk" / name).mkdir(parents=True)
     source = (tmp_path / "disk" / "a" / "b").resolve()

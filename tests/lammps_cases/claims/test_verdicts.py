@@ -1,4 +1,4 @@
-"""Verdicts on claims: what refutes one, what does not, and that none holds on cases that were not run."""
+"""Verdicts on claims: what refutes a claim, what does not, and that no claim holds without its cases being run."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def one(claim: Claim, records: dict[str, CaseRecord]) -> Judged:
     return judge([claim], records, KNOWN, claim.since)[0]
 
 
-def test_all_hold_on_a_lammps_that_keeps_its_manual() -> None:
+def test_all_claims_hold_on_a_lammps_that_follows_its_manual() -> None:
     found = counts(judge(BY_CASES, GOOD, KNOWN))
     testable = sum(not claim.untestable for claim in BY_CASES)
     assert found == {"holds": testable, "cannot be tested": len(BY_CASES) - testable}
 
 
 def test_claims_of_the_page_stand_and_fall_by_their_argument() -> None:
-    """On a LAMMPS of which nothing is known, too, and without a finding."""
+    """Also on an unknown LAMMPS, and without a finding."""
     pages = [claim for claim in claims() if claim.argument]
     assert {claim.falls for claim in pages} == {True, False}
     for claim in pages:
@@ -43,7 +43,7 @@ def test_claims_of_the_page_stand_and_fall_by_their_argument() -> None:
 
 @pytest.mark.parametrize("id", TESTABLE)
 def test_every_case_can_refute_its_claim(id: str) -> None:
-    """No case is there for show: each one alone, gone wrong in the fields of the claim, turns the verdict."""
+    """Each case alone, if wrong in the fields of the claim, changes the verdict."""
     claim = BY_ID[id]
     for name in NAMES.of(claim):
         flipped = one(claim, GOOD | {name: wrong(name, claim.fields)})
@@ -91,7 +91,7 @@ def test_refuted_even_if_some_cases_were_not_run() -> None:
     assert one(BY_ID["rheo-sum-formula"], {"density.one.2d": wrong("density.one.2d")}).verdict == "does not hold"
 
 
-def test_without_the_list_of_cases_every_pattern_needs_one() -> None:
+def test_every_pattern_needs_a_case_without_the_list_of_cases() -> None:
     claim = BY_ID["pressure-linear-formula"]
     some = {f"{head}.linear.2d": good(f"{head}.linear.2d") for head in ("near-rho0", "compression", "tension")}
     assert judge([claim], some)[0].verdict == "holds"
@@ -110,19 +110,19 @@ def test_without_the_list_of_cases_every_pattern_needs_one() -> None:
         CaseRecord(case="density.one.2d", verdict="explained", explained_by=["unheard-of"], message="crashed"),
     ],
 )
-def test_a_case_that_says_nothing_shows_nothing(record: CaseRecord) -> None:
+def test_case_without_result_is_no_evidence(record: CaseRecord) -> None:
     judged = one(BY_ID["rheo-sum-formula"], GOOD | {record.case: record})
     assert judged.verdict == "not run" and any("density.one.2d" in remark for remark in judged.remarks)
 
 
 def test_unforeseen_refusal_refutes() -> None:
-    ended = CaseRecord(case="density.one.2d", verdict="refused", message="LAMMPS said no")
+    ended = CaseRecord(case="density.one.2d", verdict="refused", message="LAMMPS refused")
     judged = one(BY_ID["rheo-sum-formula"], GOOD | {"density.one.2d": ended})
     assert judged.verdict == "does not hold" and judged.unexplained
-    assert judged.evidence[0].text == "LAMMPS said no"
+    assert judged.evidence[0].text == "LAMMPS refused"
 
 
-def test_evidence_of_a_claim_that_holds_is_what_comes_nearest() -> None:
+def test_evidence_of_a_valid_claim_is_the_closest_result() -> None:
     near = FieldRecord(
         field="rho",
         stage="made",
@@ -156,7 +156,7 @@ def test_summary_of_a_run() -> None:
     whole = summary(run_of(cases | {"density.one.2d": wrong("density.one.2d", ("rho",))}))
     assert whole is not None
     assert {judged.claim.id for judged in whole.refuted} >= {"rheo-sum", "rheo-sum-formula"}
-    # every claim of cases alone was run, but for the one with the case that is red on purpose
+    # every claim of cases alone was run, except the one with the case that is red on purpose
     assert whole.not_run - whole.probes == 1
     assert whole.holds + whole.not_run + whole.untestable + len(whole.refuted) == len(BY_CASES)
     made = judge(IN_FORCE, cases | {"density.one.2d": wrong("density.one.2d", ("rho",))}, manual=manual_of(NEW))
@@ -166,7 +166,7 @@ def test_summary_of_a_run() -> None:
 
 
 @pytest.mark.parametrize("manual", MANUALS)
-def test_a_claim_that_a_manual_does_not_make_is_not_judged_by_it(manual: Manual) -> None:
+def test_claim_absent_from_a_manual_is_not_judged_by_it(manual: Manual) -> None:
     judged = {one.claim.id: one.verdict for one in judge(claims(), GOOD, KNOWN, manual)}
     silent = {name for name, verdict in judged.items() if verdict == "not claimed"}
     assert silent == {claim.id for claim in claims() if not claim.made_in(manual)} != set()

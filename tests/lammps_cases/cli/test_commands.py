@@ -1,4 +1,4 @@
-"""Commands are made from signatures: what an annotation and a default say is what the command line takes."""
+"""Commands are generated from signatures: annotations and defaults define the command line."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def try_command(
         ("x --hidden y", "No such option"),
     ],
 )
-def test_a_command_takes_what_the_signature_says(words: str, expected: Any) -> None:
+def test_command_accepts_the_arguments_of_its_signature(words: str, expected: Any) -> None:
     made = CliRunner().invoke(command()(try_command), words.split())
     if isinstance(expected, str):
         assert made.exit_code == 2 and expected in made.output
@@ -63,13 +63,13 @@ def test_a_command_takes_what_the_signature_says(words: str, expected: Any) -> N
         assert made.exit_code == 0 and given | expected == given
 
 
-def test_help_and_defaults_are_those_of_the_signature() -> None:
+def test_help_and_defaults_follow_the_signature() -> None:
     out = CliRunner().invoke(command()(try_command), ["--help"]).output
     assert out.startswith("Usage: try [OPTIONS] PLACE") and "  Try." in out
     assert "Kind.  [default: a]" in out and out.count("[default") == 1
 
 
-def test_a_function_takes_options_as_arguments_and_documents_them() -> None:
+def test_function_takes_options_as_arguments_and_documents_them() -> None:
     @flat
     def area(at: int, *, size: Size) -> tuple[int, Size]:
         """Compute.
@@ -87,13 +87,13 @@ def test_a_function_takes_options_as_arguments_and_documents_them() -> None:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_has_a_line_for_each_option(name: str) -> None:
+def test_every_option_has_a_help_line(name: str) -> None:
     made = group.get_command(click.Context(group), name)
     assert made is not None
     assert all(option.help for option in made.params if isinstance(option, click.Option))
 
 
-def test_parameters_without_an_option_are_left_to_others() -> None:
+def test_parameters_without_an_option_are_not_on_the_command_line() -> None:
     assert [each.name for each in parameters(try_command) if option_of(each.annotation)] == [
         *("place", "kind", "width", "names", "parts", "fresh", "text")
     ]

@@ -1,4 +1,4 @@
-"""The pages of the help, and what the shell completes: without the packages that make either slow."""
+"""Help pages and shell completion, both without importing slow packages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HEAVY = {"numpy", "scipy", "numba", "ase", "pandas", "rich", "matplotlib", "lamm
 
 
 def completed(line: str) -> list[str]:
-    """What bash is given for a line that ends where the cursor is."""
+    """The completions that bash gets for a line ending at the cursor."""
     words = line.split(" ")
     given = {commands.VARIABLE: "bash_complete", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
     command = [sys.executable, "-m", "lammps_cases.cli.main"]
@@ -47,11 +47,11 @@ def completed(line: str) -> list[str]:
         ("eos-ref run --base", ["--baseline"]),
     ],
 )
-def test_the_shell_completes(line: str, names: list[str]) -> None:
+def test_shell_completion(line: str, names: list[str]) -> None:
     assert completed(line) == names
 
 
-def test_what_is_completed_is_what_there_is() -> None:
+def test_completions_are_the_existing_names() -> None:
     cases = casefile.load()
     assert {case.name for case in cases} <= set(commands.case_names())
     assert {name.split(".")[0] for name in commands.case_names()} == {case.name.split(".")[0] for case in cases}
@@ -69,7 +69,7 @@ def test_nothing_heavy_is_imported(call: str) -> None:
     assert HEAVY.isdisjoint(done.stderr.split())
 
 
-def test_names_are_kept_until_a_file_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_are_cached_until_a_file_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "root" / "data" / "cases"
     folder.mkdir(parents=True)
     (folder / "one.yaml").write_text("name: one\ntags: [small]\nmatrix: {}\n")
@@ -96,7 +96,7 @@ def test_names_are_kept_until_a_file_changes(tmp_path: Path, monkeypatch: pytest
 
 
 @pytest.mark.parametrize("shell", commands.INSTALLED)
-def test_the_script_is_printed_and_nothing_is_written(
+def test_script_is_printed_and_nothing_is_written(
     shell: str, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
@@ -106,7 +106,7 @@ def test_the_script_is_printed_and_nothing_is_written(
     assert not [*tmp_path.iterdir()]
 
 
-def test_bash_reads_what_is_printed(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_bash_accepts_the_printed_script(eos_ref_command: Run, tmp_path: Path) -> None:
     start = tmp_path / ".bashrc"
     start.write_text("export OWN=1\n" + eos_ref_command("completion", "bash").out)
     done = subprocess.run(["bash", "-c", f". {start}; complete -p eos-ref"], capture_output=True, text=True, check=True)
@@ -119,7 +119,7 @@ def listed(out: str) -> list[str]:
     return [line.split()[0] for line in after.splitlines() if line.startswith("  ") and line[2] not in " -"]
 
 
-def test_the_help_begins_with_ten_commands_and_dev_lists_the_others(eos_ref_command: Run) -> None:
+def test_help_lists_ten_commands_and_dev_the_others(eos_ref_command: Run) -> None:
     first, second = eos_ref_command("--help").out, eos_ref_command("dev").out
     ten = "run audit explain findings report-bug report compare accept chart doctor"
     assert " ".join(listed(first)) == ten

@@ -1,4 +1,4 @@
-"""eos-ref explain says what a case is for on one screen, and the rest where it is asked for."""
+"""eos-ref explain: the purpose of a case on one screen, and the rest on request."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
 SCREEN = 40  # lines
-OF_FULL = ("modelled by the reference", "told to LAMMPS", "LAMMPS commands:", "evaluated by")
+OF_FULL = ("modelled by the reference", "given to LAMMPS", "LAMMPS commands:", "evaluated by")
 
 
-# One of a law, the one of most types, the twin and the walls that take most rules, one that LAMMPS is to refuse.
+# One of a law, the one with most types, the twin and the walls with most rules, one that LAMMPS is to refuse.
 @pytest.mark.parametrize(
     "name",
     [
@@ -28,7 +28,7 @@ OF_FULL = ("modelled by the reference", "told to LAMMPS", "LAMMPS commands:", "e
         "refused.background-alone",
     ],
 )
-def test_a_case_fits_a_screen_and_the_rest_is_an_option(name: str, eos_ref_command: Run) -> None:
+def test_case_fits_a_screen_and_the_rest_is_an_option(name: str, eos_ref_command: Run) -> None:
     short, full = eos_ref_command("explain", name), eos_ref_command("explain", name, "--full")
     assert (short.code, full.code) == (0, 0)
     assert len(short.out.splitlines()) <= SCREEN < len(full.out.splitlines())
@@ -41,7 +41,7 @@ def test_a_case_fits_a_screen_and_the_rest_is_an_option(name: str, eos_ref_comma
     assert "--full also shows" in short.out and "--full also shows" not in full.out
 
 
-def test_cases_whose_names_begin_alike_are_listed(eos_ref_command: Run) -> None:
+def test_cases_with_a_common_prefix_are_listed(eos_ref_command: Run) -> None:
     out = eos_ref_command("explain", "near-rho0").out
     cases = casefile.select(casefile.load(), ("near-rho0",))
     assert len(out.splitlines()) < len(cases) + 10
@@ -57,7 +57,7 @@ def test_cases_whose_names_begin_alike_are_listed(eos_ref_command: Run) -> None:
     assert all(each["commands"] for each in document["cases"])
 
 
-def test_words_of_a_twin_are_those_of_its_file(eos_ref_command: Run) -> None:
+def test_text_of_a_twin_quotes_its_file(eos_ref_command: Run) -> None:
     assert "rebuild {every: 1, delay: 0, check: false}: when" in eos_ref_command("explain", "twins.walls.rebuild").out
 
 

@@ -1,4 +1,4 @@
-"""A particle's neighbours, and what each pair adds: the sums are the fields of the reference."""
+"""A particle's neighbours and the contribution of each pair: the sums are the fields of the reference."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ATOM = 5
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["forces.all.rk1.2d", "forces.all.quintic.3d", "thermal.arithmetic.2d"])
-def test_the_sums_are_the_fields(name: str, eos_ref_command: Callable[..., Outcome]) -> None:
+def test_sums_equal_the_fields(name: str, eos_ref_command: Callable[..., Outcome]) -> None:
     (case,) = (case for case in casefile.load() if case.name == name)
     problem = problem_of(case.scene, prepare(case).atoms, case.where, case.scene.snapshots)
     sim = problem.simulation()
@@ -36,18 +36,18 @@ def test_the_sums_are_the_fields(name: str, eos_ref_command: Callable[..., Outco
     assert set(named) == ({"force", "heat"} if problem.model.thermal else {"force", "drho"})
     for name, field in named.items():
         exact = twin.fields[field]
-        bound = np.asarray(exact.error)[ATOM - 1]  # of both sides, which add in other orders
+        bound = np.asarray(exact.error)[ATOM - 1]  # of both sides, which add in different orders
         assert np.all(np.abs(np.asarray(sums[name]) - exact.value[ATOM - 1]) <= bound), name
 
 
 @pytest.mark.slow
-def test_as_a_table(eos_ref_command: Callable[..., Outcome]) -> None:
+def test_table_output(eos_ref_command: Callable[..., Outcome]) -> None:
     out = eos_ref_command("explain", "forces.all.quintic.2d", "--atom", "5", "--step", "0").out
     assert out.startswith("forces.all.quintic.2d, particle 5 after 0 steps") and "of pressure x" in out
     assert out.rstrip().splitlines()[-1].split()[0] == "sum"
 
 
-def test_of_a_twin_the_original_is_shown(eos_ref_command: Callable[..., Outcome]) -> None:
+def test_twin_shows_the_original(eos_ref_command: Callable[..., Outcome]) -> None:
     words = ("explain", "twins.fluid.translate", "--atom", "5")
     said = "of the original of the two runs that are compared; translate makes the other, its twin"
     assert said in " ".join(eos_ref_command(*words).out.split())
@@ -56,7 +56,7 @@ def test_of_a_twin_the_original_is_shown(eos_ref_command: Callable[..., Outcome]
     twin = prepare(case).twin
     assert twin is not None and document["run"] == "original"
     problem = problem_of(twin.scene, twin.atoms, case.where, (document["step"],))
-    own = pair_sums.terms(problem, document["step"], 5).particle  # its places lie on the grid of both runs
+    own = pair_sums.terms(problem, document["step"], 5).particle  # its positions lie on the grid of both runs
     assert document["particle"]["x"] == list(own.x)
     assert "twin" not in eos_ref_command("explain", "forces.all.quintic.2d", "--atom", "5").out
 
@@ -72,7 +72,7 @@ def test_fixes_that_change_the_force(eos_ref_command: Callable[..., Outcome]) ->
     assert "add to it or set it" not in eos_ref_command("explain", "forces.all.quintic.2d", "--atom", "5").out
 
 
-def test_numbers_are_whole_on_a_narrow_terminal(
+def test_numbers_are_not_truncated_on_a_narrow_terminal(
     eos_ref_command: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "60")

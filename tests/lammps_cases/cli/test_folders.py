@@ -1,4 +1,4 @@
-"""The folder of a command that leaves a page: none is left behind by one that is interrupted before it wrote."""
+"""The output folder of a command: removed if the command is interrupted before it writes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def interrupted(*arguments: object, **named: object) -> None:
         (("examples", "--from", "{decks}"), "lammps_cases.audit.examples.collect"),
     ],
 )
-def test_an_empty_folder_goes(
+def test_empty_folder_is_removed(
     words: tuple[str, ...],
     worker: str,
     tmp_path: Path,
@@ -38,10 +38,10 @@ def test_an_empty_folder_goes(
     for out in (tmp_path / "reports" / "new", kept):
         done = eos_ref_command(*words, "--out", out)
         assert done.code == 130, done.err
-    assert [path.name for path in tmp_path.iterdir()] == ["kept"]  # which there was
+    assert [path.name for path in tmp_path.iterdir()] == ["kept"]  # it existed before
 
 
-def test_what_was_written_stays(
+def test_written_files_stay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Callable[..., Outcome]
 ) -> None:
     out = tmp_path / "new"

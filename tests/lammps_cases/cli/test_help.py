@@ -9,7 +9,7 @@ from lammps_cases.cli.main import COMMANDS, group
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_is_listed_by_the_line_of_the_table(name: str) -> None:
+def test_command_list_uses_the_line_of_the_table(name: str) -> None:
     context = click.Context(group)
     command = group.get_command(context, name)
     assert command is not None

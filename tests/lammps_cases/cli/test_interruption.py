@@ -1,4 +1,4 @@
-"""What Ctrl-C says of a command that keeps what is done."""
+"""The message after Ctrl-C in a command that can be resumed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COMMANDS = {
 
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("done", [0, 1])
-def test_what_is_done_is_said_to_be_kept(
+def test_message_states_what_is_kept(
     command: str,
     done: int,
     eos_ref_command: Callable[..., Outcome],
@@ -52,7 +52,7 @@ def test_what_is_done_is_said_to_be_kept(
     assert file.exists() == bool(done)
 
 
-def test_an_interrupted_chart_is_drawn_and_resumed(
+def test_interrupted_chart_is_drawn_and_resumed(
     eos_ref_command: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     measured, last = list[str](), ["kernels"]
@@ -76,7 +76,7 @@ def test_an_interrupted_chart_is_drawn_and_resumed(
     last.clear()
     assert eos_ref_command(*command, "--resume")[0] == 0
     assert (measured, titles()) == (["laws", "kernels"], ["title of laws", "title of kernels"])
-    assert eos_ref_command(*command, "--quick")[0] == 0  # other methods: nothing of the first is taken
+    assert eos_ref_command(*command, "--quick")[0] == 0  # other methods: nothing of the first is reused
     assert measured[2:] == ["laws", "kernels"]
     assert eos_ref_command(*command, "--fresh")[0] == 0
     assert measured[4:] == ["laws", "kernels"]

@@ -1,4 +1,4 @@
-"""With --json a failure is a document too, on standard output, with the same exit code."""
+"""With --json a failure is a JSON document on standard output, with the same exit code."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Run = Callable[..., Outcome]
         (("rnu",), {"what": "usage", "rule": "no such command: 'rnu' (did you mean 'run'?)"}),
     ],
 )
-def test_a_failure_is_a_document(arguments: tuple[str, ...], error: dict[str, str], eos_ref_command: Run) -> None:
+def test_failure_is_a_document(arguments: tuple[str, ...], error: dict[str, str], eos_ref_command: Run) -> None:
     plain, document = eos_ref_command(*arguments), eos_ref_command(*arguments, "--json")
     assert plain.code == document.code == 2
     assert (plain.out, document.err) == ("", "")
@@ -35,7 +35,7 @@ def test_a_failure_is_a_document(arguments: tuple[str, ...], error: dict[str, st
     assert said["error"] | error == said["error"]
 
 
-def test_several_mistakes_are_all_in_the_document(case_file: Callable[..., Path], eos_ref_command: Run) -> None:
+def test_document_lists_all_mistakes(case_file: Callable[..., Path], eos_ref_command: Run) -> None:
     code, out, err = eos_ref_command("list", "--cases", case_file(units="furlong", presure=[]), "--json")
     said = json.loads(out)
     assert (code, err) == (2, "")

@@ -1,4 +1,4 @@
-"""The list of cases as a script reads it."""
+"""The list of cases as JSON."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
 
 
-def test_the_document_says_what_cases_are_chosen_by(eos_ref_command: Callable[..., Outcome]) -> None:
+def test_document_has_the_properties_that_select_cases(eos_ref_command: Callable[..., Outcome]) -> None:
     names = ("near-rho0.linear.2d", "walls.stored.damped", "refused.type-zero")
     code, out, _ = eos_ref_command("list", *names, "--json")
     listed = {case["case"]: case for case in json.loads(out)["cases"]}

@@ -1,4 +1,4 @@
-"""What eos-ref run says of a user's own cases: constants that were taken for granted, and mistakes that go unseen."""
+"""Notes of eos-ref run on a user's cases: constants left at their defaults, and mistakes that go undetected."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def notes(out: str) -> list[str]:
 
 
 @pytest.mark.lammps
-def test_constants_that_are_not_given_are_noted(case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
+def test_default_constants_are_noted(case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
     changes = {"units": {"a": {"units": "lj"}, "b": {"units": "si"}}}
     file = case_file(types=[{"mass": 1.31}], pressure=LINEAR, matrix=changes)
     code, out, _ = eos_ref_command("run", "--cases", file, "--out", tmp_path / "report")
@@ -34,7 +34,7 @@ def test_constants_that_are_not_given_are_noted(case_file: Write, eos_ref_comman
 
 
 @pytest.mark.lammps
-def test_what_is_given_is_not_noted(case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
+def test_given_constants_are_not_noted(case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
     given = case_file(types=[{"mass": 1.31, "rho0": 1.2, "cs": 3.1}], pressure=LINEAR)
     code, out, _ = eos_ref_command("run", "--cases", given, "--out", tmp_path / "report")
     assert (code, notes(out)) == (0, [])
@@ -47,7 +47,7 @@ def test_shipped_cases_are_not_noted(eos_ref_command: Run, tmp_path: Path) -> No
 
 
 @pytest.mark.lammps
-def test_viscosity_that_is_compared_is_noted(case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
+def test_compared_viscosity_is_noted(case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
     file = case_file(types=[{"mass": 1.31, "rho0": 1.2, "cs": 3.1}], compare=["viscosity"])
     out = eos_ref_command("run", "--cases", file, "--out", tmp_path / "report").out
     assert notes(out)[0] == "note: defaults used in 1 case: viscosity = 0.1"
@@ -55,9 +55,7 @@ def test_viscosity_that_is_compared_is_noted(case_file: Write, eos_ref_command: 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("interrupted", [False, True])
-def test_a_run_that_was_not_interrupted_is_noted(
-    interrupted: bool, case_file: Write, eos_ref_command: Run, tmp_path: Path
-) -> None:
+def test_uninterrupted_run_is_noted(interrupted: bool, case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
     command = [
         "run",
         "--cases",

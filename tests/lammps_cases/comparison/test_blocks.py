@@ -1,4 +1,4 @@
-"""Predictions in blocks against those of whole arrays: the same bits, of values and bounds, for every kind of stage."""
+"""Predictions in blocks equal those of whole arrays, bit for bit, in values and bounds, for every kind of stage."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def arrays(of: Prediction) -> list[Any]:
 
 @pytest.fixture(params=[True, False], ids=["kept", "made again"])
 def tiny(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Blocks of a few particles, whose pairs are kept between the stages or made again for each, by compiled loops."""
+    """Blocks of a few particles, whose pairs are kept between stages or computed again for each, by compiled loops."""
     monkeypatch.setattr(blocks, "ROWS", 7 if request.param else 29)
     monkeypatch.setattr(blocks, "KEPT", 2**30 if request.param else 0)
     monkeypatch.setattr(Rounded, "loops", None if request.param else rounded_loops)
@@ -47,7 +47,7 @@ def tiny(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("stages", [ArrayEvaluator, ForcePerVolume])
 @pytest.mark.parametrize("name", CASES)
-def test_the_same_bits(name: str, stages: Any, tiny: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_give_the_same_bits(name: str, stages: Any, tiny: None, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = problem(name)
     assert blocks.in_blocks(stages, len(scene.state.x_nc)) is not stages
     found, precise = predict(scene, stages, seed=3), precise_setup(scene)
@@ -59,8 +59,8 @@ def test_the_same_bits(name: str, stages: Any, tiny: None, monkeypatch: pytest.M
         np.testing.assert_array_equal(np.asarray(precise[field]), np.asarray(exact), err_msg=field)
 
 
-def test_nothing_is_searched_twice_in_a_row() -> None:
-    """Blocks hold for positions within half the skin, for which the pairs are those of a new search."""
+def test_pairs_are_not_searched_twice_in_a_row() -> None:
+    """Blocks stay valid for displacements up to half the skin, where the pairs equal those of a new search."""
     box, cut = Box((0.0, 0.0), (12.0, 9.0), (True, False)), 1.5
     random = np.random.default_rng(1)
     x_nc = random.uniform(0.0, [12.0, 9.0], (100, 2))
@@ -72,7 +72,7 @@ def test_nothing_is_searched_twice_in_a_row() -> None:
     assert again is not first and blocks.listed(x_nc, box, cut, 31) is not again
 
 
-def test_lists_of_lammps_are_followed_as_a_whole(tiny: None) -> None:
+def test_neighbour_lists_of_lammps_are_used_without_blocks(tiny: None) -> None:
     assert blocks.in_blocks(MassOfFirst, 100) is MassOfFirst
 
 

@@ -1,4 +1,4 @@
-"""Changes of the source are addressed by syntax tree; made in a process, they are made everywhere and taken back."""
+"""Changes of the source are located by syntax tree, take effect everywhere in a process, and are undone."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_one_place_is_changed(name: str, replace: str, by: str, at: int | None, 
     assert [text for text in after if text not in before][-1] == line
 
 
-def test_a_statement_left_out_beside_others_leaves_nothing() -> None:
+def test_omitted_statement_leaves_no_trace_next_to_others() -> None:
     after = edited(TEXT, _edit("Law.pressure", "total = total * 2", ""))
     assert after == ast.unparse(ast.parse(TEXT)).replace("        total = total * 2\n", "")
 
@@ -67,7 +67,7 @@ def test_a_statement_left_out_beside_others_leaves_nothing() -> None:
         ("Law.pressure", "rho +", None, r"must be Python .*'rho \+' \(here\)"),
     ],
 )
-def test_what_is_not_there_is_an_error(name: str, replace: str, at: int | None, message: str) -> None:
+def test_missing_target_is_an_error(name: str, replace: str, at: int | None, message: str) -> None:
     with pytest.raises(InputError, match=message):
         edited(TEXT, _edit(name, replace, "1", at))
 
@@ -75,7 +75,7 @@ def test_what_is_not_there_is_an_error(name: str, replace: str, at: int | None, 
 # --- made in this process
 
 
-def test_a_function_is_mistaken_wherever_it_is_known() -> None:
+def test_function_is_changed_wherever_it_is_imported() -> None:
     held = quintic.QUINTIC.slope  # bound before the mistake
     right = float(held(np.array(0.5)))
     with made(CHANGES["slope-without-five"]):
@@ -86,7 +86,7 @@ def test_a_function_is_mistaken_wherever_it_is_known() -> None:
     assert float(held(np.array(0.5))) == right
 
 
-def test_methods_and_properties_are_mistaken_too() -> None:
+def test_methods_and_properties_are_changed_too() -> None:
     law = EOS("linear", 1.2, 3.0, None, 0.5)
     with made(CHANGES["background-dropped"]):
         assert law.evaluate(1.2) == 0.0
@@ -98,20 +98,20 @@ def test_methods_and_properties_are_mistaken_too() -> None:
     assert order.fget.__code__ is before
 
 
-def test_a_mistake_is_taken_back_after_an_exception() -> None:
+def test_change_is_undone_after_an_exception() -> None:
     before = ArrayEvaluator.correct.__code__
     with pytest.raises(ZeroDivisionError), made(CHANGES["zmin-ignored"]):
         raise ZeroDivisionError
     assert ArrayEvaluator.correct.__code__ is before
 
 
-def test_what_is_no_function_cannot_be_mistaken() -> None:
+def test_only_functions_can_be_changed() -> None:
     constant = Change("here", "constant", "", "", "eos_ref.model.units:_GRAM", "0.602214129", "1.0")
     with pytest.raises(InputError, match="name: must be"), made(constant):
         pass
 
 
-def test_every_mistake_can_be_made() -> None:
+def test_every_change_can_be_applied() -> None:
     for change in CHANGES.values():
         if change.function:
             with made(change):

@@ -1,4 +1,4 @@
-"""The verdict on one field: bounds, numbers that are none, signed zeros, vectors, digits lost."""
+"""The verdict on one field: bounds, NaN and infinity, signed zeros, vectors, digits lost."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def compared(lammps_n: Array, reference_n: Array, bound_n: Array, same_order_n: 
         (1.0, 1.0, NAN, "differs", INF),
     ],
 )
-def test_a_value_is_judged_by_its_bound(
+def test_value_is_judged_by_its_bound(
     lammps: float, reference: float, bound: float, verdict: Verdict, ratio: float
 ) -> None:
     record = compared(array(lammps), array(reference), array(bound)).record
@@ -70,14 +70,14 @@ def test_a_value_is_judged_by_its_bound(
     assert record.outside == (verdict == "differs")
 
 
-def test_a_field_without_values_differs() -> None:
+def test_field_without_values_differs() -> None:
     record = compared(array(), array(), array()).record
     assert record.verdict == "differs"
     assert (record.max_abs, record.max_over_bound, record.outside) == (0.0, 0.0, 0)
     assert record.bound is record.worst_id is record.first_id is None
 
 
-def test_the_record_names_the_worst_atom_and_the_first_outside() -> None:
+def test_record_names_the_worst_atom_and_the_first_outside() -> None:
     lammps_n, bound_n = array(0.0, 3.0, 0.5, 8.0), array(1.0, 2.0, 1.0, 4.0)
     comparison = compared(lammps_n, np.zeros(4), bound_n)
     record = comparison.record
@@ -88,11 +88,11 @@ def test_the_record_names_the_worst_atom_and_the_first_outside() -> None:
     np.testing.assert_array_equal(comparison.reference_n, np.zeros(4))
 
 
-def test_vectors_of_no_particles_differ() -> None:
+def test_vectors_without_particles_differ() -> None:
     assert compared(*(np.zeros((0, 3)) for _ in range(3))).record.verdict == "differs"
 
 
-def test_counts_are_kept_as_numbers_with_a_fraction() -> None:
+def test_counts_are_stored_as_floats() -> None:
     counts_n = np.array([3, 5])
     comparison = compare_field("count", "pair", np.array([1, 2]), counts_n, counts_n, np.zeros(2))
     assert (comparison.lammps_n.dtype, comparison.reference_n.dtype) == (float, float)
@@ -100,7 +100,7 @@ def test_counts_are_kept_as_numbers_with_a_fraction() -> None:
     assert comparison.record.derivation == ""
 
 
-def test_the_first_atom_outside_has_the_lowest_id() -> None:
+def test_first_atom_outside_has_the_lowest_id() -> None:
     record = compare_field("f", "pair", np.array([7, 3, 5]), array(9.0, 9.0, 0.0), np.zeros(3), np.ones(3)).record
     assert (record.first_id, record.worst_id) == (3, 7)
 
@@ -113,12 +113,12 @@ def test_one_component_outside_puts_the_particle_outside() -> None:
     assert record.max_over_bound == rounded(1.5, 3)
 
 
-def test_a_vector_inside_in_all_components_passes() -> None:
+def test_vector_inside_in_all_components_passes() -> None:
     lammps_nc, bound_nc = np.array([[0.1, -0.2], [0.0, 0.3]]), np.full((2, 2), 0.3)
     assert compared(lammps_nc, np.zeros((2, 2)), bound_nc).record.verdict == "pass"
 
 
-def test_lammps_order_of_operations_makes_a_field_exact_inside_the_bound_only() -> None:
+def test_lammps_order_of_operations_gives_exact_only_inside_the_bound() -> None:
     lammps_n, reference_n = array(1.0, 2.0 + 4 * EPS), array(1.0, 2.0)
     assert compared(lammps_n, reference_n, np.full(2, 1e-12), lammps_n.copy()).record.verdict == "exact"
     assert compared(lammps_n, reference_n, np.full(2, 1e-12), reference_n.copy()).record.verdict == "pass"
@@ -128,20 +128,20 @@ def test_lammps_order_of_operations_makes_a_field_exact_inside_the_bound_only() 
 # --- its parts
 
 
-def test_bits_are_the_same_with_their_signs_and_nan_never() -> None:
+def test_bit_equality_includes_signs_and_excludes_nan() -> None:
     assert same_bits(array(1.0, -0.0), array(1.0, -0.0))
     assert not same_bits(array(0.0), array(-0.0))
     assert not same_bits(array(1.0), array(np.nextafter(1.0, 2.0)))
     assert not same_bits(array(NAN), array(NAN))
 
 
-def test_excess_is_infinite_where_a_side_is_no_number() -> None:
+def test_excess_is_infinite_for_nan_and_infinity() -> None:
     difference, ratio = excess(array(3.0, NAN, INF, 2.0, 2.0), array(1.0, 1.0, INF, 2.0, 1.0), array(4.0, 1, 1, 0, 0))
     np.testing.assert_array_equal(difference, [2.0, INF, INF, 0.0, 1.0])
     np.testing.assert_array_equal(ratio, [0.5, INF, INF, 0.0, INF])
 
 
-def test_the_component_of_the_largest_ratio_stands_for_a_particle() -> None:
+def test_particle_is_represented_by_its_component_of_largest_ratio() -> None:
     values_nc, ratio_nc = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[0.9, 0.1], [0.1, 0.9]])
     np.testing.assert_array_equal(worst_component(values_nc, ratio_nc), [1.0, 4.0])
     values_ncc, ratio_ncc = np.arange(8.0).reshape(2, 2, 2), np.zeros((2, 2, 2))
@@ -159,7 +159,7 @@ def state(n: int = 8) -> EosState:
 
 
 def given(scene: EosState) -> tuple[list[float], ...]:
-    """Type, density and, if there is one, energy of every particle."""
+    """Type, density and, if given, energy of every particle."""
     return tuple(side_n.tolist() for side_n in (scene.type_n, scene.rho_n, scene.e_n) if side_n is not None)
 
 
@@ -178,7 +178,7 @@ def test_every_particle_is_evaluated_by_the_law_of_its_type() -> None:
     assert (np.abs(p_n[~linear] - tait) <= bound_n[~linear]).all()
 
 
-def test_energy_is_counted_per_unit_mass() -> None:
+def test_energy_is_per_unit_mass() -> None:
     scene = EosState(np.array([1]), np.array([1]), array(2.0), array(4.0), array(6.0))
     assert scene.e_n is not None
     np.testing.assert_array_equal(scene.e_n, [1.5])
@@ -197,7 +197,7 @@ def test_pressure_of_the_reference_is_exact_and_a_wrong_law_differs() -> None:
 
 
 @pytest.mark.parametrize(("table", "scene"), [(TABLE, state()), (GAS, gas())], ids=["TABLE", "GAS"])
-def test_a_law_is_evaluated_in_the_precision_asked_for(table: EOSTable, scene: EosState) -> None:
+def test_law_is_evaluated_in_the_requested_precision(table: EOSTable, scene: EosState) -> None:
     p_n = evaluate(table, scene, np.longdouble)
     assert p_n.dtype == np.longdouble and evaluate(table, scene).dtype == np.float64
     exact = [rigorous.pressure(table[t], *values) for t, *values in zip(*given(scene), strict=True)]
@@ -205,21 +205,21 @@ def test_a_law_is_evaluated_in_the_precision_asked_for(table: EOSTable, scene: E
     assert max(errors) < EPS / 100, "what a double cannot hold"
 
 
-def test_a_density_without_a_pressure_is_no_number_and_a_pressure_beyond_all_is_infinite() -> None:
-    """Neither is warned of: the comparison shows it."""
+def test_undefined_pressure_is_nan_and_overflow_is_infinite() -> None:
+    """Neither gives a warning: the comparison shows it."""
     laws = EOSTable([TABLE[2], EOS("cubic", 1.2, parameter=0.5)])
     scene = EosState(np.arange(1, 4), np.array([1, 1, 2]), array(-1.0, 1.2, 1e200), np.ones(3))
     np.testing.assert_array_equal(evaluate(laws, scene), [NAN, 0.0, INF])
 
 
-def test_a_pressure_with_the_roundings_of_lammps_is_exact() -> None:
+def test_pressure_with_the_roundings_of_lammps_is_exact() -> None:
     scene = gas()
     theirs_n = lammps_rounding.pressure(GAS, scene.rho_n, scene.type_n, scene.energy_n, scene.mass_n)
     assert not same_bits(theirs_n, evaluate(GAS, scene))
     assert compare_pressure(GAS, scene, theirs_n).record.verdict == "exact"
 
 
-def test_the_record_of_a_pressure_says_how_its_bound_was_derived_and_what_it_lost() -> None:
+def test_record_of_a_pressure_has_the_derivation_of_its_bound_and_digits_lost() -> None:
     scene = state()
     record = compare_pressure(TABLE, scene, evaluate(TABLE, scene)).record
     laws = [f"type {t}: {bounds.comparison_derivation(TABLE[t])}" for t in (1, 2)]
@@ -230,11 +230,11 @@ def test_the_record_of_a_pressure_says_how_its_bound_was_derived_and_what_it_los
     assert (used.field, used.derivation, used.digits_lost) == ("used", laws[1], DigitsLost())
 
 
-# Digits are given in hundredths; what a pressure itself lacks, a hundred EPS at most, is nothing of a part 1e-9.
+# Digits are given in hundredths; a pressure's own error, a hundred EPS at most, is negligible against 1e-9.
 HUNDREDTH = 0.005 + 100 * EPS / 1e-9
 
 
-def test_digits_lost_count_the_decimal_places_of_each_side() -> None:
+def test_digits_lost_are_counted_for_each_side() -> None:
     scene = state()
     p_n = evaluate(TABLE, scene)
     lost = digits_lost(TABLE, scene, p_n * (1 + 1e-9), p_n)
@@ -243,7 +243,7 @@ def test_digits_lost_count_the_decimal_places_of_each_side() -> None:
     assert lost.reference < 2
 
 
-def test_no_digits_are_lost_where_nothing_is_evaluated() -> None:
+def test_no_digits_are_lost_without_evaluation() -> None:
     empty = EosState(*(np.zeros(0, int) for _ in range(2)), *(np.zeros(0) for _ in range(2)))
     assert digits_lost(TABLE, empty, np.zeros(0), np.zeros(0)).lammps is None
 
@@ -266,7 +266,7 @@ def test_the_worst_atom_among_many_is_certified() -> None:
         (1.5, NAN, 99.0),
         (1.5, INF, 99.0),
         (1.0, 0.0, 0.0),
-        (1.0, 1e-300, 15.65),  # nothing is close to zero but zero
+        (1.0, 1e-300, 15.65),  # only zero is close to zero
     ],
 )
 def test_digits_lost_of_one_value(rho: float, value: float, lost: float) -> None:
@@ -276,7 +276,7 @@ def test_digits_lost_of_one_value(rho: float, value: float, lost: float) -> None
     assert digits_lost(TABLE, scene, *both[::-1]) == DigitsLost(lammps=0.0, reference=lost)
 
 
-def test_digits_lost_by_a_gas_are_those_of_its_energy_per_unit_mass() -> None:
+def test_digits_lost_of_a_gas_use_its_energy_per_unit_mass() -> None:
     scene = gas()
     p_n = evaluate(GAS, scene)
     lost = digits_lost(GAS, scene, p_n * (1 + 1e-9), p_n)
@@ -284,7 +284,7 @@ def test_digits_lost_by_a_gas_are_those_of_its_energy_per_unit_mass() -> None:
     assert lost.reference is not None and lost.reference < 1
 
 
-def test_digits_are_lost_where_the_law_has_a_value() -> None:
+def test_digits_lost_are_counted_only_where_the_law_is_defined() -> None:
     scene = EosState(np.array([1, 2]), np.array([2, 1]), array(-1.0, 1.5), np.ones(2))
     assert digits_lost(TABLE, scene, array(7.0, 0.0), array(NAN, 2.0)) == DigitsLost(lammps=15.65, reference=0.0)
 
@@ -307,8 +307,8 @@ def test_the_worst_of_either_side_and_evenly_spaced_atoms_are_certified(monkeypa
     assert certified == {0, 333, 666, 1000} | {377, 501} | {11, 22}
 
 
-def test_a_double_is_screened_by_more_than_a_double() -> None:
-    """The reference differs from itself nowhere: only more digits show where cancellation costs it some."""
+def test_doubles_are_screened_in_extended_precision() -> None:
+    """The reference never differs from itself: only extended precision shows where cancellation costs digits."""
     scene = replace(state(1000), type_n=np.full(1000, 2))
     scene.rho_n[505] = 1.2 * (1 + 1e-7)
     p_n = evaluate(TABLE, scene)

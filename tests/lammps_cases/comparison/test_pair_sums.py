@@ -1,4 +1,4 @@
-"""What the pairs of a particle add is all that it gets, in the units of the scene."""
+"""The contributions of a particle's pairs add up to its fields, in the units of the scene."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def test_pairs_add_up_to_the_fields(name: str, fields: tuple[str, ...]) -> None:
         assert all(np.dot(pair.gradient, pair.x) < 0 for pair in of.pairs), "kernels fall with the distance"
 
 
-def test_forces_of_fixes_are_told_beside_those_of_pairs() -> None:
-    """Where the model has them, and where what pairs add is asked for."""
+def test_forces_of_fixes_are_listed_with_those_of_pairs() -> None:
+    """If the model has them and contributions of pairs are requested."""
     (case,) = casefile.select(casefile.load(), ["walls.stored.gravity"])
     problem = problem_of(case.scene, prepare(case).atoms, "", (0,))
     sim = halted(problem, (0,))[0]
@@ -75,7 +75,7 @@ def test_forces_of_fixes_are_told_beside_those_of_pairs() -> None:
     assert sums(of, (3,), forces=True)[0].force_with_fixes == ()
 
 
-def test_solids_are_told_from_fluids() -> None:
+def test_solids_are_distinguished_from_fluids() -> None:
     (case,) = casefile.select(casefile.load(), ["walls.stored.gravity"])
     problem = problem_of(case.scene, prepare(case).atoms, "", (0,))
     of = sums(halted(problem, (0,))[0], range(len(problem.state.x_nc)))
@@ -83,8 +83,8 @@ def test_solids_are_told_from_fluids() -> None:
     assert any(each.particle.solid for each in of) and not all(each.particle.solid for each in of)
 
 
-def test_without_viscosity_all_force_is_that_of_pressure(case_file: Callable[..., Path]) -> None:
-    """In units real, of a gas whose pressure is that of its energy."""
+def test_without_viscosity_the_force_is_that_of_pressure(case_file: Callable[..., Path]) -> None:
+    """In units real, for a gas whose pressure follows from its energy."""
     gas = {"pressure": [{"types": "*", "style": "ideal/gas", "gamma": 1.4}], "energy": {"range": [0.5, 2.5]}}
     cube = {"dimension": 3, "positions": {"lattice": "sc", "spacing": 0.8, "cells": [4, 4, 4], "disorder": 0.2}}
     (case,) = casefile.load_file(case_file(**gas, **cube, compare=["f", "pressure"], units="real"))
@@ -95,7 +95,7 @@ def test_without_viscosity_all_force_is_that_of_pressure(case_file: Callable[...
     assert of.particle.pressure == values["pressure"][7]
 
 
-def test_particles_of_masses_of_their_own_weigh_so() -> None:
+def test_particles_have_individual_masses() -> None:
     (case,) = casefile.select(casefile.load(), ["masses.plain.2d"])
     problem = problem_of(case.scene, prepare(case).atoms, "", (0,))
     assert problem.state.mass_n is not None
@@ -116,7 +116,7 @@ def pair(other: int, force: tuple[float, ...], drho: float | None, heat: float |
 
 @pytest.mark.parametrize(("drho", "heat", "rates"), [(None, None, []), (2.0, None, ["drho"]), (None, 3.0, ["heat"])])
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_looks_are_rows_and_their_pairs_are_rows_of_their_own(
+def test_particles_and_their_pairs_are_separate_rows(
     dimension: int, drho: float | None, heat: float | None, rates: list[str]
 ) -> None:
     force = (1.0, -2.0, 4.0)[:dimension]
@@ -136,7 +136,7 @@ def test_looks_are_rows_and_their_pairs_are_rows_of_their_own(
     }
 
 
-def test_one_particle_without_neighbours_has_no_columns() -> None:
+def test_particle_without_neighbours_has_no_columns() -> None:
     arrays = columns([(0, Sum(particle(7), (), 0))])
     assert {name: array.dtype.kind for name, array in arrays.items()} == {
         **dict.fromkeys(("step", "row", "count", "other"), "i"),

@@ -1,4 +1,4 @@
-"""Keys of predictions: what differs in a bit has another key, what a key cannot name is refused."""
+"""Keys of predictions: inputs that differ in one bit have different keys, and unsupported objects are refused."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ BOX = Box((0.0, 0.0), (1.0, 1.0), (True, True))
         ({"a": 1.0}, ("a", 1.0)),
     ],
 )
-def test_what_differs_has_another_key(one: Any, other: Any) -> None:
+def test_different_inputs_have_different_keys(one: Any, other: Any) -> None:
     assert fingerprint(one) != fingerprint(other)
     assert fingerprint(one) == fingerprint(one)
 
 
-def test_what_is_the_same_has_the_same_key() -> None:
+def test_equal_inputs_have_equal_keys() -> None:
     assert fingerprint(np.float64(1.5)) == fingerprint(1.5) and fingerprint(np.int64(2)) == fingerprint(2)
     assert fingerprint([1, 2]) == fingerprint((1, 2))
     assert fingerprint({"a": 1, "b": 2}) == fingerprint({"b": 2, "a": 1})
@@ -64,12 +64,12 @@ class OfThisTest:
 
 
 @pytest.mark.parametrize("part", [object(), {1: 2}, {1}, lambda: 1, np.array([None]), OfThisTest, b"1"])
-def test_what_a_key_cannot_name(part: Any) -> None:
+def test_objects_without_a_key_are_refused(part: Any) -> None:
     with pytest.raises(Unnamed):
         fingerprint(part)
 
 
-def test_a_class_inside_a_function_has_no_source_of_its_own() -> None:
+def test_local_class_has_no_separate_source() -> None:
     class Inner(Evaluator):
         __module__ = "eos_ref.evaluation.evaluator"
 
@@ -77,7 +77,7 @@ def test_a_class_inside_a_function_has_no_source_of_its_own() -> None:
         fingerprint(Inner)
 
 
-def test_the_context_follows_sources_and_switches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_context_depends_on_sources_and_switches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "eos_ref").mkdir()
     source = tmp_path / "eos_ref" / "one.py"
     source.write_text("a = 1\n")
@@ -96,7 +96,7 @@ def test_the_context_follows_sources_and_switches(tmp_path: Path, monkeypatch: p
     assert len({first, second, third, store.context(tmp_path)}) == 4
 
 
-def test_the_processor_by_what_decides_on_its_instructions(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_processor_is_identified_by_its_instruction_set(monkeypatch: pytest.MonkeyPatch) -> None:
     facts = {"model name": "Made up", "flags": "fpu fma sse avx avx2x"}
     monkeypatch.setattr(store, "cpuinfo", lambda: facts)
     assert store.processor().split(", ")[:2] == ["Made up", "avx fma"]
@@ -117,7 +117,7 @@ def test_the_processor_by_what_decides_on_its_instructions(monkeypatch: pytest.M
     assert store.processor() == "vax", "another system says nothing more"
 
 
-def test_what_linux_says_of_the_first_processor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_linux_description_of_the_first_processor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     there, read_text = tmp_path / "cpuinfo", Path.read_text
     there.write_bytes(
         b"processor\t: 0\nmodel name\t: One: two \xff\nflags\t\t: fpu avx\n\nprocessor\t: 1\nflags\t: vmx\n"

@@ -1,4 +1,4 @@
-"""Predictions are found again only where nothing has changed, to the last bit, and give the same report."""
+"""Cached predictions are reused only if nothing has changed, to the last bit, and give the same report."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def problem() -> Problem:
 
 
 def _leaves(value: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
-    """Every number, word and array of a nest of dataclasses and tuples."""
+    """Every number, string and array in nested dataclasses and tuples."""
     if is_dataclass(value) and not isinstance(value, type):
         return [leaf for f in fields(value) for leaf in _leaves(getattr(value, f.name), (*path, f.name))]
     if isinstance(value, tuple):
@@ -56,7 +56,7 @@ def _leaves(value: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
 
 
 def _nudged(value: Any, path: tuple[str, ...]) -> Any:
-    """The nest with one leaf changed by as little as can be."""
+    """The same structure with one leaf changed by the smallest amount."""
     if path:
         if isinstance(value, tuple):
             at = int(path[0])
@@ -85,7 +85,7 @@ def _nudged(value: Any, path: tuple[str, ...]) -> Any:
 
 
 @pytest.mark.parametrize("name", ["thermal.latent.2d", "walls.reconstructed.gravity", "cross-type.both.2d"])
-def test_any_change_of_the_problem_is_another_key(name: str) -> None:
+def test_any_change_of_the_problem_changes_the_key(name: str) -> None:
     problem = _scene(name)
     leaves = _leaves(problem)
     assert ("state", "x_nc") in leaves
@@ -107,7 +107,7 @@ def test_every_element_counts(problem: Problem) -> None:
     )
 
 
-def test_variants_are_told_apart() -> None:
+def test_variants_have_different_keys() -> None:
     fitted = [
         type("Fitted", (NormalOfLastPair,), {"pair": pair, "__module__": "lammps_cases.findings.variants"})
         for pair in ((1, 2), (2, 1))
@@ -117,7 +117,7 @@ def test_variants_are_told_apart() -> None:
     assert len({fingerprint(kind) for kind in kinds}) == len(kinds)
 
 
-def test_a_variant_from_elsewhere_is_never_kept(problem: Problem, tmp_path: Path) -> None:
+def test_foreign_variant_is_never_cached(problem: Problem, tmp_path: Path) -> None:
     class Foreign(ArrayEvaluator):
         pass
 
@@ -133,7 +133,7 @@ def test_a_variant_from_elsewhere_is_never_kept(problem: Problem, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_any_byte_of_the_sources_is_another_context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_any_byte_of_the_sources_changes_the_context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     copied = ("eos_ref", "lammps_cases")
     for package in copied:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__", "data"))
@@ -165,7 +165,7 @@ def test_libraries_and_processor_are_part_of_the_context(
 
 
 def _imported(module: str) -> set[str]:
-    """Return the modules of lammps_cases that one of them imports anywhere in its text, but for annotations alone."""
+    """Return the modules of lammps_cases that a module imports anywhere, except for annotations only."""
     path = ROOT.joinpath(*module.split("."))
     text = (path / "__init__.py" if path.is_dir() else path.with_suffix(".py")).read_text()
     tree, imported = ast.parse(text), set()
@@ -179,7 +179,7 @@ def _imported(module: str) -> set[str]:
     return imported
 
 
-def test_the_context_holds_every_module_that_predictions_go_through() -> None:
+def test_context_includes_every_module_used_by_predictions() -> None:
     reached, left = set(), {"lammps_cases.comparison.predictor", "lammps_cases.verdict.mistakes"}
     while left:
         name = left.pop()
@@ -197,7 +197,7 @@ def _bits(prediction: Prediction) -> list[bytes]:
     ]
 
 
-def test_what_is_found_has_the_bits_of_what_was_computed(problem: Problem, tmp_path: Path) -> None:
+def test_cached_prediction_has_the_computed_bits(problem: Problem, tmp_path: Path) -> None:
     kept = Store(tmp_path, "context")
     made = ForcePerVolume, Simulation
     first, second, alone = Predictor(kept), Predictor(kept), Predictor()
@@ -219,7 +219,7 @@ def test_what_is_found_has_the_bits_of_what_was_computed(problem: Problem, tmp_p
     assert Predictor(replace(kept, context="another")).store != kept
 
 
-def test_what_moved_input_spreads_is_kept_with_its_bits(tmp_path: Path) -> None:
+def test_spread_of_perturbed_input_is_cached_exactly(tmp_path: Path) -> None:
     problem, kept = _scene("twins-units.heat.real"), Store(tmp_path / "store")
     first, again = Predictor(kept), Predictor(kept)
     spreads = [each.input_spread(problem, each.predict(problem, seed=3), 3) for each in (first, again)]
@@ -232,7 +232,7 @@ def test_what_moved_input_spreads_is_kept_with_its_bits(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["thermal.latent.2d", "walls.stored.damped"])
-def test_what_runs_find_for_one_another_changes_no_bit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shared_cache_changes_no_bit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     problem, searches, search = _scene(name), list[Box](), pairs.directed_pairs
 
     def counted(x_nc: Any, box: Box, cut: float) -> Any:
@@ -249,8 +249,8 @@ def test_what_runs_find_for_one_another_changes_no_bit(name: str, monkeypatch: p
     assert len(searches) == 1 < count
 
 
-def test_bounds_widen_to_those_of_all_moved_runs(problem: Problem, tmp_path: Path) -> None:
-    """Whether the first, all or none of them are computed before."""
+def test_bounds_widen_to_those_of_all_perturbed_runs(problem: Problem, tmp_path: Path) -> None:
+    """With the first, all or none of them cached."""
     made = ForcePerVolume, Simulation
     whole, kept = Predictor().predict(problem, made, 5), Store(tmp_path)
     for computed in ((1, 2), (0, 0), (1, 1)):
@@ -270,7 +270,7 @@ def test_bounds_widen_to_those_of_all_moved_runs(problem: Problem, tmp_path: Pat
 
 
 @pytest.mark.parametrize("spoil", ["truncated", "empty", "one bit", "another's"])
-def test_damaged_entry_is_computed_anew(spoil: str, problem: Problem, tmp_path: Path) -> None:
+def test_damaged_entry_is_computed_again(spoil: str, problem: Problem, tmp_path: Path) -> None:
     kept = Store(tmp_path)
     right = _bits(Predictor(kept).predict(problem, seed=1))
     (file,) = tmp_path.iterdir()
@@ -289,7 +289,7 @@ def test_damaged_entry_is_computed_anew(spoil: str, problem: Problem, tmp_path: 
     assert file.read_bytes() == content
 
 
-def test_context_and_fresh_hide_what_is_there(problem: Problem, tmp_path: Path) -> None:
+def test_context_and_fresh_hide_existing_entries(problem: Problem, tmp_path: Path) -> None:
     Predictor(Store(tmp_path, "a")).predict(problem)
     for kept in (Store(tmp_path, "b"), Store(tmp_path, "a", fresh=True)):
         predictor = Predictor(kept)
@@ -299,13 +299,13 @@ def test_context_and_fresh_hide_what_is_there(problem: Problem, tmp_path: Path) 
     assert not store.current(Store(tmp_path, "sources of another time"))
 
 
-def test_folder_that_cannot_be_written_costs_no_result(problem: Problem, tmp_path: Path) -> None:
+def test_unwritable_folder_loses_no_result(problem: Problem, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     predictor = Predictor(Store(tmp_path / "file" / "below"))
     assert _bits(predictor.predict(problem)) == _bits(Predictor().predict(problem))
 
 
-def test_the_longest_unused_goes_first(tmp_path: Path) -> None:
+def test_least_recently_used_entry_is_removed_first(tmp_path: Path) -> None:
     kept = Store(tmp_path)
     for age, key in enumerate("abcd"):
         kept.write(key, {"x": np.zeros(100)})
@@ -320,7 +320,7 @@ def test_the_longest_unused_goes_first(tmp_path: Path) -> None:
     assert Store(tmp_path / "absent").size() == (0, 0)
 
 
-def test_an_entry_that_would_push_many_others_out_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_oversized_entry_is_not_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(store, "LARGEST", 1600)
     kept = Store(tmp_path)
     for key, more in (("fits", 0), ("does not", 1)):
@@ -363,7 +363,7 @@ def _document(path: Path) -> dict[str, Any]:
 
 
 @pytest.mark.lammps
-def test_second_run_finds_every_prediction_and_says_so(
+def test_second_run_reports_every_prediction_as_cached(
     eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(store.VARIABLE, str(tmp_path / "kept"))

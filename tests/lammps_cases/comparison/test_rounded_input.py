@@ -1,4 +1,4 @@
-"""Input moved by the rounding of a change of units: everything moves, by no more, and only what is rounded."""
+"""Input perturbed by the rounding of a unit conversion: only converted values move, at most by the rounding."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_everything_moves_a_little(case_file: Callable[..., Path]) -> None:
     )
 
 
-def test_a_fraction_of_one_stays_one(case_file: Callable[..., Path]) -> None:
+def test_fraction_of_one_stays_one(case_file: Callable[..., Path]) -> None:
     shift = {"scale_cross_type": [1.0, 0.1, 0.3]}
     (case,) = casefile.load_file(case_file(**(SCENE | {"rheo": {"shift": shift}})))
     one = problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))
@@ -66,7 +66,7 @@ def test_a_fraction_of_one_stays_one(case_file: Callable[..., Path]) -> None:
 
 
 def test_bounds_of_converted_units_hold_it(case_file: Callable[..., Path]) -> None:
-    """In units real a run from moved input lies within the bound, which is wider than in consistent ones."""
+    """In units real a run from perturbed input lies within the bound, which is wider than in consistent units."""
     real = problem(case_file, "real")
     prediction = predict(real)
     moved = predict(moved_input(real, np.random.default_rng(99)))
@@ -78,8 +78,8 @@ def test_bounds_of_converted_units_hold_it(case_file: Callable[..., Path]) -> No
         assert relative[0] > relative[1]
 
 
-def test_the_spread_of_moved_input_is_that_of_its_runs(case_file: Callable[..., Path]) -> None:
-    """The farthest of them from the run that is not moved; the same in every process."""
+def test_spread_of_perturbed_input_is_that_of_its_runs(case_file: Callable[..., Path]) -> None:
+    """The largest distance from the unperturbed run; the same in every process."""
     real = problem(case_file, "real")
     (values,) = predict(real).fields
     (spread,) = input_spread(real, ArrayEvaluator, Simulation, [values], seed=5)

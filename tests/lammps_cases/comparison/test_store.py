@@ -1,4 +1,4 @@
-"""The folder of predictions: where it is, what goes first, and files that others take away."""
+"""The store of predictions: its folder, the order of removal, and files removed by other processes."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from lammps_cases.comparison import store
 from lammps_cases.comparison.store import Store, context, open_store, packed, store_folder
 
 
-def test_the_folder_is_the_one_named_or_in_the_users_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder_is_the_given_one_or_in_the_users_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(store.VARIABLE, str(tmp_path))
     assert store_folder() == tmp_path
     monkeypatch.setenv(store.VARIABLE, "")
     assert store_folder() == cache_folder("predictions")
 
 
-def test_the_users_store_is_of_the_reference_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_default_store_belongs_to_the_unchanged_reference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(store.VARIABLE, str(tmp_path))
     assert open_store() == Store(tmp_path, context(), fresh=False)
     assert open_store(fresh=True) == Store(tmp_path, context(), fresh=True)
 
 
-def test_no_more_is_removed_than_the_limit_asks_for(tmp_path: Path) -> None:
+def test_only_the_excess_over_the_limit_is_removed(tmp_path: Path) -> None:
     kept = Store(tmp_path)
     for key in "abc":
         kept.write(key, {"x": np.zeros(100)})
@@ -37,9 +37,7 @@ def test_no_more_is_removed_than_the_limit_asks_for(tmp_path: Path) -> None:
     assert kept.size() == (2, size * 2 // 3)
 
 
-def test_files_that_another_run_removes_meanwhile_are_passed_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_removed_by_another_run_are_skipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = Store(tmp_path)
     kept.write("a", {"x": np.zeros(100)})
     (tmp_path / "gone").symlink_to(tmp_path / "nowhere")  # listed, but without a size
@@ -50,7 +48,7 @@ def test_files_that_another_run_removes_meanwhile_are_passed_over(
     assert kept.read("a") is None
 
 
-def test_an_entry_whose_use_cannot_be_noted_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_entry_is_read_although_its_use_cannot_be_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = Store(tmp_path)
     kept.write("a", {"x": np.ones(3)})
 

@@ -1,4 +1,4 @@
-"""Which evaluator predicts a scene, by its size alone; and the bounds of its fields over steps."""
+"""The choice of evaluator by the size of a scene, and the bounds of its fields over time steps."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ def of_size(scene: Problem, n: int) -> Problem:
     return replace(scene, state=replace(scene.state, x_nc=np.zeros((n, 2))))
 
 
-def test_scenes_are_compiled_above_a_size_alone(case_file: Write) -> None:
+def test_large_scenes_use_the_compiled_evaluator(case_file: Write) -> None:
     scene = problem(case_file)
     assert issubclass(own_stages(of_size(scene, COMPILED_ABOVE)), ArrayEvaluator)
     assert own_stages(of_size(scene, COMPILED_ABOVE + 1)) is CompiledEvaluator
 
 
-def test_steps_and_the_moved_runs_that_they_need_count(case_file: Write) -> None:
+def test_cost_counts_steps_and_perturbed_runs(case_file: Write) -> None:
     scene = of_size(problem(case_file), 100)
     assert evaluations(scene) == 100
     stepped = replace(scene, steps=(0, 9))
@@ -72,22 +72,22 @@ def predicted(scene: Problem, stepping: type[Simulation] = Simulation) -> Predic
     return predict(replace(scene, steps=(0, 2), timestep=0.001), ArrayEvaluator, stepping)
 
 
-def test_before_the_first_step_the_bound_is_that_of_one_evaluation(case_file: Write) -> None:
+def test_bound_before_the_first_step_is_that_of_one_evaluation(case_file: Write) -> None:
     scene = problem(case_file)
     alone, stepped = predict(scene, ArrayEvaluator), predicted(scene)
     assert (alone.bounds[0]["f"] > 0).any()
     np.testing.assert_array_equal(stepped.bounds[0]["f"], alone.bounds[0]["f"])
 
 
-def test_bounds_hold_forces_at_steps_that_are_not_compared(case_file: Write) -> None:
-    """Later all may have frozen: particles then feel nothing, and yet have moved by the forces of the first step."""
+def test_bounds_include_forces_at_steps_not_compared(case_file: Write) -> None:
+    """Later all may be frozen: particles then feel no force, but have moved by the forces of the first step."""
     scene = replace(problem(case_file), fields=("v",), timestep=0.001)
     alone, both = (predict(replace(scene, steps=steps), ArrayEvaluator) for steps in ((1,), (0, 1)))
     np.testing.assert_array_equal(alone.fields[0]["v"], both.fields[1]["v"])
     np.testing.assert_array_equal(alone.bounds[0]["v"], both.bounds[1]["v"])
 
 
-def test_a_moved_run_that_cannot_go_on_bounds_nothing_from_there_on(case_file: Write) -> None:
+def test_perturbed_run_that_fails_leaves_later_steps_unbounded(case_file: Write) -> None:
     class Ending(Simulation):
         def step(self, dt: float) -> None:
             """Refuse the second step, as particles that run away do, if the state is a moved one."""
@@ -103,7 +103,7 @@ def test_a_moved_run_that_cannot_go_on_bounds_nothing_from_there_on(case_file: W
     assert np.isfinite(found.fields[2]["f"]).all()
 
 
-def test_a_moved_run_that_cannot_begin_bounds_nothing(case_file: Write) -> None:
+def test_perturbed_run_that_cannot_start_leaves_all_steps_unbounded(case_file: Write) -> None:
     class Ending(Simulation):
         def setup(self) -> None:
             """Refuse a moved run."""
@@ -115,8 +115,8 @@ def test_a_moved_run_that_cannot_begin_bounds_nothing(case_file: Write) -> None:
     assert all(np.isinf(bounds["f"]).all() for bounds in found.bounds)
 
 
-def test_the_spread_of_moved_runs_bounds_all_particles_alike(case_file: Write) -> None:
-    """What steps integrate has no bound before the first step; then the spread, and what its roundings sum up to."""
+def test_spread_of_perturbed_runs_bounds_all_particles_equally(case_file: Write) -> None:
+    """Integrated quantities have no bound before the first step, then the spread and their accumulated roundings."""
     scene = replace(problem(case_file), fields=("v", "x"))
     found = predicted(scene)
     first, last = found.bounds
@@ -127,7 +127,7 @@ def test_the_spread_of_moved_runs_bounds_all_particles_alike(case_file: Write) -
         assert np.ptp(spread) < 1e-6 * spread.min() and 0 < spread.max() < 1e-9
 
 
-def test_sums_that_always_round_one_way_stay_inside(case_file: Write) -> None:
+def test_sums_rounded_in_one_direction_stay_inside(case_file: Write) -> None:
     """Velocities under a constant force, rounded up in the last place by each half of a hundred steps."""
 
     class RoundingUp(Simulation):
@@ -142,7 +142,7 @@ def test_sums_that_always_round_one_way_stay_inside(case_file: Write) -> None:
     assert (apart > 0).all() and (apart <= right.bounds[1]["v"]).all()
 
 
-def test_the_stages_of_runs_are_moved_and_in_one_of_three_the_same_way_at_every_step(
+def test_stages_are_perturbed_in_one_run_of_three_the_same_way_at_every_step(
     case_file: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given, kept = [], []
@@ -164,15 +164,15 @@ def test_the_stages_of_runs_are_moved_and_in_one_of_three_the_same_way_at_every_
     assert given == ["ArrayEvaluator", *["Moved"] * len(kept)]
 
 
-def test_so_many_runs_are_moved_that_few_particles_have_as_many_signs(case_file: Write) -> None:
+def test_number_of_perturbed_runs_covers_the_signs_of_few_particles(case_file: Write) -> None:
     scene = problem(case_file)
     runs = [moved_runs(of_size(scene, n)) for n in (0, 1, 2, MOVED_PARTICLES // MOVED_RUNS)]
     assert runs == [MOVED_PARTICLES, MOVED_PARTICLES, math.ceil(MOVED_PARTICLES / 2), MOVED_RUNS]
 
 
 @pytest.mark.parametrize("steps", [1, 60])
-def test_few_particles_are_moved_apart_by_some_run_of_any_seed(case_file: Write, steps: int) -> None:
-    """Densities of a pair, each rounded its own way at every step: damping makes a rate of their difference."""
+def test_some_run_of_any_seed_moves_few_particles_apart(case_file: Write, steps: int) -> None:
+    """Densities of a pair, each rounded differently at every step: damping turns their difference into a rate."""
 
     class RoundingOne(Simulation):
         def evaluate(self) -> Fields:
@@ -200,7 +200,7 @@ def test_few_particles_are_moved_apart_by_some_run_of_any_seed(case_file: Write,
 
 
 def test_counts_are_bounded_particle_by_particle(case_file: Write) -> None:
-    """A particle whose neighbours change in a moved run opens its own count, and no other's."""
+    """A particle whose neighbours change in a perturbed run leaves its own count open, and no other."""
 
     class Gaining(Simulation):
         def output(self, field: str) -> Any:
@@ -212,7 +212,7 @@ def test_counts_are_bounded_particle_by_particle(case_file: Write) -> None:
     assert np.flatnonzero(np.broadcast_to(last["coordination"], 20)).tolist() == [3]
 
 
-def test_a_run_that_is_lost_bounds_nothing(case_file: Write) -> None:
+def test_lost_run_bounds_nothing(case_file: Write) -> None:
     class Lost(Simulation):
         def output(self, field: str) -> Any:
             values = super().output(field)
@@ -223,15 +223,15 @@ def test_a_run_that_is_lost_bounds_nothing(case_file: Write) -> None:
     assert np.isinf(last["f"]).all()
 
 
-def test_the_same_seed_gives_the_same_bounds_and_another_does_not(case_file: Write) -> None:
+def test_bounds_depend_on_the_seed_alone(case_file: Write) -> None:
     scene = replace(problem(case_file), steps=(0, 2), timestep=0.001)
     bounds = [predict(scene, ArrayEvaluator, seed=seed).bounds[1]["f"] for seed in (1, 1, 2)]
     np.testing.assert_array_equal(bounds[0], bounds[1])
     assert not np.array_equal(bounds[0], bounds[2])
 
 
-def test_a_status_is_open_where_rounding_decides_the_class(case_file: Write) -> None:
-    """A neighbour exactly at the cutoff may count or not; so may the limit of surfaces, and the word says which."""
+def test_status_is_open_where_rounding_decides_the_class(case_file: Write) -> None:
+    """A neighbour exactly at the cutoff may count or not, and so may the surface limit; the status word shows which."""
     scene = {
         "positions": {"x": [[1.0, 1.0], [1.6, 1.0], [4.0, 4.0], [4.5, 4.0]], "low": [0.0, 0.0], "high": [9.0, 9.0]},
         "rheo": {"cut": 1.6 - 1.0, "surface_detection": {"style": "coordination", "limit": 9, "splash": 1}},
@@ -245,13 +245,13 @@ def test_a_status_is_open_where_rounding_decides_the_class(case_file: Write) -> 
 
 
 @pytest.mark.parametrize("shape", [(), (7,), (300, 3), (5, 2, 2)])
-def test_signs_are_those_of_a_choice(shape: tuple[int, ...]) -> None:
+def test_signs_equal_the_choice_of_the_generator(shape: tuple[int, ...]) -> None:
     ours, theirs = Signs(np.random.default_rng((3, 1))), np.random.default_rng((3, 1))
     for _ in range(5):
         np.testing.assert_array_equal(ours("x", shape), theirs.choice((-1.0, 1.0), shape))
 
 
-def test_signs_that_are_kept_stay_those_of_a_quantity() -> None:
+def test_kept_signs_belong_to_their_quantity() -> None:
     kept, drawn = (Signs(np.random.default_rng(1), kept) for kept in (True, False))
     for name in ("x", "v"):
         np.testing.assert_array_equal(kept(name, (40,)), drawn(name, (40,)))

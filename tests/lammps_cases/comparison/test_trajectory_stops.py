@@ -1,4 +1,4 @@
-"""Where one run ends and another begins: the reference begins from the state alone, and bounds know what text loses."""
+"""Between two runs: the reference restarts from the state alone, and bounds include the rounding of text files."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ WALLS, FLUID = "runs-walls.fluid.settings", "runs.summed.settings"
 
 
 def problem(name: str, *stops: ProblemStop, steps: tuple[int, ...] = (0, 2, 4)) -> Problem:
-    """A shipped case, stopped elsewhere."""
+    """A shipped case with other stops."""
     (case,) = casefile.select(casefile.load(), [name])
     return replace(problem_of(case.scene, prepared_case.prepare(case).atoms, "", steps), stops=stops)
 
 
 def stop(of: Problem, step: int, **settings: object) -> ProblemStop:
-    """A stop at which no particle is new."""
+    """A stop without new particles."""
     return replace(ProblemStop(step, np.zeros(len(of.state.x_nc), bool)), **settings)
 
 
@@ -46,7 +46,7 @@ def visited(of: Problem) -> list[dict[str, np.ndarray]]:
 
 
 @pytest.mark.parametrize("name", [WALLS, FLUID])
-def test_a_run_begins_from_the_state_alone(name: str) -> None:
+def test_run_starts_from_the_state_alone(name: str) -> None:
     of = problem(name)
     stopped = visited(replace(of, stops=(stop(of, 2, timestep=DT / 2),)))
     first = begun(of)
@@ -62,7 +62,7 @@ def test_a_run_begins_from_the_state_alone(name: str) -> None:
     assert not np.array_equal(continued[1]["f"], stopped[1]["f"]), "the set-up takes the velocity of the whole step"
 
 
-def test_walls_begin_without_a_history() -> None:
+def test_walls_start_without_history() -> None:
     of = problem(WALLS)
     sim = begun(of)
     sim.run(2, of.timestep)
@@ -79,7 +79,7 @@ def test_displaced_particles() -> None:
     np.testing.assert_array_equal(moved, unmoved + by_nc)
 
 
-def test_particles_go_with_a_box_that_changes() -> None:
+def test_particles_follow_a_changing_box() -> None:
     of = problem("stretched.fluid.once")
     wider = Box(of.box.low_c, (of.box.high_c[0] * 2, of.box.high_c[1]), of.box.periodic)
     changed = replace(of, stops=(stop(of, 2, box=wider),))
@@ -93,7 +93,7 @@ def test_particles_go_with_a_box_that_changes() -> None:
     assert np.array_equal(sim.evaluate()["f"], other.evaluate()["f"])
 
 
-def test_a_box_that_grows_is_known_at_every_step_and_before_stops() -> None:
+def test_growing_box_is_known_at_every_step_and_before_stops() -> None:
     of = problem("stretched.fluid.once")
     grows = Deform((0.5, -0.2))
     stops = (stop(of, 2, timestep=of.timestep / 2), stop(of, 3))
@@ -115,7 +115,7 @@ def test_a_box_that_grows_is_known_at_every_step_and_before_stops() -> None:
     assert replace(growing, stops=(stop(of, 2, box=wider),)).box_before(2) == growing.box_before(2) != wider
 
 
-def test_bounds_of_a_box_that_changes_hold_the_way_to_fractions_and_back() -> None:
+def test_bounds_of_a_changing_box_include_conversion_to_fractions_and_back() -> None:
     of = problem("stretched.fluid.once", steps=(0, 1))
     plain, changed = (
         predict(replace(of, stops=(stop(of, 0, box=box),)), ArrayEvaluator).bounds[0]["x"].max()
@@ -125,7 +125,7 @@ def test_bounds_of_a_box_that_changes_hold_the_way_to_fractions_and_back() -> No
 
 
 @pytest.mark.parametrize("shear", [(), (0.7,)])
-def test_moved_runs_move_the_box_that_grows_by_its_roundings(shear: tuple[float, ...]) -> None:
+def test_perturbed_runs_move_a_growing_box_by_its_roundings(shear: tuple[float, ...]) -> None:
     """Six of each corner and tilt, up or down, whatever the edges."""
     of, signs = problem("stretched.fluid.once"), set()
     by, begun_in = Deform((0.5, -0.2), shear=shear), replace(of.box, low_c=(-9.0, 1.0), tilt=(1.3,))
@@ -150,7 +150,7 @@ def test_moved_runs_move_the_box_that_grows_by_its_roundings(shear: tuple[float,
 
 
 @pytest.mark.parametrize("tilt", [(), (0.7,)])
-def test_moved_runs_move_positions_by_the_roundings_of_a_box_that_changes(tilt: tuple[float, ...]) -> None:
+def test_perturbed_runs_move_positions_by_the_roundings_of_a_changing_box(tilt: tuple[float, ...]) -> None:
     """Six of the farthest place of either axis, and what a box that leans rounds."""
     of = problem("stretched.fluid.once")
     wider = Box((-3.0, 1.0), (7.0, 9.0), of.box.periodic, tilt)
@@ -164,13 +164,13 @@ def test_moved_runs_move_positions_by_the_roundings_of_a_box_that_changes(tilt: 
     assert (far_nc > 0).any() and (far_nc < 0).any()
 
 
-def test_stops_behind_the_last_step_are_none() -> None:
+def test_stops_after_the_last_step_are_ignored() -> None:
     of = problem(FLUID, steps=(0, 1))
     late = visited(replace(of, stops=(stop(of, 2, timestep=1.0),)))
     assert all(np.array_equal(late[1][field], visited(of)[1][field]) for field in of.fields)
 
 
-def test_bounds_after_text_hold_half_a_unit_of_its_last_digit() -> None:
+def test_bounds_after_text_include_half_a_unit_of_the_last_digit() -> None:
     of = problem(FLUID, steps=(0, 1))
     plain, exact, text = (
         predict(replace(of, stops=stops), ArrayEvaluator).bounds[0]["x"].max()
@@ -181,7 +181,7 @@ def test_bounds_after_text_hold_half_a_unit_of_its_last_digit() -> None:
     assert 0.5e-7 * largest <= text <= 0.51e-7 * largest
 
 
-def test_a_run_that_is_halted_has_gone_through_its_stops() -> None:
+def test_halted_run_has_passed_its_stops() -> None:
     of = problem(FLUID)
     stopped = replace(of, stops=(stop(of, 2, timestep=DT / 2),))
     for case, fields in ((stopped, visited(stopped)), (of, visited(of))):

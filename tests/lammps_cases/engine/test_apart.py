@@ -1,4 +1,4 @@
-"""A task in a fork: what it returns, raises and breaks; nothing of it is left here."""
+"""Tasks run in a fork, isolated from this process: results, exceptions, deaths and time limits."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_result_and_exception() -> None:
     assert apart.call(os.getpid, time_limit=10.0) != os.getpid()
 
 
-def test_death_is_told_with_the_last_words() -> None:
+def test_death_is_reported_with_the_last_output() -> None:
     with pytest.raises(EngineCrashed, match="LAMMPS' process was killed by SIGKILL: last words"):
         apart.call(die, signal.SIGKILL, time_limit=10.0)
     with pytest.raises(EngineCrashed, match="exited with code 7"):

@@ -1,4 +1,4 @@
-"""Tasks on a Dask cluster: a real scheduler and real workers on loopback, killed meanwhile."""
+"""Tasks on a Dask cluster: a real scheduler and real workers on loopback, some killed during a run."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def local(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def steady() -> Iterator[DaskCluster]:
-    """A cluster that is left alone; its worker is started by a nanny, as `dask worker` does."""
+    """A cluster in which nothing is killed; a nanny starts its worker, as with `dask worker`."""
     with dask_cluster.running(1, nanny=True) as one:
         yield one
 
@@ -76,8 +76,7 @@ def _wait_for_cases(folder: Path, count: int, process: subprocess.Popen[str]) ->
         time.sleep(PAUSE)
 
 
-def test_workers_killed_meanwhile(dask: DaskCluster, local: Path, tmp_path: Path) -> None:
-    """Nothing is lost, and nothing there twice."""
+def test_killed_workers_lose_and_duplicate_no_case(dask: DaskCluster, local: Path, tmp_path: Path) -> None:
     process = _begun("run", *CASES, "--cluster", dask.address, "--out", tmp_path / "report")
     for count in (1, 4, 8):
         _wait_for_cases(tmp_path, count, process)
@@ -88,7 +87,7 @@ def test_workers_killed_meanwhile(dask: DaskCluster, local: Path, tmp_path: Path
     assert_same(local, tmp_path / "report")
 
 
-def test_scheduler_killed_and_the_run_gone_on_with_here(dask: DaskCluster, local: Path, tmp_path: Path) -> None:
+def test_run_resumes_locally_after_the_scheduler_is_killed(dask: DaskCluster, local: Path, tmp_path: Path) -> None:
     process = _begun("run", *CASES, "--cluster", dask.address, "--out", tmp_path / "report")
     _wait_for_cases(tmp_path, 3, process)
     dask.scheduler.kill()
@@ -100,39 +99,37 @@ def test_scheduler_killed_and_the_run_gone_on_with_here(dask: DaskCluster, local
 
 
 class Hidden(type(Path())):
-    """A folder that a worker has no right to see."""
+    """A folder that a worker may not access."""
 
     def stat(self, **options: Any) -> Any:
         raise PermissionError(errno.EACCES, "no right")
 
 
 class Unanswered(type(Path())):
-    """A folder of which a worker says nothing, as it goes meanwhile."""
+    """A folder whose check fails because the worker has left."""
 
     def stat(self, **options: Any) -> Any:
         raise CommClosedError("in <TCP (closed)>")
 
 
-def test_a_worker_that_goes_is_not_asked_for_a_folder_and_one_that_may_not_see_it_is_named(
-    steady: DaskCluster, tmp_path: Path
-) -> None:
+def test_lost_worker_is_ignored_and_one_without_access_is_named(steady: DaskCluster, tmp_path: Path) -> None:
     with cluster.used(steady.address), Workers(None, 1) as workers:
         workers.check_shared(tmp_path)
         workers.check_shared(Unanswered(tmp_path))
         for folder in (Hidden(tmp_path), tmp_path / "none"):
-            with pytest.raises(InputError, match=r"workers must see .*; there is none for, found 'tcp://"):
+            with pytest.raises(InputError, match=r"workers must see .*; it is missing for, found 'tcp://"):
                 workers.check_shared(folder)
 
 
-def test_another_command_gives_the_same(steady: DaskCluster, tmp_path: Path) -> None:
-    """A cell of a map of stability."""
+def test_stability_is_the_same_on_the_cluster(steady: DaskCluster, tmp_path: Path) -> None:
+    """One cell of a stability map."""
     command = ("stability", "--cell", "laws-tait-overflow::0.1:2.3", "--json", "--out", tmp_path)
     here, there = (_done(*command, *where) for where in ((), ("--cluster", steady.address)))
     assert _timeless(json.loads(here)) == _timeless(json.loads(there))
 
 
 def _timeless(document: Any) -> Any:
-    """Leave out what says when and where a document was made."""
+    """Remove what depends on the time and place of making a document."""
     if isinstance(document, list):
         return [_timeless(each) for each in document]
     if isinstance(document, dict):
@@ -140,7 +137,7 @@ def _timeless(document: Any) -> Any:
     return document
 
 
-def test_worst_errors_of_a_chart_are_searched_there(steady: DaskCluster) -> None:
+def test_worst_errors_of_a_chart_are_searched_on_the_cluster(steady: DaskCluster) -> None:
     tasks = [(laws.LAWS[1], method, laws.REGIMES[2], 64) for method in ("textbook", "numpy")]
     here = laws.each(laws.worst_of, tasks)
     with cluster.used(steady.address):
@@ -154,14 +151,14 @@ def process(site: str | None) -> int:
     return os.getpid()
 
 
-def test_flows_of_a_chart_are_timed_here_on_the_engine_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another LAMMPS than the installed one was not: its flows were those of the installed one."""
+def test_flows_of_a_chart_are_timed_locally_on_the_requested_engine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A LAMMPS other than the installed one was ignored, and the installed one timed."""
     monkeypatch.setattr(flows, "converge", lambda flow, resolutions, site: [(cluster.address(), site)])
     with cluster.used("tcp://127.0.0.1:1"):
         assert set(flows.flows(True, "/opt/other")) == {("", "/opt/other")}
 
 
-def test_processes_there_have_the_memory_that_is_asked_for(steady: DaskCluster) -> None:
+def test_processes_of_the_cluster_get_the_requested_memory(steady: DaskCluster) -> None:
     with cluster.used(steady.address), limited("3G"), Workers(None, 1) as workers:
         assert workers.outcome(workers.call(memory, time_limit=60.0)) == 3 * 2**30
 
@@ -174,7 +171,7 @@ def length(site: str | None, content: bytes) -> int:
     return len(content)
 
 
-def test_what_was_sent_is_not_kept(steady: DaskCluster) -> None:
+def test_sent_arguments_are_not_kept(steady: DaskCluster) -> None:
     with cluster.used(steady.address), Workers(None, 1) as workers:
         for _ in range(30):
             assert workers.outcome(workers.call(length, bytes(1000), time_limit=60.0)) == 1000
@@ -182,7 +179,7 @@ def test_what_was_sent_is_not_kept(steady: DaskCluster) -> None:
         assert sum(isinstance(each, Serialized) for each in gc.get_objects()) < 5
 
 
-def test_failures_are_told_as_those_of_this_machine(steady: DaskCluster) -> None:
+def test_failures_equal_those_of_local_workers(steady: DaskCluster) -> None:
     def failures() -> list[Any]:
         with Workers(None, 1) as workers:
             limits = {abort: 60.0, sleep: 1.0, raise_memory_error: 60.0}
@@ -217,7 +214,7 @@ def test_no_scheduler(address: str, eos_ref_command: Run, monkeypatch: pytest.Mo
     assert not (tmp_path / "report").exists() and not cluster.address()
 
 
-def test_an_address_without_a_port_leaves_no_threads_that_keep_the_program_alive() -> None:
+def test_address_without_a_port_leaves_no_threads() -> None:
     before = set(threading.enumerate())
     with pytest.raises(InputError, match="must be the address of a scheduler: missing port"):
         cluster.ClusterPool("nowhere")

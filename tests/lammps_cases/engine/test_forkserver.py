@@ -28,7 +28,7 @@ def _garbage(_: str | None) -> tuple[bool, int]:
 
 
 @pytest.mark.slow
-def test_workers_look_for_garbage_but_not_in_what_the_server_imported() -> None:
+def test_workers_collect_garbage_except_among_imports_of_the_server() -> None:
     with Workers(None, 1) as pool:
         found = pool.outcome(pool.call(_garbage, time_limit=60.0))
     assert not isinstance(found, Failure)
@@ -37,13 +37,13 @@ def test_workers_look_for_garbage_but_not_in_what_the_server_imported() -> None:
 
 
 @pytest.mark.slow
-def test_fresh_processes_begin_with_no_more_than_is_asked_for() -> None:
+def test_fresh_processes_import_nothing_in_advance() -> None:
     printed = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True).stdout
     assert printed.split() == ["True", "False", "True"]
 
 
 @pytest.mark.lammps
-def test_modules_in_the_current_folder_are_not_those_of_processes(tmp_path: Path) -> None:
+def test_modules_in_the_current_folder_are_not_imported(tmp_path: Path) -> None:
     for name in ("lammps_cases", "lammps", "yaml", "numbers"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('not this one')\n")
     cases = "units.si.linear", "newton.bonds-two-ranks.thermal-3d"

@@ -1,4 +1,4 @@
-"""Other engines than this environment's: a version of PyPI in its own cached folder, and a user's build."""
+"""Engines other than this environment's: a version from PyPI in its own cached folder, and a user's build."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_version_of_pypi(eos_ref_command: Run, tmp_path: Path) -> None:
     assert eos_ref_command("run", "near-rho0", "--out", tmp_path / "new").code == 0
     new = json.loads((tmp_path / "new" / "run.json").read_text())
     assert new["engine"]["library_sha256"] != old["engine"]["library_sha256"]
-    # This version names the types instead of the unknown style: the ledger knows.
+    # This version names the types instead of the unknown style, a finding of the ledger.
     (misnamed,) = [case for case in old["cases"] if case["case"] == "refused.unknown-style"]
     assert misnamed["explained_by"] == ["unknown-style-misnamed"]
 
@@ -46,7 +46,7 @@ def test_build_folder(eos_ref_command: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "envy", "pypi:", "pypi:latest", "pypi:1.0;rm", "path:", "git:main"])
-def test_name_of_no_engine(name: str) -> None:
+def test_unknown_engine_name(name: str) -> None:
     with pytest.raises(InputError, match="env, pypi:VERSION or path:DIR"):
         installations.resolve(name)
 

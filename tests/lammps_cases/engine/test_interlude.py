@@ -1,4 +1,4 @@
-"""What happens between runs: commands for each atom, refusals, and the state before and after."""
+"""Actions between runs: commands for each atom, refusals, and the state before and after."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BEFORE = {
 
 
 class LibraryStub:
-    """A LAMMPS that writes down what it is given, and refuses some of it."""
+    """A LAMMPS that records its commands and refuses some of them."""
 
     def __init__(self) -> None:
         self.given: list[str] = []
@@ -37,12 +37,12 @@ class LibraryStub:
         self.given.append(text)
 
     def commands_string(self, text: str) -> None:
-        """Take several."""
+        """Take several commands."""
         self.given += text.split("\n")
 
 
 def done(*actions: InterludeAction) -> list[str]:
-    """What LAMMPS is given."""
+    """Return the commands that LAMMPS is given."""
     library = LibraryStub()
     perform(library, Interlude(actions), lambda: BEFORE, "folder", Exception)
     return library.given
@@ -65,13 +65,13 @@ def test_actions_in_their_order() -> None:
     assert given == ["write_restart folder/r", "set atom 2 rheo/rho 1.2", "set atom 5 rheo/rho 1.3000000000000003"]
 
 
-def test_what_must_be_refused_and_is_not() -> None:
+def test_missing_refusal_is_an_error() -> None:
     with pytest.raises(NotRefused, match="accepted what it must refuse: good"):
         done(InterludeAction("good", "refused"))
 
 
 @pytest.mark.parametrize("how", ["given", "refused"])
-def test_an_error_after_which_the_instance_is_lost_is_not_swallowed(how: Any) -> None:
+def test_error_that_ends_the_instance_is_not_swallowed(how: Any) -> None:
     with pytest.raises(RuntimeError):
         done(InterludeAction("worse", how))
 
@@ -87,7 +87,7 @@ def test_a_folder_for_files() -> None:
         assert one != other
 
 
-def test_who_asks_is_told_of_every_evaluation() -> None:
+def test_callback_sees_every_evaluation() -> None:
     told: list[int] = []
     library = LibraryStub()
     actions = InterludeAction("one"), InterludeAction("two", evaluates=True), InterludeAction("three")
@@ -96,7 +96,7 @@ def test_who_asks_is_told_of_every_evaluation() -> None:
 
 
 @pytest.mark.lammps
-def test_a_refusal_says_the_same_in_every_run_whatever_the_folder_is_called(workers: Workers) -> None:
+def test_refusal_does_not_depend_on_the_name_of_the_folder(workers: Workers) -> None:
     (case,) = [case for case in casefile.load() if case.name == "runs-walls.fluid.data"]
     (job,) = prepare(case).jobs
     one, other = (workers.outcome(workers.submit(job, 120.0)) for _ in range(2))

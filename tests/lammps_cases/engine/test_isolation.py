@@ -1,4 +1,4 @@
-"""Each case is isolated: whatever LAMMPS does to its process costs that case alone, and the rest goes on."""
+"""Each case is isolated: whatever LAMMPS does to its process costs that case alone, and the others continue."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.support.outcome import Outcome
 
 pytestmark = [pytest.mark.lammps, pytest.mark.slow]
 
-# A package named lammps that is the real one, but for masses that stand for a fault.
+# A package named lammps: the real one, except that certain masses trigger a fault.
 FAULTY = """
 import ctypes, os, signal, subprocess, time
 class lammps(_lammps):
@@ -81,7 +81,7 @@ FAULTS = {
 }
 """
 POSITIONS: dict[str, Any] = {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "disorder": 0.2}
-# What a user calls it: the mass that provokes it, the verdict, a part of the message.
+# A label of each fault: the mass that triggers it, the verdict, a part of the message.
 FAULTS = {
     "good-first": (1.5, "exact", ""),
     "segfault": (101.0, "crashed", "SIGSEGV"),
@@ -134,7 +134,7 @@ def test_every_fault_costs_its_own_case(
     assert run["summary"] == Counter(verdict for _, verdict, _ in FAULTS.values())
 
 
-def test_the_table_of_the_documents_is_what_happened() -> None:
+def test_documented_table_of_faults_is_true() -> None:
     text = (Path(__file__).parents[3] / "docs" / "verdicts.md").read_text()
     table = text.partition("| what LAMMPS does |")[2].splitlines()[2:]
     rows = [line.split("|") for line in table if line.startswith("|")]
@@ -150,7 +150,7 @@ def test_the_table_of_the_documents_is_what_happened() -> None:
         ("import time; time.sleep(600)", "time limit of 3 s"),
     ],
 )
-def test_an_engine_that_cannot_be_imported_is_told_once(
+def test_engine_that_cannot_be_imported_is_reported_once(
     fault: str,
     told: str,
     case_file: Callable[..., Path],
@@ -170,8 +170,10 @@ def test_an_engine_that_cannot_be_imported_is_told_once(
     assert not out.exists() and not list(tmp_path.glob(".report*"))
 
 
-def test_words_of_a_dying_lammps_stay_off_the_terminal(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
-    """LAMMPS aborts for a range of two stars; what the C++ runtime prints then is kept for the message."""
+def test_output_of_a_dying_lammps_stays_off_the_terminal(
+    eos_ref_command: Callable[..., Outcome], tmp_path: Path
+) -> None:
+    """LAMMPS aborts for a range of two stars; the output of the C++ runtime is kept for the message."""
     code, out, err = eos_ref_command("run", "refused.range-two-stars", "--out", tmp_path / "report")
     assert code == 0, "the ledger explains it"
     assert "terminate called" not in err + out
@@ -191,8 +193,8 @@ def _alive(mark: str) -> list[int]:
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="reads the process table of Linux")
-def test_killed_run_takes_a_computing_lammps_with_it(case_file: Callable[..., Path], tmp_path: Path) -> None:
-    """LAMMPS in a long run notices nothing of a parent that is gone."""
+def test_killed_run_ends_a_computing_lammps(case_file: Callable[..., Path], tmp_path: Path) -> None:
+    """LAMMPS in a long run does not notice the death of its parent."""
     mark = f"EOS_REF_TEST={tmp_path.name}-{os.getpid()}"
     file = case_file(evolve={"steps": 100000, "timestep": 0.001}, positions={**POSITIONS, "cells": [20, 20]})
     command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--cases", str(file), "--out", str(tmp_path / "r")]
@@ -202,7 +204,7 @@ def test_killed_run_takes_a_computing_lammps_with_it(case_file: Callable[..., Pa
     while len(_alive(mark)) < 4:  # itself, resource tracker, server, worker
         assert time.monotonic() < deadline
         time.sleep(0.1)
-    time.sleep(1.0)  # the worker is in its time steps
+    time.sleep(1.0)  # the worker is running time steps
     process.kill()
     process.wait()
     while _alive(mark):

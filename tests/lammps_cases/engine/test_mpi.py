@@ -1,4 +1,4 @@
-"""Launchers of ranks: what a user may give, what is found, what is left behind."""
+"""Launchers of ranks: given by a user or found, and the shared memory that is left behind."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from lammps_cases.engine import mpi
         ("true {}", "must be a command with {n}"),
     ],
 )
-def test_what_is_no_launcher(template: str, rule: str) -> None:
+def test_bad_launcher_is_refused(template: str, rule: str) -> None:
     with pytest.raises(InputError, match=rule):
         mpi.checked(template)
 
 
-def test_the_launcher_that_was_given(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_given_launcher(monkeypatch: pytest.MonkeyPatch) -> None:
     template = f"{sys.executable} --ranks={{n}} 'a b'"
     assert mpi.checked(template) == template
     monkeypatch.setenv(mpi.VARIABLE, template)
@@ -39,7 +39,7 @@ def test_the_launcher_that_was_given(monkeypatch: pytest.MonkeyPatch) -> None:
     assert environment["OMPI_ALLOW_RUN_AS_ROOT"] == "0", "what the user set stays"
 
 
-def test_the_launcher_beside_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_launcher_next_to_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(mpi.VARIABLE, raising=False)
     monkeypatch.setattr(mpi, "loaded", lambda: tmp_path / "lib" / "libmpi.so.40.1")
     program = tmp_path / "bin" / "mpirun.openmpi"
@@ -58,12 +58,12 @@ def test_the_mpi_of_a_library(library: str, kind: str, monkeypatch: pytest.Monke
     assert mpi.flavour() == kind
 
 
-def test_what_installs_the_mpi_of_a_library() -> None:
+def test_installation_of_the_mpi_of_a_library() -> None:
     assert mpi.installation("libmpi.so.12") == "pip install mpich"
     assert mpi.installation("libmpi.so.40").startswith("apt install openmpi-bin")
 
 
-def test_shared_memory_of_a_process_is_told_by_its_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shared_memory_is_identified_by_process_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mpi, "SHARED", tmp_path)
     for name in ("mpich_shm_ff_1", "mpich_shm_ff_2", "mpich_shm_f_1", "mpich_shm_fff_1", "other"):
         (tmp_path / name).write_text("")

@@ -1,4 +1,4 @@
-"""A worker's death is that of the task that it had begun, and comes after what it had answered before."""
+"""A worker's death is attributed to the task it was running and reported after its last result."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LONG = 20.0  # seconds
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fresh", [False, True])
-def test_a_death_comes_after_what_was_answered_before_it(fresh: bool) -> None:
+def test_worker_death_is_reported_after_its_last_result(fresh: bool) -> None:
     pool = LocalPool(1, fresh)
     try:
         tasks = [(abs, (-2,)), (os._exit, (3,)), (abs, (-4,))]

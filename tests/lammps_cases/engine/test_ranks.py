@@ -1,4 +1,4 @@
-"""LAMMPS on several ranks: the processes take one job after another, and new ones come after a failure."""
+"""LAMMPS on several ranks: the processes take one job after another and are replaced after a failure."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def test_one_job_after_another_gives_the_same_bits(job: Job) -> None:
     assert not left & {"job", "rank", "part"}, "as many as there are jobs"
 
 
-def test_a_rank_without_atoms_takes_part_in_all_that_is_read(case_file: Callable[..., Path]) -> None:
-    """Outputs are evaluated by all ranks when they are read: messages to one that is left out meet the next job."""
+def test_rank_without_atoms_evaluates_outputs(case_file: Callable[..., Path]) -> None:
+    """All ranks evaluate outputs when they are read: messages to a rank left out would reach the next job."""
     x, low, high = [[1.0, 1.0], [1.5, 1.2]], [0.0, 0.0], [9.0, 9.0]
     positions = {"x": x, "low": low, "high": high, "periodic": [False, False]}
     engine = {"ranks": 2, "processors": [2, 1, 1]}
@@ -66,7 +66,7 @@ def test_refusal_ends_the_processes_and_costs_no_later_job(job: Job) -> None:
     assert again.arrays["f"].tobytes() == right.arrays["f"].tobytes()
 
 
-def test_a_failure_ends_its_own_ranks_and_the_end_all(job: Job) -> None:
+def test_failure_ends_its_own_ranks_alone(job: Job) -> None:
     other = ranks.kept_ranks(None, 1)
     with pytest.raises(EngineRefused, match="no_such_command"):
         ranks.solve(None, replace(job, runs=(RunCommand("no_such_command"),)))
@@ -86,7 +86,7 @@ def test_death_is_a_crash_and_costs_no_later_job(job: Job) -> None:
 
 
 def _names(pid: int | str) -> list[str]:
-    """Files of MPICH's shared memory that a process has mapped, with what Linux says of a name that is gone."""
+    """Files of MPICH's shared memory that a process has mapped, with Linux' mark on deleted names."""
     lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
     return [line.split(maxsplit=5)[5] for line in lines if "mpich_shm_" in line]
 
@@ -96,7 +96,7 @@ def _children(pid: int | str) -> list[str]:
 
 
 def test_nothing_of_mpich_outlives_its_processes(job: Job) -> None:
-    """The memory that ranks share has no name while they run, so that no kill can leave it behind."""
+    """The shared memory of ranks is unlinked while they run, so that no kill can leave it behind."""
     ranks.solve(None, job)  # in two processes, and this one opens LAMMPS too
     running = [str(os.getpid()), *(rank for proxy in _children(_pid()) for rank in _children(proxy))]
     assert len(running) == 3
@@ -105,7 +105,7 @@ def test_nothing_of_mpich_outlives_its_processes(job: Job) -> None:
         assert all(name.endswith("(deleted)") for name in _names(pid)), _names(pid)
 
 
-def test_what_a_process_leaves_that_died_in_mpi_init_is_removed(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
+def test_files_left_by_a_death_in_mpi_init_are_removed(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     for name in ("mpich_shm_12d_0", "mpich_shm_12d0_0", "mpich_shm_ab12d_0", "sem.mp-12d"):
         (tmp_path / name).touch()
     monkeypatch.setattr(mpi, "SHARED", tmp_path)
@@ -114,7 +114,7 @@ def test_what_a_process_leaves_that_died_in_mpi_init_is_removed(tmp_path: Path, 
 
 
 def test_lists_of_all_ranks_are_joined(job: Job) -> None:
-    """Every pair stands once, or for both of its particles where newton is off, wherever the processes share it."""
+    """Every pair is listed once, or for both of its particles if newton is off and two processes share it."""
     for newton, times in ((True, 1), (False, 2)):
         off = () if newton else ("newton off",)
         asked = replace(job, setup=(*job.setup[:3], *off, *job.setup[3:]), lists=True)
@@ -128,7 +128,7 @@ def test_lists_of_all_ranks_are_joined(job: Job) -> None:
 
 
 def _pairs(listed: dict[str, Array]) -> tuple[list[tuple[float, ...]], Array]:
-    """Pairs of a list within the cutoff by ids and distance vectors, smaller id first, and how often each stands."""
+    """Pairs of a list within the cutoff by ids and distance vectors, smaller id first, and how often each is listed."""
     one, other = listed["pair_ps"].T
     x_pc = listed["x_sc"][one] - listed["x_sc"][other]
     turn = np.where(listed["id_s"][one] < listed["id_s"][other], 1, -1)[:, None]

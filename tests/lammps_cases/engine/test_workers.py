@@ -1,4 +1,4 @@
-"""Worker processes: how a task ends, and that whatever it does costs that task alone."""
+"""Worker processes: how tasks end, and that whatever a task does costs that task alone."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def fail(site: str | None, error: BaseException) -> None:
 
 
 def held_between_arrays(site: str | None) -> int:
-    """Return the bytes that stay with a process that frees large arrays, but one that was made after them."""
+    """Return the bytes that a process keeps after freeing large arrays, without the last array, which stays."""
     np.ones(2**21)  # freed: from here on glibc would take smaller arrays from its heap
     before = resident()
     arrays = [np.ones(2**20) for _ in range(16)]
@@ -67,7 +67,7 @@ def resident() -> int:
 
 
 def atoms_after(site: str | None, job: Job, large: int) -> float:
-    """Run a job, and return how many atoms LAMMPS has after it."""
+    """Run a job and return the number of atoms that LAMMPS has afterwards."""
     engine.LARGE = large
     solve(None, job)
     with kept(None).use() as lmp:
@@ -118,21 +118,21 @@ def ids(site: str | None, kept: KeptAnswer) -> list[int]:
 
 
 @pytest.mark.lammps
-def test_an_answer_is_kept_for_tasks_and_goes_when_it_is_forgotten_or_with_the_pool(
+def test_answer_is_kept_until_discarded_or_the_pool_ends(
     case_file: Callable[..., Path],
 ) -> None:
     job = prepare(load([case_file()])[0]).jobs[0]
     with Workers(None, 2) as pool:
         answers = [pool.outcome(pool.submit_for_task(job, LIMIT)) for _ in range(2)]
         one, other = (each for each in answers if isinstance(each, KeptAnswer))
-        for _ in range(2):  # a task whose worker is killed from outside is done once more
+        for _ in range(2):  # a task is repeated if its worker is killed from outside
             assert pool.outcome(pool.call(ids, one, time_limit=LIMIT)) == [*range(1, len(job.id_n) + 1)]
         one.forget()
         assert not one.file.exists() and other.file.exists()
     assert not other.file.exists()
 
 
-def test_an_answer_that_finds_no_room_is_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_answer_is_sent_if_there_is_no_room_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     answer: Any = {"x": np.zeros(1000)}
     monkeypatch.setattr(engine, "solve", lambda *_: answer)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
@@ -149,15 +149,13 @@ def test_an_answer_that_finds_no_room_is_sent(tmp_path: Path, monkeypatch: pytes
         patch.setattr(Path, "open", full)
         assert engine.solve_and_keep(None, job) is answer
     assert not [*tmp_path.iterdir()]
-    little = SimpleNamespace(free=engine.ROOM * answer["x"].nbytes)  # less than its pickle takes so often
+    little = SimpleNamespace(free=engine.ROOM * answer["x"].nbytes)  # less than `ROOM` times its pickle
     monkeypatch.setattr("shutil.disk_usage", lambda _: little)
     assert engine.solve_and_keep(None, job) is answer, "what is left is for LAMMPS' own files"
     assert not [*tmp_path.iterdir()]
 
 
-def test_folders_of_pools_that_were_killed_are_removed_by_the_next(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_folders_of_killed_pools_are_removed_by_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     killed, alive, being_made, other = (tmp_path / f"{processes.FOLDER}{name}" for name in "abcd")
     for folder in (killed, alive, being_made):
@@ -200,7 +198,7 @@ def test_an_exception_is_a_failure_and_costs_no_worker(
     assert workers.outcome(workers.call(pid, time_limit=LIMIT)) == before
 
 
-def test_a_missing_lammps_is_missing_for_all(workers: Workers) -> None:
+def test_missing_lammps_is_raised_not_a_failure_of_one_task(workers: Workers) -> None:
     with pytest.raises(EngineMissing, match="no LAMMPS here"):
         workers.outcome(workers.call(fail, EngineMissing("no LAMMPS here"), time_limit=LIMIT))
 
@@ -212,7 +210,7 @@ def test_a_missing_lammps_is_missing_for_all(workers: Workers) -> None:
         (-signal.SIGKILL, "LAMMPS' process was killed by SIGKILL: first words / last words", "SIGKILL"),
     ],
 )
-def test_death_costs_its_task_and_the_last_words_are_its_message(
+def test_death_costs_its_task_and_the_last_output_is_its_message(
     code: int, message: str, died: str, workers: Workers, capfd: pytest.CaptureFixture[str]
 ) -> None:
     dead, next_one = workers.call(die, code, time_limit=LIMIT), workers.call(pid, time_limit=LIMIT)
@@ -221,13 +219,13 @@ def test_death_costs_its_task_and_the_last_words_are_its_message(
     assert capfd.readouterr() == ("", "")
 
 
-def test_words_of_earlier_tasks_are_no_last_words(workers: Workers) -> None:
+def test_output_of_earlier_tasks_is_not_reported(workers: Workers) -> None:
     warned, died = (workers.call(task, time_limit=LIMIT) for task in (warn, segfault))
     assert workers.outcome(warned) is None
     assert workers.outcome(died) == Failure("crashed", "LAMMPS' process was killed by SIGSEGV", "SIGSEGV")
 
 
-def test_of_an_engines_words_a_terminal_obeys_none() -> None:
+def test_control_characters_in_messages_are_escaped() -> None:
     assert (
         Failure("refused", "a\x1b[2J\x9b1m\x00\nb\tc \u00e9\udcff").message
         == "a\\x1b[2J\\x9b1m\\x00\nb\tc \u00e9\\udcff"
@@ -242,14 +240,14 @@ def killed_once(site: str | None, mark: str, number: int) -> str:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_who_kills_a_worker_from_outside_costs_no_task(number: int, workers: Workers, tmp_path: Path) -> None:
+def test_worker_killed_from_outside_costs_no_task(number: int, workers: Workers, tmp_path: Path) -> None:
     task = workers.call(killed_once, str(tmp_path / "mark"), number, time_limit=LIMIT)
     assert workers.outcome(task) == "done"
     crash = workers.call(killed_once, str(tmp_path / "other"), signal.SIGSEGV, time_limit=LIMIT)
     assert workers.outcome(crash) == Failure("crashed", "LAMMPS' process was killed by SIGSEGV", "SIGSEGV")
 
 
-def test_who_kills_an_idle_worker_costs_no_task(workers: Workers) -> None:
+def test_killed_idle_worker_costs_no_task(workers: Workers) -> None:
     for _ in range(2):
         found = workers.outcome(workers.call(pid, time_limit=LIMIT))
         assert not isinstance(found, Failure)
@@ -259,7 +257,7 @@ def test_who_kills_an_idle_worker_costs_no_task(workers: Workers) -> None:
 
 
 class Poison:
-    """Whoever reads it ends."""
+    """End the process that unpickles it."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return os._exit, (1,)
@@ -269,8 +267,8 @@ def length(site: str | None, content: bytes) -> int:
     return len(content)
 
 
-def test_what_is_queued_when_all_workers_are_gone_is_done_by_others() -> None:
-    """One ends while it takes a task; the arguments of the others fill a pipe."""
+def test_queued_tasks_survive_the_death_of_all_workers() -> None:
+    """The worker dies while it reads a task; the arguments of the other tasks fill a pipe."""
     with Workers(None, 1) as pool:
         first = pool.call(length, Poison(), time_limit=LIMIT)
         others = [pool.call(length, bytes(100_000), time_limit=LIMIT) for _ in range(20)]
@@ -281,7 +279,7 @@ def test_what_is_queued_when_all_workers_are_gone_is_done_by_others() -> None:
 
 
 class KilledOnce:
-    """Whoever reads it the first time is killed, in the midst of an answer if it is asked for."""
+    """Kill the first process that unpickles it, optionally in the middle of an answer."""
 
     def __init__(self, mark: str, answering: bool) -> None:
         self.given = mark, answering
@@ -294,9 +292,9 @@ def killed_with_the_pipe(mark: str, answering: bool) -> str:
     if not Path(mark).exists():
         Path(mark).touch()
         if answering:
-            gc.unfreeze()  # what a worker begins with
+            gc.unfreeze()  # objects that a worker inherits are frozen
             (pipe,) = (each for each in gc.get_objects() if type(each) is Connection and not each.closed)
-            os.write(pipe.fileno(), b"\0\0\1")  # of the length of a message
+            os.write(pipe.fileno(), b"\0\0\1")  # a part of the length of a message
         os.kill(os.getpid(), signal.SIGKILL)
     return "done"
 
@@ -306,7 +304,7 @@ def given(site: str | None, content: str) -> str:
 
 
 @pytest.mark.parametrize("answering", [False, True])
-def test_who_kills_a_worker_that_takes_a_task_or_answers_costs_no_task(answering: bool, tmp_path: Path) -> None:
+def test_worker_killed_while_reading_or_answering_costs_no_task(answering: bool, tmp_path: Path) -> None:
     with Workers(None, 2) as pool:
         task = pool.call(given, KilledOnce(str(tmp_path / "mark"), answering), time_limit=LIMIT)
         others = [pool.call(length, bytes(100_000), time_limit=LIMIT) for _ in range(20)]
@@ -319,7 +317,7 @@ def start_child(site: str | None) -> int:
     return subprocess.Popen(["sleep", "600"]).pid
 
 
-def test_what_an_engine_starts_ends_with_the_workers() -> None:
+def test_children_of_an_engine_end_with_the_workers() -> None:
     with Workers(None, 1) as pool:
         child = pool.outcome(pool.call(start_child, time_limit=LIMIT))
         assert isinstance(child, int)
@@ -341,14 +339,14 @@ def memory(site: str | None) -> int:
     return resource.getrlimit(resource.RLIMIT_AS)[0]
 
 
-def test_processes_have_the_memory_that_is_asked_for() -> None:
+def test_processes_get_the_requested_memory() -> None:
     with limited("3G"), Workers(None, 1) as pool:
         assert pool.outcome(pool.call(memory, time_limit=LIMIT)) == 3 * 2**30
     assert memory_share(2) // 2 == memory_share(4) > 0, "again that of the machine"
 
 
 @pytest.mark.parametrize("text", ["4", "4g", "0.5G", "-1G", "G", "9999999T", "4GB", "\u0664G"])
-def test_a_memory_that_is_no_size_is_refused(text: str) -> None:
+def test_bad_memory_size_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="memory: must be a whole number of M, G or T bytes, as 4G, found"):
         size(text)
 
@@ -359,12 +357,12 @@ def answer_and_die(site: str | None, number: int) -> int:
 
 
 @pytest.mark.parametrize("read", [0, 1, 2])
-def test_a_death_is_that_of_the_task_begun_last(read: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a worker has answered is read before its death is seen, however late the reader is."""
+def test_death_is_attributed_to_the_task_begun_last(read: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker's answers are read before its death is reported, however late the reader is."""
     end, waits = LIMIT / 10, count()
 
     def late(*arguments: Any) -> Any:
-        if next(waits) > 2 * read:  # for a task that begins, then for its answer
+        if next(waits) > 2 * read:  # one wait for the start of a task, one for its answer
             time.sleep(1.0)
         return connection.wait(*arguments)
 
@@ -378,7 +376,7 @@ def test_a_death_is_that_of_the_task_begun_last(read: int, monkeypatch: pytest.M
     assert not isinstance(last, Failure)
 
 
-def test_of_an_output_without_end_the_last_words_are_told_and_no_more_is_kept(workers: Workers) -> None:
+def test_only_the_end_of_endless_output_is_kept_and_reported(workers: Workers) -> None:
     told = workers.outcome(workers.call(flood, time_limit=LIMIT))
     assert told == Failure("crashed", f"LAMMPS' process exited with code 3: x / last words / {LARGEST}", "exit code 3")
 
@@ -392,17 +390,17 @@ def test_a_task_beyond_its_time_limit_costs_no_other(workers: Workers, tmp_path:
 
 
 class SlowToRead:
-    """Whoever reads it takes a second, as one that has to import much."""
+    """Take a second to unpickle, as a task with many imports does."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return time.sleep, (1.0,)
 
 
-def test_the_time_of_a_task_begins_when_it_is_read(workers: Workers) -> None:
+def test_time_limit_starts_after_a_task_is_read(workers: Workers) -> None:
     assert workers.outcome(workers.call(given, SlowToRead(), time_limit=0.5)) is None
 
 
-def test_an_exception_stops_the_workers_at_once_and_nothing_stays(tmp_path: Path) -> None:
+def test_exception_stops_the_workers_at_once_and_leaves_nothing(tmp_path: Path) -> None:
     started = tmp_path / "started"
     with pytest.raises(KeyboardInterrupt), Workers(None, 1) as pool:
         made = pool.outcome(pool.call(temporary, time_limit=LIMIT))
@@ -411,7 +409,7 @@ def test_an_exception_stops_the_workers_at_once_and_nothing_stays(tmp_path: Path
         while not (started.exists() and started.read_text()):
             time.sleep(0.01)
         raise KeyboardInterrupt
-    assert task.done(), "nobody waits for ever"
+    assert task.done(), "no caller waits forever"
     assert task.cancelled() or not isinstance(task.exception(), TimeoutError), "it ran into its own limit"
     with pytest.raises(ProcessLookupError):
         os.kill(int(started.read_text()), 0)
@@ -427,8 +425,8 @@ def parent(site: str | None) -> int:
     return os.getppid()
 
 
-def test_server_that_is_killed_costs_no_task() -> None:
-    """It is the parent of all workers, of whose ends only it can tell."""
+def test_killed_server_costs_no_task() -> None:
+    """It is the parent of all workers, and only it can report how they ended."""
     with Workers(None, 1) as pool:
         task = pool.call(_late, 1.0, time_limit=LIMIT)
         assert isinstance(pool.outcome(pool.call(_late, 0.0, time_limit=LIMIT)), int)

@@ -1,4 +1,4 @@
-"""Documents of findings: what a damaged one is told, and that nothing reads them before they are needed."""
+"""Documents of findings: errors for damaged ones, and that none is read before it is needed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_every_document_has_a_record() -> None:
     assert {path.stem for path in FOLDER.iterdir()} == {entry.id for entry in LEDGER}
 
 
-def test_numbers_stand_in_their_places(tmp_path: Path) -> None:
+def test_numbers_are_inserted(tmp_path: Path) -> None:
     text = (FOLDER / f"{NAME}.md").read_text()
     damaged = text.replace("---\n\n", 'numbers:\n  ratio: "1.40"\n---\n\n').replace("dimensionless", r"\*{ratio}\*")
     (tmp_path / f"{NAME}.md").write_text(damaged)

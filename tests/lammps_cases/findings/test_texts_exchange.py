@@ -1,4 +1,4 @@
-"""What the findings about exchange between processes and images say, by LAMMPS and by the reference."""
+"""Texts of the findings about exchange between processes and images, checked with LAMMPS and the reference."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ def test_pairs_between_processes_count_twice(lammps: Engine) -> None:
 
 @pytest.mark.parametrize("newton", [(True, True), (True, False), (False, False)])
 def test_the_other_settings_are_right(lammps: Engine, newton: tuple[bool, bool]) -> None:
-    """Those that the workaround names, for sums and for gradients."""
+    """The settings that the workaround names, for sums and for gradients."""
     engine = dict(zip(("newton", "newton_bond"), newton, strict=True))
     scene = two(7.5, engine=engine, rheo={"rho_sum": True}, compare=["rho", "grad/v"], rho=None, v=[[0.3, 0], [0, 0]])
     (snapshot,) = lammps.fields(scene)
     assert agree(snapshot["rho"], scene.predicted(), "rho") and agree(snapshot["grad/v"], scene.predicted(), "grad/v")
 
 
-def test_what_counts_twice_and_what_once(lammps: Engine) -> None:
+def test_quantities_counted_twice_or_once(lammps: Engine) -> None:
     """Every quantity that the finding names, with fluid over solids at rest between two periodic boundaries."""
     twice = ["chi", "grad/v", "surface/n", "surface/divr", "rho"]
     once = ["coordination", "drho"]
@@ -87,7 +87,7 @@ def test_what_counts_twice_and_what_once(lammps: Engine) -> None:
 
 
 def parting(first: float, engine: dict[str, bool] | None = None, **evolve: Any) -> SmallScene:
-    """Two particles at distance 1 that part in a box of 8 that grows, by 5 % a step."""
+    """Two particles at distance 1 that separate in a box of 8 that grows by 5 % a step."""
     grows = {"steps": 2, "timestep": 0.05, "deform": {"x": 1.0}} | evolve
     velocities = [[-1.0, 0.0], [1.0, 0.0]]
     return two(first, v=velocities, compare=["coordination", "rho"], forces=[HELD], evolve=grows, engine=engine or {})
@@ -117,7 +117,7 @@ def test_images_left_behind(lammps: Engine) -> dict[str, Any]:
     }
 
 
-def test_without_remap_images_are_left_behind_by_what_the_edges_grow(lammps: Engine) -> None:
+def test_without_remap_images_lag_by_the_growth_of_the_edges(lammps: Engine) -> None:
     scene = parting(7.5, deform={"x": 1.0, "remap": "none"})
     found = lammps.fields(scene, every_step=True)
     assert agree(found[2]["rho"], scene.predicted(BEHIND, snapshot=found[0]), "rho", 2)
@@ -126,7 +126,7 @@ def test_without_remap_images_are_left_behind_by_what_the_edges_grow(lammps: Eng
     assert np.array_equal(found[1]["rho"], half) and not agree(found[2]["rho"], scene.predicted(), "rho", 2)
 
 
-def test_pairs_that_count_twice_do_so_with_the_image_of_either_particle(lammps: Engine) -> None:
+def test_pairs_that_count_twice_use_the_image_of_either_particle(lammps: Engine) -> None:
     """An image that is left behind lies at another distance than the particle that has moved, in either's list."""
     scene = parting(7.2, engine=APART)
     found = lammps.fields(scene, every_step=True)
@@ -153,9 +153,7 @@ def test_the_error_of_a_step_shrinks_with_the_square_of_its_length(lammps: Engin
         ({"surface_detection": {"style": "divergence", "limit": 1, "splash": 0}}, False),
     ],
 )
-def test_coordination_numbers_are_counted_late_unless_something_has_counted(
-    lammps: Engine, rheo: dict[str, Any], late: bool
-) -> None:
+def test_coordination_numbers_are_late_unless_counted_before(lammps: Engine, rheo: dict[str, Any], late: bool) -> None:
     """Particles 3.2 apart across the boundary: one has moved towards the other's image, to 2.9; this one has not."""
     scene = small_scene(
         [[7.0, 4.0], [2.2, 4.0]],
@@ -171,7 +169,7 @@ def test_coordination_numbers_are_counted_late_unless_something_has_counted(
 
 
 def aligned(distance: float, across: bool = True, off: float = 0.0, lean: float = 2.0, **options: Any) -> SmallScene:
-    """Two particles, ``off`` from the same x, maybe with a boundary of a box between them that leans."""
+    """Two particles, ``off`` from the same x, optionally with a boundary of a tilted box between them."""
     apart, x = 8 * distance if across else 0.0, 2 * distance
     second = [x + (lean * distance if across else 0.0) + off, 0.5 * distance - distance + apart]
     first = [x, 0.5 * distance] if across else [x, 2.5 * distance]
@@ -200,12 +198,12 @@ def test_aligned_pairs_twice(lammps: Engine) -> dict[str, Any]:
 
 
 def shearing(rate: float) -> dict[str, Any]:
-    """One step, at whose end the box grows, and leans if there is a rate."""
+    """One step, at whose end the box grows, and tilts if there is a rate."""
     return {"steps": 1, "timestep": 1e-9, "compare_at": [0, 1], "deform": {"x": 0.1, "xy": rate}}
 
 
 def beside(limit: float, side: int) -> float:
-    """The next distance below or above a limit of which a few multiples are exact: of six bits."""
+    """The next distance of six bits below or above a limit: a few multiples of it are exact."""
     fraction, exponent = math.frexp(limit)
     return math.ldexp((math.floor(fraction * 64) if side < 0 else math.ceil(fraction * 64)) / 64, exponent)
 
@@ -242,8 +240,8 @@ def test_which_pairs_are_close_and_aligned(lammps: Engine, scene: SmallScene, tw
     return {}
 
 
-def test_what_counts_twice_of_aligned_pairs_and_what_once(lammps: Engine) -> None:
-    """Every quantity that the finding names; forces lack a volume besides."""
+def test_quantities_of_aligned_pairs_counted_twice_or_once(lammps: Engine) -> None:
+    """Every quantity that the finding names; forces also lack a volume."""
     twice = ["grad/v", "shift/v", "f"]
     fluid: dict[str, Any] = {"compare": ["coordination", *twice], "v": [[0.3, 0.1], [0.0, -0.2]], "rho": [1.0, 1.3]}
     scene = aligned(0.008, rheo={"shift": True}, **fluid)

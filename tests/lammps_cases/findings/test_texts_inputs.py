@@ -1,4 +1,4 @@
-"""What the findings about values and words without meaning say, on LAMMPS and by the reference."""
+"""Texts of the findings about values and words without meaning, checked with LAMMPS and the reference."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def test_shiftscale_no_fraction(lammps: Engine) -> None:
     normal = whole - none
     assert np.abs(normal).max() > 0.01
     for words, scale in ((below, -0.5), (above, 1.5)):
-        # Either side rounds a few times: of both shifts, their difference and its product with the scale.
+        # Either side rounds a few times: both shifts, their difference and its product with the scale.
         bound = 16 * 2.0**-53 * (np.abs(none) + abs(scale) * (np.abs(none) + np.abs(whole)))
         assert (np.abs(shift(words) - (none + scale * normal)) <= bound).all()
         with pytest.raises(InputError, match="shiftscale: must be a fraction"):

@@ -1,4 +1,4 @@
-"""What the finding about a kernel style says that no page has: every number of its text, on LAMMPS."""
+"""The finding about a kernel style that no page has: every number of its text, on LAMMPS."""
 
 from __future__ import annotations
 

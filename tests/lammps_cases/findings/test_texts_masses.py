@@ -1,4 +1,4 @@
-"""What the findings about masses of particles say, by LAMMPS and by the reference."""
+"""Texts of the findings about masses of particles, checked with LAMMPS and the reference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the findings about outputs say, on LAMMPS."""
+"""Texts of the findings about outputs, checked with LAMMPS."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_nbond_shell_segfault(lammps: Engine) -> None:
 
 
 def test_component_names_unchecked(lammps: Engine) -> None:
-    """Names too long are what their last letters say; a star beside a letter never gives a right answer."""
+    """Names too long are read by their last letters; a star next to a letter never gives a right answer."""
     tensor, vector, row, stars = quoted("component-names-unchecked", "observed")
     for long, short in ((tensor, "grad/v/yx"), (vector, "shift/v/x")):
         ours, theirs = asked(lammps, f"{long} rho"), asked(lammps, f"{short} rho")

@@ -1,4 +1,4 @@
-"""What the findings about shift, free surfaces and reproducing kernels say: by LAMMPS and the reference."""
+"""Texts of the findings about shift, free surfaces and reproducing kernels, checked with LAMMPS and the reference."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def interface(scale: float, axis: int = 0, order: Any = None, equal: bool = Fals
 
 
 def directions(lammps: Engine, **options: Any) -> Any:
-    """Of what shiftscale 0 takes out of the shifts, with one sign."""
+    """Directions of what shiftscale 0 removes from the shifts, with one sign."""
     change_nc = (
         lammps.fields(interface(1.0, **options))[0]["shift/v"] - lammps.fields(interface(0.0, **options))[0]["shift/v"]
     )
@@ -102,7 +102,7 @@ def directions(lammps: Engine, **options: Any) -> Any:
 def same_direction(one: Any, other: Any) -> bool:
     """Whether directions are parallel, whatever their signs.
 
-    Their cosine is 1 but for the square of their rounding, which is EPS over 1e-9, the least size, at most.
+    Their cosine is 1 up to the square of their rounding, which is at most EPS over 1e-9, the least size.
     """
     return bool(np.all(np.abs(np.abs(one @ other) - 1) < (EPS / 1e-9) ** 2 + 4 * EPS))
 
@@ -116,9 +116,9 @@ def test_one_direction_for_all_interfaces(lammps: Engine) -> None:
     found = lammps.fields(scene, every_step=True)[0]
     assert agree(found["shift/v"], scene.predicted(NORMAL, snapshot=found), "shift/v")
     assert not agree(found["shift/v"], scene.predicted(), "shift/v")
-    alone = {"shift/v": found["shift/v"]}  # where no list was read, the pair is found by what the shifts lack
+    alone = {"shift/v": found["shift/v"]}  # without a list, the pair is found by what the shifts lack
     assert agree(found["shift/v"], scene.predicted(NORMAL, snapshot=alone), "shift/v")
-    # That of the last pair within the cutoff in LAMMPS' own list.
+    # The direction of the last pair within the cutoff in LAMMPS' own list.
     (listed,) = found["lists"]
     one, other = listed.pair_ps.T
     apart_pc = (listed.x_sc[other] - listed.x_sc[one])[:, :2]
@@ -133,7 +133,7 @@ def test_one_direction_for_all_interfaces(lammps: Engine) -> None:
 
 @pytest.mark.parametrize("kernel", ["RK1", "RK2"])
 def test_pairs_at_the_cutoff_count_like_all_others(lammps: Engine, kernel: str) -> None:
-    """Of a lattice whose spacing is no binary number the squared distance 3 is the cutoff's, or beside it."""
+    """With an inexact spacing of the lattice, squared distances of 3 round to the squared cutoff or next to it."""
     spacing, edge = 0.607, 4
     x = (np.indices((edge, edge)).reshape(2, -1).T + 0.25) * spacing
     random = np.random.default_rng(1)
@@ -148,7 +148,7 @@ def test_pairs_at_the_cutoff_count_like_all_others(lammps: Engine, kernel: str) 
     excess_p = ((one_pc - other_pc) ** 2).sum(axis=1) / scene.problem.model.cut**2 - 1
     assert {-1, 0, 1} == {*np.sign(excess_p[np.abs(excess_p) < 4 * EPS])}  # of which the first two count
     assert agree(found["shift/v"], scene.predicted(NORMAL, snapshot=found), "shift/v")
-    beyond = replace(listed, x_sc=listed.x_sc * (1 + 8 * EPS))  # where none of them would
+    beyond = replace(listed, x_sc=listed.x_sc * (1 + 8 * EPS))  # where none of them counts
     assert not agree(found["shift/v"], scene.predicted(NORMAL, snapshot=found | {"lists": (beyond,)}), "shift/v")
 
 
@@ -187,7 +187,7 @@ def test_exclude_type_is_not_affected(lammps: Engine) -> None:
 
 
 @recomputes(CORRECTED, "count cut median most", given="least")
-def test_normals_of_the_color_and_of_corrected_gradients() -> dict[str, Any]:
+def test_normals_of_spline_and_corrected_gradients() -> dict[str, Any]:
     """The color's gradient by central differences is that of the spline; that of corrected gradients is another."""
     least = printed(CORRECTED).least
     scene = interface(0.0, rheo={"kernel": "RK1"})
@@ -213,7 +213,7 @@ def test_normals_of_the_color_and_of_corrected_gradients() -> dict[str, Any]:
     return {"count": len(color_n), "cut": problem.model.cut, "median": np.median(angle_n), "most": angle_n.max()}
 
 
-def test_gradients_are_corrected_where_nothing_that_is_looked_at_needs_pairs() -> None:
+def test_gradients_are_corrected_even_if_no_output_needs_pairs() -> None:
     problem = interface(0.0, rheo={"kernel": "RK1"}).problem
     sim = CorrectingFirst(problem.model, problem.box, problem.state, ("pressure",), CorrectedColor)
     sim.run(0, 0.0)
@@ -222,7 +222,7 @@ def test_gradients_are_corrected_where_nothing_that_is_looked_at_needs_pairs() -
 
 @pytest.mark.parametrize("kernel", ["RK1", "RK2"])
 def test_corrected_gradients_around_a_single_particle_cancel(kernel: str) -> None:
-    """And those of the spline do not; elsewhere at the interface the corrected ones do not either."""
+    """Gradients of the spline do not, nor do corrected ones elsewhere at the interface."""
     problem = interface(0.0, rheo={"kernel": kernel}).problem
     alone = N * N // 2
     sim = CorrectingFirst(problem.model, problem.box, problem.state, ("shift/v",), CorrectedColor)
@@ -249,7 +249,7 @@ BULK, ON_LAYER = 4, 8
 
 
 def layer(turn: int = 1, newton: bool = True) -> SmallScene:
-    """A block of fluid, periodic along x, beside vacuum; with -1 the last particle is the first."""
+    """A block of fluid, periodic along x, next to vacuum; with -1 the last particle is the first."""
     x = np.indices((12, 5)).reshape(2, -1).T + np.array([0.5, 3.0])
     x = x + np.random.default_rng(4).uniform(-0.1, 0.1, x.shape)
     return small_scene(

@@ -1,4 +1,4 @@
-"""What the findings about forces and heat say: every number of their texts, by LAMMPS and by the reference."""
+"""The findings about forces and heat: every number of their texts, by LAMMPS and by the reference."""
 
 from __future__ import annotations
 
@@ -168,11 +168,11 @@ def test_heat_with_another_conductivity(lammps: Engine, harmonic: bool) -> None:
 @pytest.mark.slow
 @recomputes(OVER, given="density part whole water")
 def test_heat_over_density(older: Engine) -> dict[str, Any]:
-    """The specific heat times the mass makes the temperature of this LAMMPS right, which takes E/cv for it."""
+    """Giving cv times the mass corrects the temperature of this LAMMPS, which takes E/cv for it."""
     n = printed(OVER)
 
     def flows(expected: float, mass: Any, rho: Any, **options: Any) -> bool:
-        """Whether the heat flow is a part of the right one, but for its bound and the roundings of what is given."""
+        """Whether the heat flow is this part of the right one, within its bound and the roundings of the input."""
         mass, energy = np.array(mass), np.array([2.0, 0.9])
         cv, factor = options.pop("cv", np.ones(2)), options.pop("factor", 1.0)
         right = warm(mass, energy, options.get("kappa", (1.0, 1.0)), cv, rho=rho, rho0=options.get("rho0", (1.0, 1.0)))
@@ -248,8 +248,8 @@ def test_harmonic_means(lammps: Engine, what: str, field: str) -> dict[str, Any]
     return {}
 
 
-def test_the_probes_of_harmonic_means_see_it(lammps: Engine) -> None:
-    """And nothing else: without the keyword they run, to numbers that are finite."""
+def test_probes_of_harmonic_means_detect_it(lammps: Engine) -> None:
+    """And nothing else: without the keyword all numbers are finite."""
     (keyword,) = {"harmonic/means"} & set(ENTRIES[HARMONIC].title.split())
     chosen = [probe for probe in probes() if ENTRIES[HARMONIC].covers(probe.name)]
     assert len(chosen) == 2
@@ -260,7 +260,7 @@ def test_the_probes_of_harmonic_means_see_it(lammps: Engine) -> None:
         assert all(np.isfinite(values).all() for values in theirs.arrays.values())
 
 
-def test_the_variant_has_no_number_where_lammps_has_none(lammps: Engine) -> None:
+def test_variant_is_nan_where_lammps_is(lammps: Engine) -> None:
     """One coefficient that is not 0 is enough for a number; after a step there are no neighbours."""
     gap = 1e-9
     given: dict[str, Any] = {"rho": 1.0, "v": [[0.2, 0.1], [0.0, 0.0]], "pair": {"harmonic_means": True}}

@@ -1,4 +1,4 @@
-"""What the findings about input say: every command, message and number of their texts, on LAMMPS."""
+"""The findings about input: every command, message and number of their texts, on LAMMPS."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.support.small_scene import Engine, SmallScene, agree, small_scene
 
 pytestmark = pytest.mark.lammps
 
-# Parts of the deck of the probes, each of which stands there once.
+# Parts of the deck of the probes, each of which occurs there once.
 PRESSURE = "1 linear 2 tait/water"
 FIX_PRESSURE = f"fix 3 all rheo/pressure {PRESSURE}"
 KEYWORDS = "density 1.2 0.7 speed/sound 3.0 8.0"
@@ -48,7 +48,7 @@ def asking(what: str) -> tuple[str, str]:
 
 
 def same(one: Reply, other: Reply) -> bool:
-    """Whether two decks were answered alike, to the last bit."""
+    """Whether LAMMPS answers two decks the same, to the last bit."""
     assert (one.ended, other.ended) == ("answered", "answered"), (one.error, other.error)
     return all(np.array_equal(one.arrays[name], other.arrays[name]) for name in one.arrays)
 

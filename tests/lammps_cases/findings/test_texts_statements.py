@@ -1,4 +1,4 @@
-"""What the findings about sentences of the pages say: every number and message of their texts, on LAMMPS."""
+"""The findings about sentences of the pages: every number and message of their texts, on LAMMPS."""
 
 from __future__ import annotations
 
@@ -103,14 +103,14 @@ def test_no_mass_diffusion(lammps: Engine) -> dict[str, Any]:
     n = printed("no-mass-diffusion")
     assert f"rho/damp {n.damping}" in " ".join(new for _, new in PROBES["density-diffuses-damped"].edits)
     assert f"run {int(n.steps)} " in PROBES["density-diffuses"].edits[-1][1]
-    # Each step rounds densities of 1.1 and rates that are 0 but for rounding; the profile is a third as high.
+    # Each step rounds densities of 1.1 and rates that are 0 up to rounding; the profile is a third as high.
     assert abs(found(lammps, "density-diffuses")) < n.steps * 1.1 * 3 * 2 * 2.0**-52
     return {"percent": 100 * found(lammps, "density-diffuses-damped")}
 
 
 @recomputes("bonds-across-boundary", "along between all before printed", given="row")
 def test_bonds_across_a_boundary(lammps: Engine) -> dict[str, Any]:
-    """LAMMPS' count and that of what it lists, periodic and not, on the last engine of one kind and the present one."""
+    """LAMMPS' count and that of its list, periodic or not, on the last engine of the earlier kind and on this one."""
     cells = printed("bonds-across-boundary").row
     along, between = 3 * cells, 2 * cells
     fixed = ("boundary p f p", "boundary f f p")

@@ -1,4 +1,4 @@
-"""What the findings about units say: every number of their texts, by LAMMPS and by the reference."""
+"""The findings about units: every number of their texts, by LAMMPS and by the reference."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_the_factors_are_those_of_lammps_and_of_nature(lammps: Engine) -> None:
 
 @recomputes(RAW, "virial_real virial_metal")
 def test_virials_are_converted(lammps: Engine) -> dict[str, Any]:
-    """By hand, from LAMMPS' own forces on two particles, beside the factors that the manual's units have."""
+    """By hand, from LAMMPS' own forces on two particles and the factors of the manual's units."""
     n = printed(RAW)
     factors = n.virial_real, n.virial_metal
     for name, factor in zip(NAMES, factors, strict=True):
@@ -169,7 +169,7 @@ def test_densities_by_the_factor_of_forces(lammps: Engine) -> dict[str, Any]:
 
 @recomputes(DENSITY, "volumes")
 def test_sums_have_no_rates_and_the_volumes_of_numbers_as_they_stand(lammps: Engine) -> dict[str, Any]:
-    """What the workaround of density-by-force-factor says of rho/sum."""
+    """The workaround of density-by-force-factor with rho/sum."""
     for name in NAMES:
         scene = water(name, rho=None, rheo={"cut": 14.0, "rho_sum": True}, compare=["rho"])
         (found,), right, raw = lammps.fields(scene), scene.predicted(), scene.predicted(RAW)

@@ -1,4 +1,4 @@
-"""That every finding's text is tested: its numbers, and its versions against the engines on which it was seen."""
+"""Every finding's text is tested: its numbers, and its versions against the engines on which it was seen."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lammps_cases.findings.document import FOLDER
 from tests.support.printed import RECOMPUTED
 
 VERSION = r"(\d{4}(?:\.\d+){2,})"
-LITERAL = {  # quantities in texts that are no results: what they are, and how they are recognised
+LITERAL = {  # quantities in texts that are not results: what they are, and how they are recognised
     "commands and messages in quotation marks, which tests give to LAMMPS": r"(?<!\w)'[^']+'(?!\w)",
     "versions, compared with the engines below": VERSION,
     "years of publications and dates of pages": r"(?:al\.|Monaghan|Jul) \d{4}|\d (?=Jul)",
@@ -38,7 +38,7 @@ def test_every_number_is_recomputed() -> None:
 
 
 def test_every_digit_is_of_a_number_or_literal() -> None:
-    """And every number stands in the text."""
+    """And every number occurs in the text."""
     for entry in LEDGER:
         front, _, body = (FOLDER / f"{entry.id}.md").read_text(encoding="utf-8").partition("\n---\n")
         text = re.sub(r"^(?:number:|numbers:|  \w+:|id:).*\n", "", front + "\n", flags=re.MULTILINE) + body

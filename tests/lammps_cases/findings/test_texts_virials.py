@@ -1,4 +1,4 @@
-"""What the findings about virials say, by LAMMPS and by the reference."""
+"""Texts of the findings about virials, checked with LAMMPS and the reference."""
 
 from __future__ import annotations
 
@@ -103,8 +103,8 @@ def test_the_virial_changes_by_displacement_times_force(lammps: Engine) -> None:
     assert not agree(first["virial"], right[0], "virial")
 
 
-def test_what_a_pair_gets_depends_on_the_order_of_the_list(lammps: Engine) -> None:
-    """The same particles, numbered the other way round, have other virials where forces do not cancel."""
+def test_virials_of_a_pair_depend_on_the_order_of_the_list(lammps: Engine) -> None:
+    """The same particles in reverse order have different virials where forces do not cancel."""
     scene = disordered(np.zeros(2))
     arrays = {name: getattr(scene.atoms, name)[::-1].copy() for name in ("x_nc", "type_n", "rho_n", "mass_n")}
     (one,), (other,) = (

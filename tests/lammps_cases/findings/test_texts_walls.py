@@ -1,4 +1,4 @@
-"""What the findings about solids say: every number and every "because" of their texts, by LAMMPS and the reference."""
+"""The findings about solids: every number and every "because" of their texts, by LAMMPS and the reference."""
 
 from __future__ import annotations
 
@@ -93,8 +93,8 @@ def test_wall_velocity_lost(lammps: Engine) -> dict[str, Any]:
     return parts
 
 
-def test_walls_are_not_summed_where_no_density_is_asked_for() -> None:
-    """As at the first step alone, of a scene that compares positions: nothing has looked for pairs yet."""
+def test_walls_are_not_summed_if_no_density_is_requested() -> None:
+    """As at the first step of a scene that compares positions: pairs have not been searched yet."""
     rheo = {"cut": 1.4, "interface_reconstruct": True, "rho_sum": True}
     types = [{"mass": 1.0}, {"mass": 1.0, "phase": "solid"}]
     problem = small_scene([[2.5, 4.0], [2.5, 5.0]], (COLUMNS, 9), kind=[2, 1], types=types, rheo=rheo).problem
@@ -116,7 +116,7 @@ PUSH = {"style": "gravity", "types": 2, "vector": [1.0, 0.0]}
         ([*HELD, PUSH | {"vector": [0.0, 0.0]}], False),
     ],
 )
-def test_walls_move_that_are_pushed_after_they_were_held(forces: list[Any], moving: bool, lammps: Engine) -> None:
+def test_walls_pushed_after_being_held_move(forces: list[Any], moving: bool, lammps: Engine) -> None:
     scene = small_scene(
         [[2.5, 4.0], [2.5, 5.0]],
         (COLUMNS, 9),
@@ -143,7 +143,7 @@ def test_wall_at_rest_and_fluid_driven(lammps: Engine) -> None:
 
 
 def summed(**rheo: Any) -> SmallScene:
-    """Three fluid particles beside two solids."""
+    """Three fluid particles next to two solids."""
     return small_scene(
         [[4.0, 1.0], [5.0, 1.0], [4.0, 2.2], [5.1, 2.1], [4.4, 3.0]],
         (12, 12),

@@ -1,4 +1,4 @@
-"""What the findings about solids at the beginning of a run say: every number and every "because" of their texts."""
+"""The findings about solids at the beginning of a run: every number and every "because" of their texts."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_walls_begin_with_pressure(lammps: Engine) -> dict[str, Any]:
     }
 
 
-def test_what_begins_right_after_a_stop_beside_a_wall(lammps: Engine) -> None:
+def test_forces_kept_right_after_a_stop_next_to_a_wall(lammps: Engine) -> None:
     """A restart keeps the forces; a set-up with new fixes, and a data file without those of fixes, keep nothing."""
     for by, kept in (("restart", True), ("redefined", False), ("data nofix", False), ("set", True)):
         scene = beside_a_wall({"at": 0, "by": by})
@@ -84,7 +84,7 @@ def test_what_begins_right_after_a_stop_beside_a_wall(lammps: Engine) -> None:
             lammps.answer(beside_a_wall({"at": 0, "by": "restart", moves: {"x": 1.1}}))
 
 
-def test_walls_begin_with_what_a_minimisation_evaluates(lammps: Engine) -> None:
+def test_walls_begin_with_the_evaluations_of_a_minimisation(lammps: Engine) -> None:
     """Densities of the end of a step, pressures of its evaluation; a mere run begins with forces of both of these."""
     found = {}
     for by in ("minimize", "run"):
@@ -102,7 +102,7 @@ GAS = {"pressure": [{"types": "*", "style": "ideal/gas", "gamma": 1.4}], "e": [1
     [({}, GAS), ({}, {"deform": {"x": 300.0}}), ({"displace": {"x": 0.1, "types": 2}}, {})],
     ids=["energies", "positions in a box that grew", "positions before they are displaced"],
 )
-def test_a_minimisation_evaluates_what_the_last_step_has_left(
+def test_minimisation_evaluates_the_state_of_the_last_step(
     stop: dict[str, Any], change: dict[str, Any], lammps: Engine
 ) -> None:
     """Pressures of walls are those of the energies found, and pairs those of the positions found."""
@@ -114,7 +114,7 @@ def test_a_minimisation_evaluates_what_the_last_step_has_left(
 
 
 def test_a_minimisation_meets_images_where_they_are(lammps: Engine) -> None:
-    """Whatever the step before has left behind, in a box that grows."""
+    """Even those that the step before has left behind in a box that grows."""
     across = {"x": [[8.6, 4.0], [0.3, 4.0]], "low": [0, 0], "high": [9, 9], "periodic": [True, False]}
     scene = beside_a_wall({"at": 1, "by": "minimize"}, positions=across, deform={"x": 300.0})
     scene = replace(scene, steps=(0, 1))
@@ -157,7 +157,7 @@ def test_created_with_forces_of_others(lammps: Engine) -> dict[str, Any]:
         ([0, 3, 2, 1], [2, 3], [0, 1, 2, 1]),
     ],
 )
-def test_what_slots_hold_after_a_deletion(order: list[int], gone: list[int], held: list[int]) -> None:
+def test_contents_of_slots_after_a_deletion(order: list[int], gone: list[int], held: list[int]) -> None:
     gone_n = np.isin(np.arange(len(order)), gone)
     assert after_deletion(np.array(order), gone_n).tolist() == held
 
@@ -172,18 +172,18 @@ def test_what_slots_hold_after_a_deletion(order: list[int], gone: list[int], hel
         ([3, 4, 1, 2], [4, 3, 2, 9], None),
     ],
 )
-def test_what_sorting_moves_first_in_its_last_cycle(order: list[int], sorted_: list[int], first: int | None) -> None:
+def test_first_move_in_the_last_cycle_of_sorting(order: list[int], sorted_: list[int], first: int | None) -> None:
     assert first_of_last_cycle(np.array(order), np.array(sorted_)) == first
 
 
-def test_order_of_particles_created_anew() -> None:
+def test_order_of_recreated_particles() -> None:
     new_n = np.array([False, True, False, True])
     assert recreated(np.array([3, 0, 1, 2]), new_n).tolist() == [2, 0, 1, 3]
     assert recreated(np.array([3, 0, 1, 2]), False).tolist() == [3, 0, 1, 2]
 
 
 def test_sorting_puts_a_force_into_the_slot_of_the_first_image(lammps: Engine) -> None:
-    """Atoms created anew are sorted at the next set-up."""
+    """Recreated atoms are sorted at the next set-up."""
     x = [[0.6, 0.3], [2.0, 0.2], [1.97, 12.5], [3.5, 0.4]]
     scene = small_scene(
         x,
@@ -203,7 +203,7 @@ def test_sorting_puts_a_force_into_the_slot_of_the_first_image(lammps: Engine) -
     )
     first, *_ = lammps.fields(scene, every_step=True)
     before, after = (listed.row_s[listed.own_s].tolist() for listed in first["lists"][:2])
-    assert before == after == [0, 1, 3, 2]  # between the two it was 0, 1, 2, 3: the last is deleted, and made anew
+    assert before == after == [0, 1, 3, 2]  # between the two it was 0, 1, 2, 3: the last is deleted and created again
     assert agree(first["rho"], scene.predicted(FORCES, PARTS, CREATED, snapshot=first), "rho")
 
 

@@ -1,4 +1,4 @@
-"""Variants of the reference together: one evaluator and one simulation with all of them, fitted where they must be."""
+"""Combined variants of the reference: one evaluator and one simulation with all of them, fitted where necessary."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class OtherStepping(Simulation):
 
 
 class Fitted(HeatOverDensity):
-    """What builds on another variant."""
+    """A variant that builds on another."""
 
     factor = 0.0
 
@@ -58,22 +58,22 @@ def test_several_are_one_class_each_before_the_reference(problem: Problem) -> No
     assert {stages.__module__, stepping.__module__} == {variants.__name__}, "predictions of it can be kept"
 
 
-def test_what_builds_on_another_stands_for_both(problem: Problem) -> None:
+def test_derived_variant_replaces_its_base(problem: Problem) -> None:
     for order in ([HeatOverDensity, Fitted], [Fitted, HeatOverDensity], [Fitted, Fitted]):
         made = combined([variant(stages) for stages in order], problem, {})
         assert made is not None
         assert made[0].__bases__ == (Fitted,)
 
 
-def test_beside_one_that_builds_on_it_a_variant_changes_nothing() -> None:
+def test_base_variant_adds_nothing_to_a_derived_one() -> None:
     assert variant(HeatOverDensity).within(variant(Fitted, stepping=OtherStepping))
     assert variant(stepping=Simulation).within(variant(Fitted, stepping=OtherStepping))
     assert not variant(Fitted).within(variant(HeatOverDensity))
     assert not variant(HeatOverDensity, stepping=OtherStepping).within(variant(Fitted))
-    assert not variant().within(variant(Fitted)), "a case that LAMMPS ends is no part of another"
+    assert not variant().within(variant(Fitted)), "a case that LAMMPS ends is not part of another"
 
 
-def test_a_variant_is_fitted_to_the_first_snapshot_with_the_others_in_place(problem: Problem) -> None:
+def test_variant_is_fitted_with_the_others_in_place(problem: Problem) -> None:
     given: list[tuple[Problem, tuple[type, ...], dict[str, Any]]] = []
 
     def fit(of: Problem, stages: type[ArrayEvaluator], snapshot: dict[str, Any]) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def test_a_variant_is_fitted_to_the_first_snapshot_with_the_others_in_place(prob
     assert made[0].__module__ == variants.__name__
 
 
-def test_one_that_cannot_be_fitted_explains_nothing(problem: Problem) -> None:
+def test_variant_that_cannot_be_fitted_explains_nothing(problem: Problem) -> None:
     none = variant(Fitted, fit=lambda of, stages, snapshot: None)
     assert combined([variant(ForcePerVolume), none], problem, {}) is None
 
@@ -115,7 +115,7 @@ def test_walls_are_summed_once_more_after_the_setup_alone() -> None:
 
 
 @pytest.mark.parametrize(("field", "shows"), [("f", True), ("virial", True), ("press", True), ("grad/v", False)])
-def test_forces_show_in_what_is_made_of_them(problem: Problem, field: str, shows: bool) -> None:
+def test_forces_show_in_fields_derived_from_them(problem: Problem, field: str, shows: bool) -> None:
     thin = replace(problem, state=replace(problem.state, rho_n=0.9 * problem.model.mass[problem.state.type_n - 1]))
     assert has_forces(replace(thin, fields=(field,))) is shows
 
@@ -131,8 +131,8 @@ def test_sums_of_walls_show_after_any_set_up(problem: Problem) -> None:
     assert not sums_walls(replace(walls, steps=(3,), stops=stops))
 
 
-def test_lists_are_fitted_before_what_evaluates_the_stages(problem: Problem) -> None:
-    """A variant that is fitted by a run of its own finds the lists in place, whichever comes first."""
+def test_lists_are_fitted_before_variants_that_evaluate(problem: Problem) -> None:
+    """A variant fitted by a separate run finds the lists in place, in any order."""
     order: list[str] = []
 
     def noted(name: str) -> Any:

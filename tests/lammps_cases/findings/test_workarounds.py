@@ -1,6 +1,6 @@
-"""The findings' workarounds: each is run, in the order of commands that it names, or is no command.
+"""The findings' workarounds: each is run, in the order of commands that it names, unless it is not a command.
 
-A finding's deck (``eos-ref report-bug``) or its scene shows it first, and does not with what the workaround changes.
+A finding's deck (``eos-ref report-bug``) or scene shows it, and does not with the changes of the workaround.
 """
 
 from __future__ import annotations
@@ -46,18 +46,18 @@ def test_every_part_of_a_workaround_is_run() -> None:
 
 
 @pytest.mark.parametrize(("name", "how"), chosen(Test))
-def test_the_tests_that_run_it_exist(name: str, how: Test) -> None:
+def test_named_tests_of_workarounds_exist(name: str, how: Test) -> None:
     file, function = how.name.split("::")
     assert f"\ndef {function}(" in (Path(__file__).parent / f"test_texts_{file}.py").read_text()
 
 
-def test_what_no_command_runs_is_of_a_newer_lammps_where_it_says_so() -> None:
+def test_findings_fixed_by_a_newer_lammps_are_not_of_this_one() -> None:
     for name, hows in WORKAROUNDS.items():
         assert (NEWER in hows) <= (not ENTRIES[name].listed(version_of("env"))), name
 
 
 def scene_of(name: str, changes: Mapping[str, Any]) -> SmallScene:
-    """The scene of a finding, changed."""
+    """A changed scene of a finding."""
     case = case_of(name, name, casefile.merge(demonstrations()[name].scene, changes))
     return SmallScene(case.scene, prepared_case.prepare(case).atoms)
 
@@ -80,7 +80,7 @@ def test_a_scene_changed_as_the_workaround_says(name: str, how: Scene, lammps: E
 
 
 def judged(name: str, *edits: tuple[str, str]) -> tuple[int, str]:
-    """LAMMPS' exit code and the verdict of the deck of a finding, edited; each text stands in it once."""
+    """LAMMPS' exit code and the verdict of an edited deck of a finding; each text occurs in it once."""
     made = report_of(name).deck
     text = made.text
     for old, new in edits:
@@ -97,7 +97,7 @@ def test_a_deck_edited_as_the_workaround_says(name: str, how: Deck) -> None:
 
 
 def before_the_last_run(name: str, order: str) -> tuple[str, str]:
-    """The edit that puts commands, by their names, in front of the last run of a deck."""
+    """The edit that inserts commands, by name, before the last run of a deck."""
     lines = report_of(name).deck.lines
     fixes = [line for line in lines if line.startswith("fix") and " rheo" in line]
     commands = {

@@ -26,12 +26,12 @@ def package(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return package
 
 
-def test_it_is_the_function_of_its_name(package: CallableModule) -> None:
+def test_package_is_called_as_its_function(package: CallableModule) -> None:
     assert package(2) == 3 and package(2, by=5) == 7
     assert str(inspect.signature(package)) == "(n: 'int', by: 'int' = 1) -> 'int'"
 
 
-def test_the_function_is_looked_for_when_it_is_called(package: CallableModule, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_function_is_imported_when_called(package: CallableModule, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.modules["made.up.command"], "up", lambda n: -n)
     assert package(2) == -2
     monkeypatch.delitem(sys.modules, "made.up.command")

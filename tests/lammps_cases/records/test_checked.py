@@ -1,4 +1,4 @@
-"""Functions that a user calls: wrong arguments and files are bad input, anything else is not."""
+"""Functions for users: wrong arguments and files raise InputError, other errors pass through."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lammps_cases.records.checked import checked
 
 
 class Inner(BaseModel):
-    """What the function makes inside."""
+    """An object that the function makes inside."""
 
     n: int
 
@@ -25,7 +25,7 @@ def twice(n: int, path: Path | None = None, *, inner: object = 1) -> int:
     return 2 * n * Inner(n=inner).n
 
 
-def test_good_arguments_go_through_under_the_functions_own_name() -> None:
+def test_good_arguments_pass_and_the_name_is_kept() -> None:
     assert twice(2) == twice(n=2) == 4
     assert twice.__name__ == "twice" and twice.__doc__ == "Return twice a number."
 
@@ -51,7 +51,7 @@ def test_a_file_that_cannot_be_used_is_one_line(tmp_path: Path) -> None:
         twice(1, tmp_path / "gone")
 
 
-def test_mistakes_inside_the_function_are_its_own() -> None:
+def test_errors_inside_the_function_pass_through() -> None:
     with pytest.raises(ValidationError, match="Inner"):
         twice(1, inner="one")
 

@@ -1,4 +1,4 @@
-"""Documents, journals and folders on disk, with what damage and kills do to them."""
+"""Documents, journals and folders on disk, and the effect of damage and kills on them."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def _folder(path: Path, content: str) -> Path:
     return path
 
 
-def test_a_folder_is_replaced_only_by_a_swap(tmp_path: Path) -> None:
+def test_folder_is_replaced_only_by_a_swap(tmp_path: Path) -> None:
     target = _folder(tmp_path / "target", "old")
     with folders.replacement(target) as partial:
         (partial / "file").write_text("never")
@@ -102,7 +102,7 @@ def test_a_folder_is_replaced_only_by_a_swap(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_a_replacement_that_fails_between_the_renames_brings_the_old_folder_back(
+def test_replacement_that_fails_between_renames_restores_the_old_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     target, rename, calls = _folder(tmp_path / "target", "old"), Path.rename, list[Path]()
@@ -120,7 +120,7 @@ def test_a_replacement_that_fails_between_the_renames_brings_the_old_folder_back
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_what_a_kill_left_aside_is_found_and_brought_back(tmp_path: Path) -> None:
+def test_folder_left_aside_by_a_kill_is_restored(tmp_path: Path) -> None:
     target = tmp_path / "target"
     aside = _folder(tmp_path / ".target.old", "old")
     assert folders.present(target) == aside
@@ -130,20 +130,20 @@ def test_what_a_kill_left_aside_is_found_and_brought_back(tmp_path: Path) -> Non
 
 
 def _done(folder: Path, count: int) -> None:
-    """Put something done into a folder in the making."""
+    """Put finished parts into a partial folder."""
     (folder / folders.JOURNAL).mkdir(exist_ok=True)
     for k in range(count):
         (folder / folders.JOURNAL / str(k)).touch()
 
 
-def test_a_folder_in_the_making_is_kept_if_anything_is_done_and_gone_on_with_if_asked(tmp_path: Path) -> None:
+def test_partial_folder_is_kept_if_anything_is_done_and_resumed_on_request(tmp_path: Path) -> None:
     target = tmp_path / "target"
     aside = folders.interrupted(target)
     for count, kept in ((0, 0), (2, 2), (1, 2), (3, 3)):
         with folders.replacement(target, resume=False) as partial:
-            assert list(partial.iterdir()) == [], "begun anew"
+            assert list(partial.iterdir()) == [], "started empty"
             _done(partial, count)
-        assert list(tmp_path.iterdir()) == [aside] * bool(kept), "one of which less is done is not kept"
+        assert list(tmp_path.iterdir()) == [aside] * bool(kept), "a folder with less done is not kept"
         assert len(list((aside / folders.JOURNAL).glob("*"))) == kept
     with folders.replacement(target, resume=True) as partial:
         assert len(list((partial / folders.JOURNAL).iterdir())) == 3 and not aside.exists()
@@ -151,10 +151,10 @@ def test_a_folder_in_the_making_is_kept_if_anything_is_done_and_gone_on_with_if_
     assert list(tmp_path.iterdir()) == [target] and list(target.iterdir()) == []
     with folders.replacement(target) as partial:
         _done(partial, 9)
-    assert list(tmp_path.iterdir()) == [target], "what cannot be gone on with is not kept"
+    assert list(tmp_path.iterdir()) == [target], "a folder that cannot be resumed is not kept"
 
 
-def test_the_folder_of_a_killed_program_is_kept_by_the_next_that_begins_anew(tmp_path: Path) -> None:
+def test_folder_of_a_killed_program_is_kept_by_the_next(tmp_path: Path) -> None:
     target = tmp_path / "target"
     folders.making(target).mkdir()
     _done(folders.making(target), 2)
@@ -194,8 +194,8 @@ def test_one_program_at_a_time(tmp_path: Path) -> None:
     assert list(target.parent.iterdir()) == []
 
 
-def test_who_waits_for_a_lock_gets_it_when_its_file_is_removed(tmp_path: Path) -> None:
-    """The first holder removes the file of the lock that the second one waits for."""
+def test_waiting_process_gets_the_lock_when_its_file_is_removed(tmp_path: Path) -> None:
+    """The first holder removes the lock file that the second one waits for."""
     target = tmp_path / "target"
     with folders.exclusive(target, "folder"):
         child = os.fork()

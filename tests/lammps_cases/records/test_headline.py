@@ -1,4 +1,4 @@
-"""The headline: its states, colours and words, and what makes a known finding fail."""
+"""The headline: its states, colours and words, and the levels at which a known finding fails."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_every_state_looks_different() -> None:
 
 
 @pytest.mark.parametrize("level", FAIL_ON)
-def test_a_level_fails_what_is_at_least_as_severe(level: FailOn) -> None:
+def test_level_fails_findings_at_least_as_severe(level: FailOn) -> None:
     failing = [severity for severity in SEVERITIES if fails(severity, level)]
     assert (
         failing == {"high": ["high"], "medium": ["high", "medium"], "low": ["high", "medium", "low"], "new": []}[level]

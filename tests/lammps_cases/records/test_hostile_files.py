@@ -1,4 +1,4 @@
-"""Files that others made: never a traceback, a hang, or more memory than stated; a line says what is wrong."""
+"""Files from elsewhere: never a traceback, a hang, or more memory than stated; one line reports the error."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ QUICK = settings(max_examples=40, deadline=None, suppress_health_check=list(Heal
 
 @st.composite
 def damaged(draw: st.DrawFn, seeds: tuple[bytes, ...]) -> bytes:
-    """Content that is read, with parts removed, doubled or replaced."""
+    """Valid content with parts removed, doubled or replaced."""
     content = draw(st.sampled_from(seeds))
     for _ in range(draw(st.integers(1, 4))):
         first = draw(st.integers(0, len(content)))
@@ -60,8 +60,8 @@ def test_damaged_files_are_refused_in_a_line(name: str, tmp_path_factory: pytest
 
 
 @pytest.mark.parametrize("name", sorted(READERS.keys() - {"shard", "message"}))
-def test_what_is_undamaged_is_read(name: str, tmp_path: Path) -> None:
-    """So that the test above damages something that is read to its end."""
+def test_undamaged_files_are_read(name: str, tmp_path: Path) -> None:
+    """So the test above damages files that are read to their end."""
     assert {outcome(READERS[name], seed, tmp_path) for seed in READERS[name].seeds} == {""}
 
 
@@ -128,8 +128,8 @@ SMUGGLED += [
 
 
 @pytest.mark.slow
-def test_no_scene_makes_a_command_of_its_own(tmp_path: Path) -> None:
-    """Every value and every key of a scene replaced by text that would be one."""
+def test_no_scene_smuggles_a_command(tmp_path: Path) -> None:
+    """Every value and every key of a scene is replaced by text that would add a command."""
     content, path, taken = yaml.safe_load(SCENE), tmp_path / "case.yaml", 0
     del content["matrix"]
     for place in [place for place in leaves(content) if place]:
@@ -153,7 +153,7 @@ def test_no_scene_makes_a_command_of_its_own(tmp_path: Path) -> None:
                 taken += 1
                 told = [line for job in jobs for line in (*job.setup, *job.commands, *map(str, job.runs))]
                 assert told and not any("smuggled" in line for line in told), (place, text)
-    assert taken  # the texts that are for people are taken as they are
+    assert taken  # texts for people are accepted as they are
 
 
 # --- numbers that no file can hold
@@ -166,14 +166,14 @@ def test_no_scene_makes_a_command_of_its_own(tmp_path: Path) -> None:
         ("extxyz", b"2\n", 50 * b"6" + b"\n", "it ends before the particles that its first line counts"),
     ],
 )
-def test_numbers_beyond_all_are_refused(name: str, before: bytes, after: bytes, said: str, tmp_path: Path) -> None:
-    """Of an id that fits no integer numpy says OverflowError; ASE reads line after line behind a file's end."""
+def test_numbers_out_of_range_are_refused(name: str, before: bytes, after: bytes, said: str, tmp_path: Path) -> None:
+    """For an id that fits no integer numpy raises OverflowError; ASE reads on past the end of a file."""
     seed = READERS[name].seeds[0]
     assert seed.count(before) == 1
     assert said in outcome(READERS[name], seed.replace(before, after), tmp_path)
 
 
-# --- files that are none, or too large
+# --- not regular files, or too large
 
 
 @pytest.fixture(params=["fifo", "zero", "folder", "absent"])
@@ -199,7 +199,7 @@ def test_no_reader_waits_for_a_fifo_or_reads_a_device(name: str, no_file: Path) 
         no_file.rename(path)
     begin = time.monotonic()
     if name == "history" and not path.exists():
-        return  # which is empty
+        return  # an absent history is empty
     with pytest.raises(InputError):
         reader.read(path)
     assert time.monotonic() - begin < 2.0

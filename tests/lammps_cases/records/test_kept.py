@@ -1,4 +1,4 @@
-"""Reports kept by date and engine: what the link points to, what is dropped, what a kill or a neighbour leaves."""
+"""Reports kept by date and engine: the target of the link, pruning, and the effect of kills and concurrent runs."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ with whole_runs(Path(sys.argv[1])).place("env") as folder:
 
 
 def report(shelf: Shelf, engine: str = "pypi:1.0") -> Path:
-    """A report that is complete."""
+    """Make a complete report."""
     with shelf.place(engine) as folder:
         (folder / shelf.mark).write_text("{}")
     return folder
 
 
 def there(shelf: Shelf) -> set[Path]:
-    """All that lies on a shelf but the link."""
+    """Return all entries of a shelf except the link."""
     return {path for path in shelf.folder.iterdir() if path != shelf.link}
 
 
-def test_the_link_points_to_the_newest_and_the_oldest_of_each_engine_are_dropped(tmp_path: Path) -> None:
+def test_link_points_to_the_newest_and_old_reports_are_pruned_per_engine(tmp_path: Path) -> None:
     shelf = folders.whole_runs(tmp_path)
     other = report(shelf, "pypi:2.0")
     made = [report(shelf) for _ in range(KEPT + 2)]
@@ -47,7 +47,7 @@ def test_the_link_points_to_the_newest_and_the_oldest_of_each_engine_are_dropped
     assert there(shelf) == set(shelf.entries())
 
 
-def test_a_report_that_was_begun_earlier_and_ends_later_does_not_take_the_link(tmp_path: Path) -> None:
+def test_report_begun_earlier_does_not_take_the_link(tmp_path: Path) -> None:
     shelf = folders.whole_runs(tmp_path)
     with shelf.place("env") as early:
         late = report(shelf, "env")
@@ -57,7 +57,7 @@ def test_a_report_that_was_begun_earlier_and_ends_later_does_not_take_the_link(t
     assert shelf.link.resolve() == late.resolve()
 
 
-def test_what_fails_or_is_killed_leaves_the_link_where_it_was(tmp_path: Path) -> None:
+def test_failed_or_killed_report_leaves_the_link(tmp_path: Path) -> None:
     shelf = folders.whole_runs(tmp_path)
     whole = report(shelf)
     with pytest.raises(KeyboardInterrupt), shelf.place("env"):
@@ -71,7 +71,7 @@ def test_what_fails_or_is_killed_leaves_the_link_where_it_was(tmp_path: Path) ->
 
 
 def interrupted(shelf: Shelf, engine: str) -> Path:
-    """A report that was interrupted when something of it was done, and where it would have lain."""
+    """Interrupt a report with something done; return the folder it would have had."""
     with pytest.raises(KeyboardInterrupt), shelf.place(engine) as folder:
         journal = folders.interrupted(folder) / folders.JOURNAL
         journal.mkdir(parents=True)
@@ -81,13 +81,13 @@ def interrupted(shelf: Shelf, engine: str) -> Path:
 
 
 def resumed(shelf: Shelf, engine: str) -> Path:
-    """Where a report goes on, or begins."""
+    """Return the folder in which a report is resumed or begun."""
     with pytest.raises(KeyboardInterrupt), shelf.place(engine, resume=True) as folder:
         raise KeyboardInterrupt
     return folder
 
 
-def test_of_each_engine_the_report_that_was_interrupted_last_is_gone_on_with(tmp_path: Path) -> None:
+def test_newest_interrupted_report_of_each_engine_is_resumed(tmp_path: Path) -> None:
     shelf = folders.whole_runs(tmp_path)
     _, last = interrupted(shelf, "pypi:1.0"), interrupted(shelf, "pypi:1.0")
     other = interrupted(shelf, "pypi:2.0")
@@ -97,7 +97,7 @@ def test_of_each_engine_the_report_that_was_interrupted_last_is_gone_on_with(tmp
     assert there(shelf) == {third, *map(folders.interrupted, (last, other))}, "the older one is cleared away"
 
 
-def test_a_report_that_is_done_takes_the_place_of_one_interrupted_before_it(tmp_path: Path) -> None:
+def test_finished_report_removes_one_interrupted_before(tmp_path: Path) -> None:
     shelf = folders.whole_runs(tmp_path)
     before = interrupted(shelf, "pypi:1.0")
     whole = report(shelf)
@@ -116,7 +116,7 @@ def test_a_folder_in_the_place_of_the_link_is_moved_aside(tmp_path: Path) -> Non
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """All the cases there are: three."""
+    """Only three cases exist."""
     load = casefile.load
     of_file = [case for case in load([casefile.SHIPPED / "near-rho0.yaml"]) if case.name.endswith(".2d")][:3]
     monkeypatch.setattr(casefile, "load", lambda paths=(), tag=None: load(paths, tag) if paths else of_file)
@@ -124,7 +124,7 @@ def few(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 @pytest.mark.lammps
-def test_a_run_of_some_cases_never_replaces_that_of_all(
+def test_run_of_some_cases_never_replaces_a_run_of_all(
     few: None, case_file: Callable[..., Path], eos_ref_command: Callable[..., Outcome]
 ) -> None:
     name, *_ = (case.name for case in casefile.load())
@@ -151,7 +151,7 @@ def test_a_run_of_some_cases_never_replaces_that_of_all(
 
 
 @pytest.mark.lammps
-def test_claims_of_some_never_replace_those_of_all(few: None, eos_ref_command: Callable[..., Outcome]) -> None:
+def test_page_of_some_claims_never_replaces_that_of_all(few: None, eos_ref_command: Callable[..., Outcome]) -> None:
     eos_ref_command("run", "--out", "run")
     latest = Path("reports/claims/latest")
     assert eos_ref_command("claims", "--run", "run").code == 0

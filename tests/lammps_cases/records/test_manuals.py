@@ -1,4 +1,4 @@
-"""Statements that some versions of the manual make."""
+"""Statements that differ between versions of the manual."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lammps_cases.records.yaml_files import OfManual
 NEWEST = MANUALS[-1]
 
 
-def test_a_statement_is_made_from_the_first_to_the_last_version_that_has_it() -> None:
+def test_statement_holds_from_its_first_to_its_last_version() -> None:
     assert len(MANUALS) > 1
     made = {
         (since, until): [OfManual(since=since, until=until).made_in(manual) for manual in (FIRST, NEWEST)]
@@ -21,7 +21,7 @@ def test_a_statement_is_made_from_the_first_to_the_last_version_that_has_it() ->
     assert all(OfManual().made_in(manual) for manual in MANUALS)
 
 
-def test_no_version_is_before_it_is_made_nor_unknown() -> None:
+def test_bad_ranges_of_versions_are_refused() -> None:
     with pytest.raises(ValidationError, match="since must not be later than until"):
         OfManual(since=NEWEST, until=FIRST)
     with pytest.raises(ValidationError, match="since"):

@@ -1,4 +1,4 @@
-"""Wall times and what may be said of them. Nothing here depends on how fast the machine is."""
+"""Wall times and their statistics. Nothing here depends on the speed of the machine."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 6, 8, 9, 12, 20, 51])
-def test_interval_encloses_the_median_as_often_as_it_says(n: int) -> None:
+def test_interval_has_the_stated_coverage_of_the_median(n: int) -> None:
     """Order statistics: the ends' ranks miss the median with at most 5 % probability, and the next narrower do not."""
     found = interval(tuple(float(k) for k in range(1, n + 1)))
     rank = round(found.low)
@@ -47,7 +47,7 @@ def test_interval_is_that_of_the_quantile_test(n: int) -> None:
         assert (found.low, found.high) == (expected.low, expected.high)
 
 
-def test_coverage_is_what_it_claims_on_random_numbers() -> None:
+def test_coverage_on_random_numbers() -> None:
     random = np.random.default_rng(5)
     trials = 4000
     held = sum(
@@ -65,8 +65,8 @@ def test_interval_is_ordered(values: list[float]) -> None:
     assert min(values) <= found.low <= found.median <= found.high <= max(values)
 
 
-def test_a_drift_that_meets_both_does_not_show_in_the_ratio() -> None:
-    """Times that grow tenfold over the rounds: medians alone could not tell 5 %, round by round they can."""
+def test_common_drift_cancels_in_the_ratio() -> None:
+    """Times grow tenfold over the rounds: medians alone cannot resolve 5 %, ratios per round can."""
     drift = np.geomspace(1.0, 10.0, 15)
     fast, slow = (Timing(tuple((factor * drift).tolist()), 1, 0.0) for factor in (1.0, 1.05))
     assert verdict(fast.against(slow)) == "faster"
@@ -75,12 +75,12 @@ def test_a_drift_that_meets_both_does_not_show_in_the_ratio() -> None:
     assert fast.seconds.low < slow.seconds.low < fast.seconds.high  # not separable without the pairing
 
 
-def test_all_are_called_in_every_round_and_not_always_in_the_same_order() -> None:
+def test_all_are_called_in_every_round_in_varying_order() -> None:
     called: list[str] = []
     found = in_turns({name: (lambda name=name: called.append(name)) for name in "abc"}, rounds=6, at_least=0.0)
     assert set(found) == set("abc")
     assert all(len(timing.seconds_r) == 6 and timing.calls == 1 for timing in found.values())
-    rounds = ["".join(called[k : k + 3]) for k in range(6, len(called), 3)]  # 3 first calls, 3 calibrating ones before
+    rounds = ["".join(called[k : k + 3]) for k in range(6, len(called), 3)]  # after 3 first calls and 3 for calibration
     assert all(sorted(turn) == ["a", "b", "c"] for turn in rounds)
     assert len(set(rounds)) > 2
     assert max(Counter(turn[0] for turn in rounds).values()) < 6

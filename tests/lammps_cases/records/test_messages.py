@@ -1,4 +1,4 @@
-"""What happened in a case, in sentences: every end and every blame, from facts."""
+"""Sentences on a case: every end and every blame, from facts."""
 
 from __future__ import annotations
 
@@ -164,18 +164,18 @@ PROBES: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", SENTENCES)
-def test_every_end_and_blame_has_its_sentence(name: str) -> None:
+def test_every_end_and_blame_has_a_sentence(name: str) -> None:
     facts, sentence = SENTENCES[name]
     assert case_wording.message(CaseRecord(case="one", **facts)) == sentence
 
 
 @pytest.mark.parametrize("name", PROBES)
-def test_every_mismatch_of_a_probe_has_its_sentence(name: str) -> None:
+def test_every_mismatch_of_a_probe_has_a_sentence(name: str) -> None:
     facts, sentence = PROBES[name]
     assert case_wording.message(CaseRecord(case="probes.x", verdict="differs", mismatch=Mismatch(**facts))) == sentence
 
 
-def test_findings_are_left_out_where_they_stand_beside_the_blame() -> None:
+def test_findings_next_to_the_blame_may_be_omitted() -> None:
     record = CaseRecord(case="one", **SENTENCES["explained"][0])
     assert case_wording.message(record, findings=False) == f"f (stage pair) leaves its bound at step 4 at {NUMBERS}"
 
@@ -195,18 +195,18 @@ def test_own_words_are_brief_and_without_the_finding() -> None:
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"schema": "eos-ref/run/3", "engine": {}, "reference": {}}'])
-def test_what_is_of_another_schema_is_refused(tmp_path: Path, text: str) -> None:
+def test_other_schemas_are_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "run.json").write_text(text)
     with pytest.raises(InputError):
         read_run(tmp_path)
 
 
-# --- nobody reads a sentence
+# --- no sentence is parsed
 
 
 PARSING = {"split", "rsplit", "partition", "rpartition", "startswith", "endswith", "removeprefix", "removesuffix"}
 MATCHING = {"match", "fullmatch", "search", "sub", "findall", "finditer"}
-# What holds our own sentences, one or several; findings too, which were one text once.
+# Attributes that hold one or several of our own sentences; also findings, which were one text once.
 SENTENCE = {"message", "explained_by", "rule", "sentence", "headline", "complaint", "blame", "reason", "title", "why"}
 SENTENCES_OF = {"not_checked", "warnings", "stability", "messages", "complaints", "rules"}
 
@@ -223,7 +223,7 @@ def _each_of_several(tree: ast.AST) -> set[str]:
 
 
 def parsed(source: str) -> Iterator[int]:
-    """Lines that take a sentence, or findings, to pieces, or look for words in it."""
+    """Yield lines that split a sentence or findings, or search for words in them."""
     tree = ast.parse(source)
     sentences = SENTENCE | _each_of_several(tree)
     for node in ast.walk(tree):
@@ -259,7 +259,7 @@ def parsed(source: str) -> Iterator[int]:
         '[line.partition(": ") for line in case.not_checked]',
     ],
 )
-def test_parsing_is_seen(line: str) -> None:
+def test_parsing_is_detected(line: str) -> None:
     assert list(parsed(line)) == [1]
 
 

@@ -1,4 +1,4 @@
-"""The outcome of a run: what is taken from records, what of it a pattern leaves, what differs between two."""
+"""The outcome of a run: taken from records, restricted by a pattern, and compared with another."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _case(*fields: dict[str, Any], **facts: Any) -> CaseOutcome:
     return CaseOutcome.of(CaseRecord(case="one", fields=records, **{"verdict": "pass", **facts}))
 
 
-def test_what_a_record_holds() -> None:
+def test_outcome_of_a_record() -> None:
     steps = [StepRecord(step=step, verdict="pass", max_over_bound=0.5, digest="d", max_abs=0.25) for step in (0, 4)]
     one = FieldRecord.model_validate(PRESSURE | {"atom_type": 2, "digest": "aa", "steps": steps})
     outcome = FieldOutcome.of(one)
@@ -32,7 +32,7 @@ def test_what_a_record_holds() -> None:
     assert (only.step, only.verdict, only.digest) == (None, "pass", "")
 
 
-def test_the_worst_field_is_the_one_most_bounds_away() -> None:
+def test_worst_field_has_the_largest_ratio_to_its_bound() -> None:
     outcome = _case(PRESSURE, FORCE, verdict="explained", seconds=Seconds(lammps=1.5))
     assert (outcome.worst, outcome.worst_field, outcome.seconds) == (9.0, "f", 1.5)
     infinite = _case(PRESSURE | {"max_over_bound": "Infinity"}, FORCE)
@@ -42,7 +42,7 @@ def test_the_worst_field_is_the_one_most_bounds_away() -> None:
     assert (_case().worst, _case().worst_field) == (None, "")
 
 
-def test_fields_of_a_pattern_decide_alone() -> None:
+def test_only_fields_of_a_pattern_count() -> None:
     outcome = _case(PRESSURE, FORCE, verdict="explained")
     law = outcome.restricted("press*")
     assert (list(law.fields), law.verdict, law.worst_field) == (["pressure"], "pass", "pressure")
@@ -59,13 +59,13 @@ def test_fields_of_a_pattern_decide_alone() -> None:
         ({"verdict": "crashed", "ended": "crashed"}, "crashed", False),
     ],
 )
-def test_an_expected_refusal_is_kept_apart(facts: dict[str, Any], kind: str, agrees: bool) -> None:
+def test_expected_refusal_is_a_kind_of_its_own(facts: dict[str, Any], kind: str, agrees: bool) -> None:
     outcome = _case(**facts)
     assert (outcome.kind, outcome.agrees) == (kind, agrees)
     assert outcome.parts["verdict"] == kind
 
 
-def test_what_differs_is_told_by_field_and_part() -> None:
+def test_differences_are_listed_by_field_and_part() -> None:
     was = _case(PRESSURE | {"digest": "aa"}, FORCE | {"digest": "bb"})
     now = _case(PRESSURE | {"digest": "cc", "verdict": "exact"}, FORCE | {"explained_by": ["x"]}, verdict="explained")
     assert list(differences(was, now)) == [

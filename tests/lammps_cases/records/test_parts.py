@@ -1,4 +1,4 @@
-"""The parts of a study that a later call does not do again, and the time that they took."""
+"""Parts of a study that a later call does not repeat, and the time they took."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_resumed_study_counts_the_time_of_all_its_calls(tmp_path: Path, monkey
     now = 100.0
     second = parts(tmp_path)
     assert [second.get(f"k{k}") for k in (0, 1, 1, 3)] == [Result(0), Result(1), Result(1), None]
-    assert second.earlier == 8.0  # without the third, which is not of this study
+    assert second.earlier == 8.0  # without the third, which is not requested here
     now = 107.0
     second.add("k3", Result(3))
     assert (second.get("k3"), second.earlier) == (Result(3), 8.0)  # the time of its own call is not counted twice
@@ -41,14 +41,14 @@ def test_a_resumed_study_counts_the_time_of_all_its_calls(tmp_path: Path, monkey
     assert third.earlier == 15.0
 
 
-def test_a_part_done_again_replaces_the_first(tmp_path: Path) -> None:
+def test_repeated_part_replaces_the_first(tmp_path: Path) -> None:
     for value in (1.0, math.inf):
         parts(tmp_path).add("k", Result(value))
     assert parts(tmp_path).get("k") == Result(math.inf)
 
 
 @pytest.mark.parametrize(("resume", "left"), [(True, Result(1.0)), (False, None)])
-def test_a_study_is_resumed_or_begun_again(resume: bool, left: Result | None, tmp_path: Path) -> None:
+def test_study_is_resumed_or_restarted(resume: bool, left: Result | None, tmp_path: Path) -> None:
     parts(tmp_path).add("k", Result(1.0))
     with parts(tmp_path).resumed(resume):
         assert parts(tmp_path).get("k") == left

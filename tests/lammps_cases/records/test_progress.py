@@ -10,7 +10,7 @@ from lammps_cases.records import progress
 from lammps_cases.records.progress import SILENT, Bar
 
 
-def test_lines_are_rare_but_complaints_are_not(
+def test_complaints_are_printed_at_once_and_progress_rarely(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = 0.0
@@ -24,7 +24,7 @@ def test_lines_are_rare_but_complaints_are_not(
     assert capsys.readouterr().err == "differs b\n3/? env: c\n"
 
 
-def test_the_time_left_is_estimated_from_what_was_done_here(
+def test_time_left_is_estimated_from_work_done_since_the_start(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = 0.0
@@ -33,7 +33,7 @@ def test_the_time_left_is_estimated_from_what_was_done_here(
     with Bar(prefix="env: ") as bar:
         for at, done, total in (
             *((50.0, 40, 100), (60.0, 42, 100), (120.0, 80, 100), (130.0, 100, 100)),  # resumed after 40
-            *((140.0, 1, None), (150.0, 3, None)),  # of how many is unknown
+            *((140.0, 1, None), (150.0, 3, None)),  # the total is unknown
             *((160.0, 0, 3), (3760.0, 1, 3), (10960.0, 2, 3)),  # another task
         ):
             now = at
@@ -45,7 +45,7 @@ def test_the_time_left_is_estimated_from_what_was_done_here(
     ]
 
 
-def test_what_is_not_wanted_is_not_shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unwanted_lines_are_not_printed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "PLAIN_EVERY", -1.0)
     for bar in (Bar(quiet=True, complaints=True), SILENT):
         bar.advance(1, 2, "a", "differs a")

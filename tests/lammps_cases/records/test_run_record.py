@@ -1,4 +1,4 @@
-"""What a run leaves behind: order of verdicts, exit codes, sums, digests, and reading it back."""
+"""The record of a run: order of verdicts, exit codes, sums, digests, and reading it back."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def test_without_fields_a_case_is_skipped() -> None:
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
-def test_only_agreement_and_what_is_explained_are_as_expected(verdict: Verdict) -> None:
+def test_only_agreement_and_explained_differences_are_as_expected(verdict: Verdict) -> None:
     assert case(verdict).as_expected == (verdict in ("exact", "pass", "explained", "skipped"))
 
 
-def test_a_refusal_is_as_expected_if_the_scene_expects_one() -> None:
+def test_refusal_is_as_expected_if_the_scene_expects_one() -> None:
     assert case("refused", expects="some text").as_expected
     assert not case("differs", expects="some text").as_expected
 
@@ -69,20 +69,20 @@ def test_the_exit_code_follows_from_the_verdicts(verdicts: tuple[Verdict, ...], 
     assert run_of(*map(case, verdicts)).exit_code() == code
 
 
-def test_a_rejected_finding_fails_what_it_explains() -> None:
+def test_rejected_finding_fails_the_cases_it_explains() -> None:
     explained = case("explained")
     explained.explained_by = ["one", "two"]
     assert [run_of(explained).exit_code(rejected) for rejected in ((), ("three",), ("two",))] == [0, 0, 1]
     assert run_of(case("pass")).exit_code(("two",)) == 0
 
 
-def test_what_changed_against_a_baseline_fails() -> None:
+def test_changes_against_a_baseline_fail() -> None:
     assert [run_of(case("pass"), changed=count).exit_code() for count in (0, 2)] == [0, 1]
     assert run_of(case("crashed"), changed=2).exit_code() == 3
 
 
 @pytest.mark.parametrize(("strict", "level"), [(True, "low"), (False, "new")])
-def test_a_document_that_was_strict_or_not_is_read(tmp_path: Path, strict: bool, level: str) -> None:
+def test_older_documents_with_strict_are_read(tmp_path: Path, strict: bool, level: str) -> None:
     document = json.loads(run_of(case("pass")).to_json())
     del document["fail_on"]
     (tmp_path / "run.json").write_text(json.dumps(document | {"strict": strict}))
@@ -157,9 +157,7 @@ def test_infinities_are_read_back(tmp_path: Path) -> None:
         ({"cases": [{"case": "one", "verdict": "fine"}]}, "cases.0.verdict"),
     ],
 )
-def test_documents_of_another_form_are_refused_in_one_line(
-    tmp_path: Path, change: dict[str, object], text: str
-) -> None:
+def test_malformed_documents_are_refused_in_one_line(tmp_path: Path, change: dict[str, object], text: str) -> None:
     document = json.loads(run_of(case("pass")).to_json()) | change
     (tmp_path / "run.json").write_text(json.dumps(document))
     with pytest.raises(InputError) as refused:

@@ -1,4 +1,4 @@
-"""Processor time by stage: what lies within another stage is taken from it, and nothing is counted twice or lost."""
+"""Processor time by stage: time of a nested stage is not counted in the outer one, and none is lost."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def stages(clock: list[float]) -> Stages:
     return Stages(lambda: clock[0])
 
 
-def test_a_stage_within_another(clock: list[float], stages: Stages) -> None:
+def test_nested_stages(clock: list[float], stages: Stages) -> None:
     clock[0] += 1
     with stages.stage("comparison"):
         clock[0] += 2
@@ -34,7 +34,7 @@ def test_a_stage_within_another(clock: list[float], stages: Stages) -> None:
     assert stages.taken() == {REST: 32}
 
 
-def test_bounds_of_variants_are_theirs(clock: list[float], stages: Stages) -> None:
+def test_bounds_of_variants_count_as_variants(clock: list[float], stages: Stages) -> None:
     with pytest.raises(ZeroDivisionError), stages.stage("comparison"), stages.stage("variants"), stages.stage("bounds"):
         clock[0] += 3
         _ = 1 / 0

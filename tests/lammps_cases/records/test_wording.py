@@ -1,4 +1,4 @@
-"""The words that every command, page and document shares."""
+"""Words shared by commands, pages and documents."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_a_number_for_reading(value: float | None, text: str, short: str) -> Non
     assert (wording.number(value), wording.brief(value)) == (text, short)
 
 
-def test_numbers_that_json_has_not_are_those_of_run_json() -> None:
+def test_non_finite_numbers_are_written_as_in_run_json() -> None:
     values = [math.inf, -math.inf, math.nan, 1.5]
     assert json.dumps(wording.plain({"a": (values, None)}), allow_nan=False)
     written = [
@@ -38,7 +38,7 @@ def test_numbers_that_json_has_not_are_those_of_run_json() -> None:
     assert wording.plain(values) == written == ["Infinity", "-Infinity", "NaN", 1.5]
 
 
-def test_many_cases_are_counted_by_the_files_that_have_most() -> None:
+def test_many_cases_are_counted_by_file_largest_first() -> None:
     assert wording.by_file(["a.1", "b.1"]) == "a.1, b.1"
     files = [f"{file}.{k}" for file, count in zip("abcdefgh", range(9, 1, -1), strict=True) for k in range(count)]
     assert wording.by_file(files) == "44 cases (9 a.*, 8 b.*, 7 c.*, 6 d.*, 5 e.*, 4 f.*, 2 more files)"
@@ -52,7 +52,7 @@ def test_things_are_counted() -> None:
     ("text", "name"),
     [("pypi:2025.7.22.1.0", "pypi-2025.7.22.1.0"), ("path:../../etc", "path-..-..-etc"), ("../..", ""), ("ü/é", "")],
 )
-def test_a_folder_is_named_below_its_parent(text: str, name: str) -> None:
+def test_folder_name_has_no_path_separators(text: str, name: str) -> None:
     assert folder_name(text) == name
 
 

@@ -1,4 +1,4 @@
-"""YAML files: numbers as YAML 1.2 has them, no key twice, no document that is larger than it looks."""
+"""YAML files: numbers of YAML 1.2, no duplicate key, no document that expands beyond a limit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _written(folder: Path, text: str) -> Path:
         ("", None),
     ],
 )
-def test_what_is_read(tmp_path: Path, text: str, data: Any) -> None:
+def test_values_read(tmp_path: Path, text: str, data: Any) -> None:
     assert read_yaml(_written(tmp_path, text)) == data
 
 
@@ -46,13 +46,13 @@ def test_what_is_read(tmp_path: Path, text: str, data: Any) -> None:
         ("a: !!float x", "is not valid YAML"),
     ],
 )
-def test_what_is_refused(tmp_path: Path, text: str, rule: str) -> None:
+def test_refusals(tmp_path: Path, text: str, rule: str) -> None:
     with pytest.raises(InputError, match=rule):
         read_yaml(_written(tmp_path, text), "thing")
 
 
-def test_aliases_of_aliases_are_counted_written_out(tmp_path: Path) -> None:
-    """Ten times ten times ...: six lines of ten stand for a million parts."""
+def test_aliases_are_counted_expanded(tmp_path: Path) -> None:
+    """Ten times ten times ...: six lines of ten expand to a million parts."""
     lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
     lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 6)]
     assert len(read_yaml(_written(tmp_path, "\n".join(lines[:4])))["a3"]) == 10
@@ -63,7 +63,7 @@ def test_aliases_of_aliases_are_counted_written_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "data", [{"b": 1, "a": [1.5, {"c": None}]}, ["1e5", "true", "null", "", "a: b"], 1e-12, {"x": float("inf")}]
 )
-def test_what_is_written_is_read_as_the_same(tmp_path: Path, data: Any) -> None:
+def test_round_trip(tmp_path: Path, data: Any) -> None:
     assert read_yaml(_written(tmp_path, yaml_text(data))) == data
 
 

@@ -1,4 +1,4 @@
-"""The report of a run that is made once for the tests of a module."""
+"""The report of a run, made once for the tests of a module."""
 
 from __future__ import annotations
 

@@ -22,13 +22,13 @@ def families(run: RunRecord, folder: Path) -> list[Family]:
 
 
 @pytest.mark.slow
-def test_workers_make_the_same(families: list[Family]) -> None:
+def test_workers_make_the_same_articles(families: list[Family]) -> None:
     with Workers(None, 2) as workers:
         assert report_files.begin_articles(workers, families)() == page.articles(families)
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_what_no_worker_brings_is_made_here(count: int, families: list[Family]) -> None:
+def test_articles_lost_by_workers_are_made_locally(count: int, families: list[Family]) -> None:
     failing: Any = SimpleNamespace(
         count=count, call=lambda *arguments, **options: None, outcome=lambda _: Failure("crashed", "it died")
     )

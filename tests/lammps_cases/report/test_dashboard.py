@@ -23,12 +23,12 @@ from tests.support.outcome import Outcome
 from tests.support.roundings import rounded
 
 Run = Callable[..., Outcome]
-# As the dashboard's own tool tells a test that ran out of time from other errors.
+# The dashboard's own tool recognises timeouts by this.
 TIMED_OUT = re.compile(r"\btimeout \((\d+)s expired\)")
 
 
 def steps(*verdicts: str) -> list[StepRecord]:
-    """Looks at steps 0, 10, 20, ... with these verdicts."""
+    """Return records of steps 0, 10, 20, ... with these verdicts."""
     return [StepRecord(step=10 * k, verdict=v, max_abs=0, max_over_bound=0) for k, v in enumerate(verdicts)]
 
 
@@ -83,14 +83,14 @@ def test_a_known_bug_fails_by_its_name() -> None:
     assert found["status"] == "failed" and found["message"].startswith("known: force-per-volume")
 
 
-def test_what_ran_out_of_time_is_told_from_other_errors() -> None:
+def test_timeouts_are_distinguished_from_other_errors() -> None:
     tests = documented(*CASES)["tests"]
     timed_out = {key: found for key, test in tests.items() if (found := TIMED_OUT.search(test["message"]))}
     assert list(timed_out) == ["eos-ref.seven/seven"] and timed_out["eos-ref.seven/seven"][1] == "60"
 
 
-def test_where_a_case_leaves_its_bound_first() -> None:
-    """The earliest look of all fields that do; the dashboard asks for its row and its step."""
+def test_first_step_outside_the_bound() -> None:
+    """The earliest step of all such fields; the dashboard needs its row and its step."""
     late, early = case("one", "differs"), case("two", "explained", finding="force-per-volume", field="v")
     late.fields[0].steps = steps("pass", "pass", "differs")
     early.fields[0].steps = steps("exact", "explained", "pass")
@@ -127,7 +127,7 @@ def test_the_command_writes_it(tmp_path: Path, eos_ref_command: Run) -> None:
     assert json.loads(written.read_text()) == documented(*CASES)
 
 
-def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, eos_ref_command: Run) -> None:
+def test_unwritable_file_is_named(tmp_path: Path, eos_ref_command: Run) -> None:
     write_run(run(), tmp_path / "report")
     (tmp_path / "file").write_text("")
     done = eos_ref_command("report", tmp_path / "report", "--dashboard", tmp_path / "file" / "run.json")
@@ -142,7 +142,7 @@ def test_with_json_nothing_else_is_printed(tmp_path: Path, eos_ref_command: Run,
     assert done.code == 0 and json.loads(done.out)
 
 
-def test_the_record_of_a_run_is_not_written_over(tmp_path: Path, eos_ref_command: Run) -> None:
+def test_record_of_a_run_is_not_overwritten(tmp_path: Path, eos_ref_command: Run) -> None:
     write_run(run(), tmp_path / "report")
     record = (tmp_path / "report" / "run.json").read_bytes()
     done = eos_ref_command("report", tmp_path / "report", "--dashboard", tmp_path / "report" / "run.json")
@@ -151,7 +151,7 @@ def test_the_record_of_a_run_is_not_written_over(tmp_path: Path, eos_ref_command
 
 
 @pytest.mark.parametrize("words", [(), ("--dashboard", "x.json"), ("--news",)])
-def test_the_folder_is_asked_for_not_the_record(tmp_path: Path, eos_ref_command: Run, words: tuple[str, ...]) -> None:
+def test_record_in_place_of_its_folder_is_refused(tmp_path: Path, eos_ref_command: Run, words: tuple[str, ...]) -> None:
     write_run(run(), tmp_path / "report")
     done = eos_ref_command("report", tmp_path / "report" / "run.json", *words)
     assert done.code == 2 and "run: must be the folder of a report, not a file in it" in done.err
@@ -163,7 +163,7 @@ def test_news_are_not_written_to_a_dashboard(tmp_path: Path, eos_ref_command: Ru
     assert done.code == 2 and "--dashboard: cannot be combined with --news" in done.err
 
 
-def test_the_nightly_job_of_the_page_is_a_workflow(tmp_path: Path) -> None:
+def test_documented_nightly_job_is_a_valid_workflow(tmp_path: Path) -> None:
     page = (Path(__file__).parents[3] / "docs" / "upstream.md").read_text()
     (block,) = re.findall(r"^```yaml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     (tmp_path / "nightly.yml").write_text(block)

@@ -1,4 +1,4 @@
-"""The one sentence on an audited deck, or on several: a record, and what it is."""
+"""The headline of an audited deck, or of several, by record."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def test_several_decks(cases: list[CaseRecord], said: str) -> None:
     assert (of_run.exit_code != 0) == (of_run.headline.state == "FAIL")
 
 
-def test_what_concerns_the_run_comes_first() -> None:
+def test_problems_of_the_run_come_first() -> None:
     assert str(of_decks([deck()], ["2 changes against the baseline"])) == (
         "FAIL: 2 changes against the baseline; no difference in 11 fields"
     )
@@ -183,18 +183,18 @@ def test_what_concerns_the_run_comes_first() -> None:
         (effect(None), "new", False),
     ],
 )
-def test_a_finding_fails_by_what_it_does_to_the_deck(record: EffectRecord, level: str, fails: bool) -> None:
+def test_finding_fails_by_its_effect_on_the_deck(record: EffectRecord, level: str, fails: bool) -> None:
     of_run = outcome(run(deck(verdict="explained", effects=[record]), fail_on=level))
     assert (of_run.headline.state == "FAIL") == fails == (of_run.exit_code == 1)
     assert f"rejected by --fail-on {level}" in of_run.headline.sentence or not fails
 
 
-def test_what_acts_without_a_number_counts_as_more() -> None:
+def test_finding_without_a_measured_effect_is_severe() -> None:
     of_run = outcome(run(deck(acting=[acting()]), fail_on="99999%"))
     assert (of_run.headline.state, of_run.known) == ("FAIL", {BUG: "high"})
 
 
-def test_of_several_decks_only_those_fail_on_which_it_does_much() -> None:
+def test_only_decks_with_a_large_effect_fail() -> None:
     little, much = (deck(name, effects=[effect(of)]) for name, of in (("in.a", 0.001), ("in.b", 0.2)))
     of_run = outcome(run(little, much, fail_on="1%"))
     assert of_run.headline.sentence.startswith("1 of 2 decks: in.b: 1 known bug: forces are off by at most 20 %")
@@ -232,7 +232,7 @@ def test_no_level(level: str) -> None:
         (effect(2.0, name="surface/r"), "surface/r is wrong by up to 200 %", "values of surface/r are off by at most"),
     ],
 )
-def test_factors_above_ten_are_factors(of: EffectRecord, at_length: str, in_brief: str) -> None:
+def test_large_effects_are_factors(of: EffectRecord, at_length: str, in_brief: str) -> None:
     assert deck_wording.effect(of).startswith(at_length)
     assert deck_wording.in_brief(of).startswith(in_brief)
 
@@ -252,11 +252,11 @@ def test_numbers_of_times() -> None:
         (field("pressure", "exact", max_abs=3e-14), "exact (same rounding)"),
     ],
 )
-def test_a_verdict_with_what_qualifies_it(record: FieldRecord, said: str) -> None:
+def test_qualified_verdicts(record: FieldRecord, said: str) -> None:
     assert deck_wording.verdict(record) == said
 
 
-def test_a_record_holds_nan_and_its_headline() -> None:
+def test_headline_survives_reading_back() -> None:
     before = run(deck(broke=broke()), fail_on="0.5%")
     after = RunRecord.model_validate_json(before.to_json())
     assert str(outcome(after).headline) == str(outcome(before).headline) and after.fail_on == "0.5%"

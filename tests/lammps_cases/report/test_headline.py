@@ -1,4 +1,4 @@
-"""On real LAMMPS: the state, its words and the order of what follows, in every output; what --fail-on makes of it."""
+"""On real LAMMPS: the state, its words and the order of the rest, in every output; the effect of --fail-on."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def texts(folder: Path, terminal: str, job: Path) -> dict[str, str]:
         ("mine", 1, "FAIL", "1 case not as expected: 1 differs", "eos-ref run --cases"),
     ],
 )
-def test_every_output_says_the_same(
+def test_every_output_has_the_same_headline(
     scene: str,
     code: int,
     state: State,
@@ -80,7 +80,7 @@ def test_every_output_says_the_same(
     assert said["annotation"].startswith(f"::{look.level} title=eos-ref%3A {state}::{sentence}%0ALAMMPS 20")
 
 
-def test_findings_come_before_what_differs_and_that_before_the_cases(
+def test_findings_precede_differences_and_these_the_cases(
     case_file: Write, eos_ref_command: Command, tmp_path: Path
 ) -> None:
     files = (case_file(expect={"refused": "any error"}), SHIPPED / "walls.yaml", SHIPPED / "refused.yaml")
@@ -113,7 +113,7 @@ def test_findings_come_before_what_differs_and_that_before_the_cases(
 
 
 @pytest.mark.parametrize(("case", "codes"), [(SEVERE, (1, 1, 1, 0, 1)), (LIGHT, (0, 0, 1, 0, 1)), (CLEAN, (0,) * 5)])
-def test_a_known_finding_of_the_level_makes_the_exit_code_1(
+def test_known_finding_of_the_level_fails(
     case: str, codes: tuple[int, ...], eos_ref_command: Command, tmp_path: Path
 ) -> None:
     options = [*(("--fail-on", level) for level in ("high", "medium", "low", "new")), ("--strict",)]
@@ -122,7 +122,7 @@ def test_a_known_finding_of_the_level_makes_the_exit_code_1(
         assert (done.code, "\nFAIL: " in done.out) == (code, code == 1), option
         failed = ET.parse(tmp_path / "report" / "junit.xml").findall("testsuite/testcase/failure")
         assert len(failed) == code
-        assert eos_ref_command("report", tmp_path / "report").code == code, "the run keeps what it was told"
+        assert eos_ref_command("report", tmp_path / "report").code == code, "the run keeps its --fail-on"
 
 
 def test_a_change_against_the_baseline_fails_in_every_output(eos_ref_command: Command, tmp_path: Path) -> None:
@@ -156,7 +156,7 @@ def test_an_audit(eos_ref_command: Command, tmp_path: Path) -> None:
     assert document["headline"] == {"state": "PASS", "sentence": document["sentence"]}
 
 
-def test_findings_that_no_ledger_has_are_severe_and_never_a_pass() -> None:
+def test_unknown_findings_are_severe_and_never_a_pass() -> None:
     run = RunRecord(engine=EngineRecord(), reference={}, fail_on="high")
     assert findings.outcome(run).headline.state == "EMPTY"
     known = json.loads(run.to_json()) | {
@@ -166,7 +166,7 @@ def test_findings_that_no_ledger_has_are_severe_and_never_a_pass() -> None:
     assert (found.headline.state, found.exit_code, found.known) == ("FAIL", 1, {"forgotten": "high"})
 
 
-def test_every_finding_says_what_it_does_in_one_line() -> None:
+def test_effects_of_findings_are_one_line() -> None:
     for entry in LEDGER:
         assert 10 < len(entry.effect) <= 100 and not entry.effect.endswith("."), entry.id
         assert entry.effect != entry.title and entry.since, entry.id

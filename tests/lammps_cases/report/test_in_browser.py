@@ -18,7 +18,7 @@ from tests.support.made_report import Page
 
 
 def _shown(folder: Path, address: str, tmp_path: Path) -> tuple[Page, str]:
-    """Return the report as a browser has it at an address of its own, and its text; nothing failed in there."""
+    """Return the report as parsed and as text after a browser has opened an address in it without errors."""
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--virtual-time-budget=8000"]
     options += ["--disable-background-networking", "--enable-logging=stderr", f"--user-data-dir={tmp_path}"]
     url = f"{(folder / 'report.html').as_uri()}#{address}"
@@ -34,7 +34,7 @@ def test_a_browser_draws_a_case(run: RunRecord, folder: Path, tmp_path: Path, ca
     shown, dom = _shown(folder, f"case={case}", tmp_path)
     assert re.search(rf"<title>eos-ref {case} \w+</title>", dom)
     assert [("hidden" in a) for _, a in shown.elements if a.get("id") == "missing"] == [True]
-    # Of the cases, those of its family alone are unpacked.
+    # Only cases of its family are unpacked.
     family = {record.case for record in run.cases if record.case.startswith(case.split(".")[0] + ".")}
     articles = {a["data-case"]: a for t, a in shown.elements if t == "article"}
     assert articles.keys() == family and [name for name, a in articles.items() if "hidden" not in a] == [case]
@@ -72,7 +72,7 @@ def test_step_and_neighbours_by_keys_and_clicks(run: RunRecord, folder: Path, tm
         assert page.value("document.querySelector('.plots').getBoundingClientRect().top < innerHeight")
         assert page.value(titles).count("step 10") == 4 and page.value(f"{step}.value") == "1"
         after = page.value(f"{spot}.y.join()")
-        assert "explain model.flat --atom 4 --step 10" in page.value(box)  # its pairs are kept of step 0 alone
+        assert "explain model.flat --atom 4 --step 10" in page.value(box)  # its pairs are kept for step 0 only
         page.value(f"{step}.focus()")
         page.press("ArrowLeft")
         page.wait("location.hash === '#case=model.flat&field=f&step=0&atom=4'")
@@ -89,14 +89,14 @@ def test_step_and_neighbours_by_keys_and_clicks(run: RunRecord, folder: Path, tm
         page.value("document.querySelector('.neighbour').click()")
         page.wait("location.hash === '#case=model.flat&field=f&step=0&atom=7'")
         assert "Atom 7" in page.value(box)
-        page.press("ArrowLeft")  # at its end: no other case is opened
+        page.press("ArrowLeft")  # already at the first step: no other case is opened
         assert page.value("location.hash").startswith("#case=model.flat")
         assert page.complaints == []
 
 
 @pytest.mark.slow
 @pytest.mark.browser
-def test_an_address_keeps_what_the_table_shows(run: RunRecord, folder: Path, tmp_path: Path) -> None:
+def test_address_keeps_filter_and_order_of_the_table(run: RunRecord, folder: Path, tmp_path: Path) -> None:
     shown, dom = _shown(folder, "find=eos.water&sort=atoms&down", tmp_path)
     rows = [a for tag, a in shown.elements if tag == "tr" and "data-kind" in a]
     listed = re.search(r"(\d+) of (\d+) cases", dom)
@@ -108,7 +108,7 @@ def test_an_address_keeps_what_the_table_shows(run: RunRecord, folder: Path, tmp
 
 @pytest.mark.slow
 @pytest.mark.browser
-def test_a_case_that_is_not_there_is_sought(folder: Path, tmp_path: Path) -> None:
+def test_unknown_case_in_the_address_is_searched(folder: Path, tmp_path: Path) -> None:
     shown, dom = _shown(folder, "case=nowhere.to-be-found", tmp_path)
     assert re.search(r"\b0 of \d+ cases", dom)
     (line,) = [a for tag, a in shown.elements if a.get("id") == "missing"]
@@ -136,7 +136,7 @@ def test_the_report_of_an_audit_opens_at_its_deck(run: RunRecord, tmp_path: Path
 
 @pytest.mark.slow
 @pytest.mark.browser
-def test_marks_of_an_audit_are_all_different_and_its_fields_have_one_derivation(run: RunRecord, tmp_path: Path) -> None:
+def test_audit_has_distinct_marks_and_one_derivation(run: RunRecord, tmp_path: Path) -> None:
     names = [f"field-{k}" for k in range(14)]
     look = CheckRecord(run=1, step=0, type=0, natoms=9, verdict="pass", max_over_bound=0.5, max_abs=1.0, worst_id=1)
     checks = [look.model_copy(update={"field": name, "step": step}) for name in names for step in (0, 10)]

@@ -1,4 +1,4 @@
-"""Parts of reports by themselves: text that is no markup, scales of plots, the table of fields against steps."""
+"""Single parts of reports: escaped text, scales of plots, the table of fields against steps."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from lammps_cases.report.history import views
         ("", "", ""),
     ],
 )
-def test_words_are_no_markup(words: str, text: str, code: str) -> None:
+def test_text_is_escaped(words: str, text: str, code: str) -> None:
     assert (markdown.text(words), markdown.code(words)) == (text, code)
 
 
-def test_a_table_and_what_opens_on_a_click() -> None:
+def test_table_and_folded_text() -> None:
     table = markdown.table(("case", "s"), [("a", 1), ("b", 2.5)])
     assert table.splitlines() == ["| case | s |", "| --- | --- |", "| a | 1 |", "| b | 2.5 |"]
     assert markdown.folded("T", "x") == "<details><summary>T</summary>\n\nx\n\n</details>"
@@ -47,11 +47,11 @@ def test_a_table_and_what_opens_on_a_click() -> None:
     ],
 )
 def test_scales(values: list[float], scale: dict[str, Any]) -> None:
-    """A fifth of the values at three decades below the largest asks for a logarithm."""
+    """A fifth of the values three decades below the largest requires a logarithmic scale."""
     assert plots.scale_of(np.array(values)) == scale
 
 
-def test_distances_from_the_density_of_equilibrium_of_every_type() -> None:
+def test_relative_offsets_from_rho0_of_every_type() -> None:
     laws = [LawRecord(type=k, style="linear", rho0=rho0, cs=1.0, background=0.0) for k, rho0 in ((1, 2.0), (2, 4.0))]
     case = CaseRecord(case="one", verdict="pass", laws=laws)
     delta_n = plots.offsets(case, np.array([1, 2, 3, 1]), np.array([3.0, 3.0, 3.0, 1.0]))
@@ -93,7 +93,7 @@ def test_the_mark_of_an_outcome() -> None:
     assert views.mark("1.0", "", "1 run", CaseOutcome("one", "pass", True)).says == "1.0, 1 run: pass"
 
 
-def test_an_audit_begins_with_its_worst_field_and_says_at_which_step() -> None:
+def test_audit_begins_with_its_worst_field_and_step() -> None:
     def record(field: str, verdict: str, ratio: float, step: int) -> FieldRecord:
         return FieldRecord(
             field=field, stage="", verdict=verdict, max_over_bound=ratio, worst_step=step, derivation="derived"

@@ -1,4 +1,4 @@
-"""What the report of a run draws: which points, with how many digits, beside which curves."""
+"""Plots in the report of a run: the points, their digits and the curves."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_embedded_points(parsed: Page, run: RunRecord) -> None:
     assert set(parsed.data) == {*shown, "audit.in.dam"}
 
 
-def test_an_input_that_is_equal_is_not_drawn(parsed: Page, html: str) -> None:
+def test_equal_input_is_not_drawn(parsed: Page, html: str) -> None:
     drawn = [data for data in parsed.data.values() if "fields" in data and "steps" not in data]
     assert len(drawn) == 6 and all(set(data["fields"]) == {"pressure"} for data in drawn)
     assert "Worst atom of pressure" in html and "Worst atom of rho" not in html
@@ -97,7 +97,7 @@ def test_curves_are_the_reference_on_a_fitting_axis(parsed: Page) -> None:
     assert np.all(np.abs(p - WATER.pressure(rho)) <= allowed + 2 * bounds.reference(WATER, rho))
     assert x.min() < -0.05 < 0.05 < x.max() and np.abs(x[x != 0]).min() < 1e-11
     gas = laws["eos.types"][3]
-    # Both are drawn with few digits, beside which the law's own roundings are nothing: at most one unit of them more.
+    # Both are drawn with few digits; next to these the law's own roundings add at most one unit.
     np.testing.assert_allclose(numbers(gas["p"]), (1.4 - 1) * numbers(gas["x"]), rtol=3 * short)
 
 
@@ -149,7 +149,7 @@ def test_vectors_and_tensors_are_drawn_by_their_worst_component(parsed: Page, fo
 def test_other_steps_and_pairs_of_a_case(parsed: Page, folder: Path) -> None:
     data = parsed.data["model.flat"]
     assert list(data["fields"]["f"]["at"]) == ["10"] and data["compared"] == 2
-    assert "at" not in data["fields"]["pressure"]  # of other fields beside the data, which a long page leaves out
+    assert "at" not in data["fields"]["pressure"]  # other fields are next to the data, where a long page omits them
     at = data["fields"]["f"]["at"]["10"]
     with np.load(folder / "fields" / "model.flat.npz") as arrays:
         lammps_nc, reference_nc = arrays["f.lammps"], arrays["f.reference"]
@@ -157,7 +157,7 @@ def test_other_steps_and_pairs_of_a_case(parsed: Page, folder: Path) -> None:
     np.testing.assert_allclose(np.abs(numbers(at["difference"], 60)), largest, rtol=2.0**-plots.SIZE)
     pairs = data["pairs"]
     assert (pairs["atom"], pairs["step"], pairs["count"], pairs["shown"]) == ([4], [0], [2], [2])
-    assert pairs["names"] == ["force x", "drho"]  # all of the force is of pressure
+    assert pairs["names"] == ["force x", "drho"]  # the whole force is due to pressure
     assert [numbers(column, 2).tolist() for column in pairs["pair"]] == [[1.0, 2.0], [0.5, -0.75]]
     assert [numbers(column, 1).tolist() for column in pairs["sum"]] == [[3.0], [-0.25]]
 
@@ -171,7 +171,7 @@ def test_only_the_nearest_pairs_are_listed() -> None:
     assert numbers(found["sum"][0]).tolist() == [1225.0, 50.0]
 
 
-def test_digits_that_decide_are_kept() -> None:
+def test_significant_digits_are_kept() -> None:
     case = CaseRecord(case="x", verdict="differs")
     bound_n = np.array([1.0, 2.0, 3.0]) / 3
     arrays = {"id": np.arange(3), "type": np.ones(3), "x": np.zeros((3, 3)), "rho": np.ones(3)}

@@ -1,4 +1,4 @@
-"""What a run says of findings that come or go with a version of LAMMPS, and of words that it does not have."""
+"""Findings that come or go with a version of LAMMPS, and keywords that it lacks, in the report of a run."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def explained(name: str, by: str) -> CaseRecord:
         ("2099.1.1", KNOWN[:-1], (), 1),
         ("2099.1.1", KNOWN[:-1], ("bug",), 0),
         ("2099.1.1", KNOWN, (), 0),  # the nearest version has it
-        ("2099.1.1", (), (), 0),  # not yet accepted on any version: it is the finding that is new
+        ("2099.1.1", (), (), 0),  # not yet accepted on any version: the finding itself is new
         (NEW, KNOWN[:-1], (), 1),  # a build of a known version
         (OLD, (NEW,), (), 1),
         (OLD, (OLD,), (), 0),
-        ("", (OLD,), (), 0),  # LAMMPS did not live to say its version
+        ("", (OLD,), (), 0),  # LAMMPS crashed before reporting its version
     ],
 )
 def test_a_finding_of_other_versions_fails_until_it_is_allowed(
@@ -60,7 +60,7 @@ def test_a_crash_that_only_earlier_versions_had_fails() -> None:
     assert findings.outcome(run_of(record, version=crash.engines[-1])).exit_code == 0
 
 
-def test_what_is_new_comes_before_what_is_severe_and_unexplained() -> None:
+def test_regressions_come_before_severe_and_unexplained_ones() -> None:
     ledger = [finding("bug", engines=(OLD,)), finding("known", engines=KNOWN)]
     run = run_of(explained("a", "bug"), explained("b", "known"), case("c", "differs"))
     found = findings.outcome(run, ledger)
@@ -69,13 +69,13 @@ def test_what_is_new_comes_before_what_is_severe_and_unexplained() -> None:
     assert [one.entry.id for one in found.shown] == ["bug", "known"] and "(bug)" in found.closing()[0]
 
 
-def test_of_many_the_first_are_named() -> None:
+def test_only_the_first_of_many_are_named() -> None:
     ledger = [finding(f"bug-{k}", k, engines=(OLD,)) for k in range(8)]
     run = run_of(*(explained(f"c{k}", f"bug-{k}") for k in range(8)))
     assert "bug-5, 2 more, not in" in findings.outcome(run, ledger).headline.sentence
 
 
-def test_a_run_on_an_unknown_version_tells_new_from_known_and_gone() -> None:
+def test_unknown_version_has_new_known_and_gone_findings() -> None:
     ledger = [
         finding("new", 1, engines=(OLD,)),
         finding("known", 2, engines=(NEW,)),
@@ -93,24 +93,24 @@ def test_a_run_on_an_unknown_version_tells_new_from_known_and_gone() -> None:
 
 
 @pytest.mark.parametrize(("verdict", "count"), [("pass", 2), ("differs", 1), ("skipped", 1)])
-def test_a_finding_that_follows_lists_is_gone_where_the_accepted_runs_showed_it(
+def test_finding_from_lists_is_gone_where_accepted_runs_showed_it(
     verdict: Any, count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(findings, "accepted_cases", lambda engine: {"listing": ["a", "b", "not-run"], "other": ["a"]})
     ledger = [
         finding("listing", 1, engines=(NEW,), model=FOLLOWS),
-        finding("other", 2, engines=(NEW,), model=Variant(lambda problem: True)),  # its cases say it themselves
+        finding("other", 2, engines=(NEW,), model=Variant(lambda problem: True)),  # determined from its own cases
         finding("elsewhere", 3, engines=(OLD,), model=FOLLOWS),
     ]
     carried = findings.compare_with_ledger(run_of(case("a"), case("b", verdict), case("c"), version=NEW), ledger)
     assert carried is not None and (carried.gone, carried.partly) == ({"listing": count}, {})
     shown = findings.compare_with_ledger(run_of(case("a"), explained("b", "listing"), version=NEW), ledger)
     assert shown is not None and (shown.gone, shown.partly) == ({}, {"listing": 1})
-    refused = explained("b", "other").model_copy(update={"fields": []})  # by another finding: nothing was compared
+    refused = explained("b", "other").model_copy(update={"fields": []})  # by another finding: no comparison
     assert findings.compare_with_ledger(run_of(case("c"), refused, version=NEW), ledger[::2]) is None
 
 
-def test_a_word_that_lammps_does_not_have_is_one_line_and_fails() -> None:
+def test_keyword_that_lammps_lacks_is_one_line_and_fails() -> None:
     records = [CaseRecord(case=f"c{k}", verdict="skipped", ended="skipped", lacks="cubic") for k in range(3)]
     found = findings.outcome(run_of(*records, case("other")))
     assert found.headline.sentence == "no 'cubic' in this LAMMPS: 3 cases skipped"

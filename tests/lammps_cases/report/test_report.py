@@ -1,4 +1,4 @@
-"""The reports of a run: what is written, that it is well formed, and that no text in it acts as markup."""
+"""The reports of a run: their content, well-formedness, and that no text in them acts as markup."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ def test_fields_against_steps(parsed: Page, html: str) -> None:
     article = html[start : html.index("</article>", start)]
     table = article[article.index('<table class="steps">') : article.index("</table>")]
     rows = {re.search(r"data-field=\"([^\"]*)\"", row)[1]: row for row in table.split("<tr") if "data-field" in row}
-    assert list(rows) == ["grad/v", "f", "pressure"]  # the order of the record, which is that of a step
+    assert list(rows) == ["grad/v", "f", "pressure"]  # the order of the record, that of the evaluations in a step
     cells = {
         name: re.findall(r'<td class="at v-(\w+) s(\d)" title="[^"]*atom 4: [^"]*">([^<]*)<', rows[name])
         for name in rows
     }
     assert cells["grad/v"] == [("pass", "3", "0.5"), ("explained", "5", "7e3")]
     assert cells["f"] == [("explained", "7", "3e9"), ("explained", "6", "2e8")]
-    assert '<td class="at v-exact" colspan="2">=</td>' in table  # what is compared once
+    assert '<td class="at v-exact" colspan="2">=</td>' in table  # fields compared once
     blames = re.findall(r'<p class="blame[^>]*>(.*?)</p>', article)
     assert blames[0] == (
         "f (stage pair) leaves its bound at step 0 at 1 of 60 atoms, first atom 4: "
@@ -92,7 +92,7 @@ def test_a_long_page_has_the_other_steps_of_one_field(tmp_path: Path, monkeypatc
     assert {name: list(of["at"]) for name, of in kept.items()} == {"grad/v": ["0"], "pressure": ["0"]}
     monkeypatch.setattr(page, "WHOLE", 0)
     assert more() == []
-    case.verdict = "differs"  # of one that is not accepted all are kept
+    case.verdict = "differs"  # all are kept for a case that is not accepted
     assert more() == [kept]
 
 
@@ -108,7 +108,7 @@ def test_findings_of_a_run(run: RunRecord, parsed: Page, html: str) -> None:
     found = {finding.entry.id: finding for finding in findings.of_run(run, FINDINGS)}
     assert list(found) == ["pairs", "gone", "elsewhere", "F-3", "open", "hostile"]  # severity, then status
     assert found["pairs"].cases == ["model.flat", "model.cube", f"hostile2.{NAME}"]
-    assert found["pairs"].unseen == []  # of the particle model: a case's record says where it applies
+    assert found["pairs"].unseen == []  # of the particle model: the records of cases show where it applies
     assert "ledger.artificial" in found["F-3"].cases
     assert (found["gone"].status, found["gone"].unseen) == ("unseen", ["model.cube"])
     assert found["open"].cases == ["eos.broken"]  # without a variant a difference is shown, not explained
@@ -125,7 +125,7 @@ def test_findings_of_a_run(run: RunRecord, parsed: Page, html: str) -> None:
     assert "About this run" in html and "this engine no longer shows gone" in html
 
 
-def test_an_outcome_that_is_not_as_predicted_is_not_seen() -> None:
+def test_finding_without_its_predicted_outcome_is_unseen() -> None:
     crash = entry("crash", applies_to=("[a-d]",), outcome="crashed")
     cases = [
         CaseRecord(case="a", verdict="explained", explained_by=["crash"]),
@@ -188,7 +188,7 @@ def test_a_page_of_many_cases_lists_some_of_them(run: RunRecord, folder: Path, m
     assert [a["data-case"] for tag, a in Page(html).elements if tag == "article"] == sorted(bad[:2])
 
 
-def test_of_a_deck_that_broke_off_lammps_words_are_its_own(run: RunRecord, folder: Path) -> None:
+def test_error_of_a_failed_deck_is_quoted_verbatim(run: RunRecord, folder: Path) -> None:
     why = OutlookRecord(cause="findings", findings=["F-3"], run=1, step=0, taken=20, after=3, steps=50)
     lost = "ERROR: Lost atoms: original 100 current 2"
     deck = CaseRecord(case="in.deck", verdict="refused", engine_error=lost, outlook=why, tags=["audit"])

@@ -1,4 +1,4 @@
-"""What an audit says of a deck: the same in every output; what it advises; where an annotation points."""
+"""Statements of an audit on a deck: the same in every output; advice; the line of an annotation."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ ENTRIES = {entry.id: entry for entry in LEDGER}
 
 
 def plain(text: str) -> str:
-    """Text without what only one output has: control characters, backslashes, entities, links, white space."""
+    """Remove what only one output has: control characters, backslashes, entities, links, white space."""
     text = re.sub(r"<(?:a|/a|code|/code|li|/li|b class)[^>]*>", "", text)
     return " ".join(re.sub(r"\\([\\`*_\[\]|~#])", r"\1", unescape(text)).replace("\x1b", "").split())
 
 
-def test_every_statement_stands_in_every_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_statement_is_in_every_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     case = everything()
     said = statements(case)
     assert {line.subject for line in said} == {*SUBJECTS} and len(said) == 10
@@ -76,7 +76,7 @@ def test_the_record_on_disk_has_the_headline(tmp_path: Path) -> None:
     assert document["headline"]["state"] == "FAIL"
 
 
-def test_the_table_of_fields_is_of_the_worst_sample() -> None:
+def test_table_of_fields_shows_the_worst_sample() -> None:
     _, first, pressure = audit.field_table(everything())
     assert first.split() == ["q0", "all", "3", "700", "0", "0.5", "10", "1", "pass", "to", "step", "40"]
     assert pressure.endswith("exact (same rounding)")
@@ -109,7 +109,7 @@ def test_advice_is_possible_and_not_yet_followed(finding: str, laws: list[LawRec
     assert has in said and has_not not in said
 
 
-def test_the_last_version_without_a_bug_is_one() -> None:
+def test_advised_version_is_known_and_without_the_bug() -> None:
     for entry in LEDGER:
         named = re.search(r"LAMMPS (\S+) does not have this bug", advice(entry, deck()))
         assert named is None or (named[1] in KNOWN and not entry.listed(named[1])), entry.id
@@ -137,7 +137,7 @@ DECK = "units lj\ninclude sub/a.inc\nfix 1 all rheo 3.0 quintic 0\n  fix 2 all r
         ("", [HOSTILE], "in.deck", 1),
     ],
 )
-def test_an_annotation_stands_at_the_line_that_is_meant(
+def test_annotation_is_at_the_line_of_the_error(
     error: str, warnings: list[str], file: str, line: int, tmp_path: Path
 ) -> None:
     (tmp_path / "sub").mkdir()
@@ -149,5 +149,5 @@ def test_an_annotation_stands_at_the_line_that_is_meant(
     assert f"file={file},line={line}," in lines[1]
 
 
-def test_a_deck_that_is_gone_has_no_line(tmp_path: Path) -> None:
+def test_missing_deck_is_annotated_at_its_first_line(tmp_path: Path) -> None:
     assert deck_place(CaseRecord(case="a", verdict="differs"), tmp_path / "gone") == (tmp_path / "gone", 1)

@@ -1,4 +1,4 @@
-"""LAMMPS' answers that lie in files."""
+"""LAMMPS' answers in files."""
 
 from __future__ import annotations
 
@@ -17,10 +17,8 @@ from tests.support.outcome import Solver
 
 
 @pytest.mark.lammps
-def test_answer_that_was_taken_away_is_asked_for_once_more(
-    solver: Solver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A cleaner of temporary files may take what is older than the run has been waiting."""
+def test_deleted_answer_is_requested_again(solver: Solver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cleaner of temporary files may delete answers while a run waits."""
     ready = prepare(next(case for case in casefile.load() if case.name == "near-rho0.linear.2d"))
     asked: list[Job] = []
 

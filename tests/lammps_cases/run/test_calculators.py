@@ -1,4 +1,4 @@
-"""The calculators: the reference and LAMMPS give the same for an ase.Atoms, but for what a finding names."""
+"""The calculators: the reference and LAMMPS agree for an ase.Atoms, apart from named findings."""
 
 from __future__ import annotations
 
@@ -62,19 +62,19 @@ def outside(reference: EosRefCalculator, other: RheoCalculator, atoms: ase.Atoms
 
 
 @pytest.mark.parametrize("name", SHOWN)
-def test_both_give_the_same_but_for_the_findings_named(name: str, ran: Result) -> None:
+def test_both_agree_apart_from_the_named_findings(name: str, ran: Result) -> None:
     scene, atoms = scene_of_case(name), ran.atoms(name)
     with lammps(scene) as engine:
         assert outside(EosRefCalculator(scene, SHOWN[name]), engine, atoms) == set()
         assert outside(EosRefCalculator(scene), engine, atoms) == {"forces"}
-        atoms.positions[:2] += atoms.cell.array[0]  # as an integrator leaves particles that crossed a periodic face
+        atoms.positions[:2] += atoms.cell.array[0]  # as integrators leave particles that crossed a periodic face
         assert outside(EosRefCalculator(scene, SHOWN[name]), engine, atoms) == set()
         assert np.abs(engine.results["forces"]).max() > 0 and len(engine.results["pressure"]) == len(atoms)
-        atoms.arrays["rho"][:] = atoms.get_masses()  # volumes of 1: what the finding leaves out makes no difference
+        atoms.arrays["rho"][:] = atoms.get_masses()  # volumes of 1: the factor that the finding omits is 1
         assert outside(EosRefCalculator(scene), engine, atoms) == set()
 
 
-def test_a_model_is_as_good_as_a_scene(ran: Result) -> None:
+def test_model_gives_the_results_of_its_scene(ran: Result) -> None:
     name = "external.gravity"
     scene, atoms = scene_of_case(name), ran.atoms(name)
     model = reference_side.model(scene, particles(atoms, scene), "")
@@ -86,8 +86,8 @@ def test_a_model_is_as_good_as_a_scene(ran: Result) -> None:
 
 
 @pytest.mark.parametrize("name", ["constants.metal", "claims-pairs.thermal-shift", "cross-type.both.2d", *SHOWN])
-def test_a_model_becomes_the_same_model_again(name: str) -> None:
-    """Every setting of a model reaches the scene made of it; a force on all types is one on each."""
+def test_scene_of_a_model_gives_the_same_model(name: str) -> None:
+    """Every setting of a model reaches its scene; a force on all types becomes one on each."""
     scene = scene_of_case(name)
     model = reference_side.with_cut(scene, 2.9)
     again = reference_side.with_cut(scene_of(model), 2.9)
@@ -101,8 +101,8 @@ def test_a_model_becomes_the_same_model_again(name: str) -> None:
         assert set(acts) == {(f.style, f.vector, t) for f in other.forces for t in types[f.acts_on(types)]}
 
 
-def test_velocity_verlet_stays_together(ran: Result) -> None:
-    """Along LAMMPS' trajectory, and along the reference's, either gives the forces of the other; densities are held."""
+def test_velocity_verlet_agrees_along_both_trajectories(ran: Result) -> None:
+    """Along LAMMPS' trajectory, and along the reference's, both give the same forces; densities are held."""
     name = "tilted.little.fluid"
     scene = scene_of_case(name)
     assert scene.evolve is not None
@@ -165,7 +165,7 @@ def test_bad_input_is_one_line(ran: Result) -> None:
         EosRefCalculator(scene).bounds()
 
 
-def test_lammps_without_an_answer_is_a_failed_calculation(ran: Result, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failure_of_lammps_is_a_failed_calculation(ran: Result, monkeypatch: pytest.MonkeyPatch) -> None:
     late = Failure("timeout", "LAMMPS did not finish\n within the time limit")
     monkeypatch.setattr(Workers, "outcome", lambda *arguments: late)
     said = "timeout: LAMMPS did not finish within the time limit"

@@ -1,4 +1,4 @@
-"""The main job on real LAMMPS: all shipped cases, what a run leaves behind, shards, kills."""
+"""The main job on real LAMMPS: all shipped cases, the files of a run, shards, kills."""
 
 from __future__ import annotations
 
@@ -59,14 +59,14 @@ def test_every_shipped_case_is_as_expected(whole: RunRecord) -> None:
     for case in laws:
         if not case.expects:
             assert [field.field for field in case.fields][-1] == "pressure"
-            # LAMMPS' order of operations is known for every law; in real and metal a finding stands before it.
+            # LAMMPS' order of operations is known for every law; in real and metal units a finding hides it.
             assert case.verdict == ("explained" if case.units in ("real", "metal") else "exact"), case.case
     assert whole.carried is None, "every finding that is listed for this engine is still there"
 
 
 @pytest.mark.campaign
 def test_shipped_scenes_of_the_model_tell_formulas_apart(whole: RunRecord) -> None:
-    """What scenes are blind to: means where all viscosities are equal, walls never thinner than rho0, unit values."""
+    """Mistakes that scenes cannot detect: means of equal viscosities, walls never thinner than rho0, unit values."""
     means, floor = "arithmetic for harmonic mean, or the reverse", "no lower limit to the density of walls"
     at_rest = {"V_i for V_j", "no volume in the force", "speed of sound ignored in artificial viscosity"}
     lone = "no-slip extrapolation ignored"  # a wall without fluid about it, or whose velocity is not compared
@@ -115,7 +115,7 @@ def test_shipped_scenes_of_the_model_tell_formulas_apart(whole: RunRecord) -> No
     }
 
 
-def test_what_a_run_leaves_behind(small: Path) -> None:
+def test_files_of_a_run(small: Path) -> None:
     names = {path.name for path in small.iterdir()}
     assert names == {"run.json", "fields", "report.html", "summary.md", "junit.xml"}
     document = json.loads((small / "run.json").read_text())
@@ -193,7 +193,7 @@ def test_refusal_that_does_not_come_differs(
 def test_unexpected_refusal_is_exit_code_3(
     case_file: Callable[..., Path], eos_ref_command: Run, tmp_path: Path
 ) -> None:
-    # Particles outside of a box that is not periodic cannot be told from the scene alone: LAMMPS loses them.
+    # Particles outside a box that is not periodic cannot be recognised from the scene alone: LAMMPS loses them.
     (tmp_path / "d.extxyz").write_text(
         '1\nLattice="4 0 0 0 4 0 0 0 1" Properties=species:S:1:pos:R:3:rho:R:1 pbc="F F F"\nH 1.0 1.0 0 1.1\n'
     )
@@ -219,7 +219,7 @@ def test_killed_run_leaves_the_earlier_report_whole(kill: signal.Signals, tmp_pa
         start_new_session=True,
     )
     deadline = time.monotonic() + 60
-    while not list(tmp_path.glob(".report.partial/journal/cases/*.json")):  # it is in the middle of its work
+    while not list(tmp_path.glob(".report.partial/journal/cases/*.json")):  # until the run has judged a case
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.005)
@@ -250,7 +250,7 @@ def test_report_is_rendered_again(eos_ref_command: Run, tmp_path: Path) -> None:
     assert page.read_bytes() == before
 
 
-def test_shipped_cases_cover_what_they_must() -> None:
+def test_shipped_cases_cover_laws_units_and_forms() -> None:
     cases = casefile.load()
     assert len(cases) >= 80
     scenes = [case.scene for case in cases]
@@ -265,7 +265,7 @@ def test_shipped_cases_cover_what_they_must() -> None:
     assert {"*", "1", "*3", "3*", "2*3"} <= forms
 
 
-def test_cases_that_are_known_to_kill_a_worker_come_last() -> None:
+def test_cases_known_to_kill_a_worker_come_last() -> None:
     names = [case.name for case in campaign.ordered(casefile.load())]
     crashes = {"strain.unasked.2d", "strain.unasked.3d", "refused.range-two-stars", "refused.no-fix-pressure-read"}
     assert crashes < {*names[-5:]}

@@ -1,4 +1,4 @@
-"""The journal of a run: whoever goes on is the same run, and every case that is kept is whole."""
+"""The journal of a run: only the same run is resumed, and every kept case is complete."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def journal(tmp_path: Path) -> CaseJournal:
     return journal
 
 
-def test_a_run_that_goes_on_is_told_what_it_was(journal: CaseJournal) -> None:
+def test_resumed_run_gets_its_first_record(journal: CaseJournal) -> None:
     assert journal.begin(run_start(date="later")).run.date == "d"
 
 
@@ -54,12 +54,12 @@ def test_a_run_that_goes_on_is_told_what_it_was(journal: CaseJournal) -> None:
         ({"shard": "1/2"}, "--shard of the interrupted run, none, found '1/2'"),
     ],
 )
-def test_another_run_does_not_go_on_with_it(changes: dict[str, Any], rule: str, journal: CaseJournal) -> None:
+def test_another_run_cannot_resume_it(changes: dict[str, Any], rule: str, journal: CaseJournal) -> None:
     with pytest.raises(InputError, match=f"--resume: .*{rule}"):
         journal.begin(run_start(**changes))
 
 
-def test_judgements_by_other_code_are_named_until_they_are_made_again(journal: CaseJournal) -> None:
+def test_judgements_by_other_code_are_named_until_repeated(journal: CaseJournal) -> None:
     judged = ("a", "b")
     assert journal.begin(run_start(), judged).run.older == {}
     assert journal.begin(run_start(context="p"), judged[:1]).run.older == {"a": "reference"}
@@ -71,7 +71,7 @@ def test_judgements_by_other_code_are_named_until_they_are_made_again(journal: C
     assert journal.begun() == other
 
 
-def test_what_is_kept_is_read_again(journal: CaseJournal) -> None:
+def test_kept_cases_are_read_back(journal: CaseJournal) -> None:
     records = {name: kept(journal, name) for name in ("a", "b")}
     assert journal.records() == records and journal.lost(records) == []
 
@@ -96,20 +96,20 @@ def test_known_cases_are_not_read_again(journal: CaseJournal) -> None:
     assert journal.records({"a": record}) == {"a": record} and entry.exists()
 
 
-def test_nothing_is_left_of_what_is_forgotten(journal: CaseJournal) -> None:
+def test_discarded_journal_leaves_nothing(journal: CaseJournal) -> None:
     kept(journal, "a")
     journal.forget()
     assert journal.begun() is None and list(journal.folder.iterdir()) == []
 
 
-def test_a_start_knows_scene_tags_and_text_of_its_cases(case_file: Callable[..., Path]) -> None:
+def test_start_depends_on_the_scenes_of_its_cases(case_file: Callable[..., Path]) -> None:
     run = run_start().run
     hashes = [judged.start(run, casefile.load_file(case_file(**of))) for of in ({}, {}, {"rho": {"constant": 1}})]
     assert hashes[0] == hashes[1] != hashes[2]
     assert hashes[0].code == hashes[2].code and [*hashes[0].cases] == ["mine"]
 
 
-def test_a_start_knows_the_files_that_its_cases_are_read_from(tmp_path: Path) -> None:
+def test_start_depends_on_the_files_of_its_cases(tmp_path: Path) -> None:
     names = ("files.yaml", "droplet.extxyz", "droplet.data", "droplet.dump", "densities.csv")
     for name in names:
         (tmp_path / name).write_bytes((casefile.SHIPPED / name).read_bytes())

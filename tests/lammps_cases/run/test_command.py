@@ -1,4 +1,4 @@
-"""`lammps_cases.run(...)`: what it takes, and what it refuses before LAMMPS is opened."""
+"""`lammps_cases.run(...)`: its arguments, and refusals before LAMMPS is opened."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_bad_arguments_are_one_line(arguments: dict[str, Any], complaint: str, m
     assert len(str(refused.value).splitlines()) == 1
 
 
-def test_the_command_that_does_the_same_is_in_the_record(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_equivalent_command_is_in_the_record(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     given: list[Any] = []
 
     def run_cases(cases: Any, engine: Any, jobs: int, folder: Path, asked: campaign.Request, **_: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What a run makes of its surroundings: a report, or one line and an exit code, and nothing torn."""
+"""A run in a hostile environment: a report, or one line and an exit code, and no partial files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COMMAND = [sys.executable, "-m", "lammps_cases.cli.main", "run"]
 
 
 class Removes(Progress):
-    """Somebody removes a folder when two cases are judged."""
+    """Remove a folder when two cases are judged."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -48,8 +48,8 @@ def test_a_run_needs_neither_home_nor_temporary_folder_nor_many_files(without: s
     assert read_run(tmp_path / "report").summary == {"exact": 2}
 
 
-def test_a_folder_in_the_making_that_is_removed_is_no_report(tmp_path: Path) -> None:
-    """It was exit code 0 with a report that lacked the arrays of the cases judged before, or none."""
+def test_removal_of_the_partial_folder_is_an_error(tmp_path: Path) -> None:
+    """It was exit code 0 with no report, or one without the arrays of the cases judged before."""
     out, cases = tmp_path / "report", casefile.select(casefile.load(), ["ranges"])
     with pytest.raises(InputError, match=r"^output folder: lost \d+ judged cases? .*--resume.*report") as raised:
         campaign.run_cases(cases, Engine(), 1, out, progress=Removes(folders.making(out)), resume=False)
@@ -59,7 +59,7 @@ def test_a_folder_in_the_making_that_is_removed_is_no_report(tmp_path: Path) -> 
     assert len(run.cases) == len(cases) == len(arrays)
 
 
-def test_a_current_folder_that_is_removed_costs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_removal_of_the_current_folder_is_harmless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "current").mkdir()
     monkeypatch.chdir(tmp_path / "current")
     cases = casefile.select(casefile.load(), ["ranges"])
@@ -69,7 +69,7 @@ def test_a_current_folder_that_is_removed_costs_nothing(tmp_path: Path, monkeypa
 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    """Of a full disk the system says no name: a run ended in a traceback."""
+    """The system names no file if a disk is full: a run ended in a traceback."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     write_atomically(tmp_path / "file", "old")
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
@@ -83,7 +83,7 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.root
-def test_a_full_disk_is_one_line_and_what_was_judged_is_kept(tmp_path: Path) -> None:
+def test_full_disk_is_one_line_and_judged_cases_are_kept(tmp_path: Path) -> None:
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=200k", "tmpfs", str(tmp_path)], check=True)
     try:
         command = [*COMMAND, "ranges", "near-rho0.linear", "--out", str(tmp_path / "report")]

@@ -61,7 +61,7 @@ def test_the_package_is_imported_at_once_and_without_numpy() -> None:
 
 
 def test_a_script_needs_no_guard(tmp_path: Path) -> None:
-    """Workers, and the process of an audit, do not run the user's script again, which would start them again."""
+    """Workers and the process of an audit do not import the user's script, which would start them again."""
     script = tmp_path / "script.py"
     script.write_text(
         "import sys\nfrom lammps_cases import audit, run\nprint('once', file=sys.stderr)\n"
@@ -71,7 +71,7 @@ def test_a_script_needs_no_guard(tmp_path: Path) -> None:
     assert (done.stdout, done.stderr) == ("{'exact': 1} 0\n", "once\n")
 
 
-def test_a_run_is_that_of_the_command(
+def test_run_equals_that_of_the_command(
     ran: Result, tmp_path: Path, eos_ref_command: Callable[..., Outcome], capfd: pytest.CaptureFixture[str]
 ) -> None:
     outcome = eos_ref_command("run", *CASES, "--out", tmp_path / "report")
@@ -88,7 +88,7 @@ def test_a_run_is_that_of_the_command(
     assert read_run(tmp_path / "kept").fail_on == "high"
 
 
-def test_a_temporary_report_goes_with_its_result() -> None:
+def test_temporary_report_is_deleted_with_its_result() -> None:
     result = run(CASES[1], jobs=1)
     folder = result.folder
     assert (folder / "run.json").exists()
@@ -96,7 +96,7 @@ def test_a_temporary_report_goes_with_its_result() -> None:
     assert not folder.exists()
 
 
-def test_the_page_has_the_pairs_of_explain_and_is_made_again(
+def test_page_has_the_pairs_of_explain_and_is_reproducible(
     ran: Result, tmp_path: Path, eos_ref_command: Callable[..., Outcome]
 ) -> None:
     again = tmp_path / "again"
@@ -104,7 +104,7 @@ def test_the_page_has_the_pairs_of_explain_and_is_made_again(
     assert eos_ref_command("report", again).code == 0
     made = [unpacked((folder / "report.html").read_text()) for folder in (ran.folder, again)]
     first, second = (re.findall(r'class="(?:data|more)">(.*?)</script>', html) for html in made)
-    assert first == second and len(first) == 3  # of both cases, and the other steps of one
+    assert first == second and len(first) == 3  # both cases, and the other steps of one
     beside = read_arrays(arrays_files(ran.folder / "fields", CASES[0])[1])
     field = next(field for field in ran.record.cases[0].fields if field.field == "f")
     looked = list(zip(beside["@pairs step"].tolist(), beside["@pairs atom"].tolist(), strict=True))
@@ -151,7 +151,7 @@ def test_verdicts_are_those_of_the_step_shown(ran: Result) -> None:
 
 
 def test_tables_of_an_audit(audited: Result) -> None:
-    """Pressures are judged by type; a look is at one step."""
+    """Pressures are judged by type, at a single step."""
     frame = audited.values()
     assert set(frame.step) == {int(read_arrays(audited.folder / "fields" / "in.systems.npz")["step"])}
     checks = {(check.field, check.type): check.verdict for check in audited.record.cases[0].checks}
@@ -163,7 +163,7 @@ def test_tables_of_an_audit(audited: Result) -> None:
     assert len(wide) == audited.record.cases[0].natoms
 
 
-def test_the_last_look_of_an_audit_is_judged_by_type(audited: Result, tmp_path: Path) -> None:
+def test_last_sample_of_an_audit_is_judged_by_type(audited: Result, tmp_path: Path) -> None:
     shutil.copytree(audited.folder / "fields", tmp_path / "fields")
     record = audited.record.model_copy(deep=True)
     last = max(k for k, check in enumerate(record.cases[0].checks) if (check.field, check.type) == ("pressure", 2))

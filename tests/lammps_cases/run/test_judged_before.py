@@ -1,4 +1,4 @@
-"""An answer that was judged before is not judged again; any other is, by whatever bit it differs."""
+"""An answer that was judged before is not judged again; one that differs in any bit is."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ PLAIN, STOPS, LISTED, TWIN = "forces.all.quintic.2d", "runs.fluid.atoms", "defor
 
 @pytest.fixture(scope="module")
 def answered(solver: Solver) -> Callable[[str], tuple[PreparedCase, Outcomes]]:
-    """LAMMPS' answers to a case, asked once."""
+    """Return LAMMPS' answers to a case, computed once."""
     known: dict[str, tuple[PreparedCase, Outcomes]] = {}
 
     def ask(name: str) -> tuple[PreparedCase, Outcomes]:
@@ -48,7 +48,7 @@ def answered(solver: Solver) -> Callable[[str], tuple[PreparedCase, Outcomes]]:
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch, solver: Solver) -> list[Job]:
-    """What LAMMPS is asked while a case is judged."""
+    """Jobs given to LAMMPS while a case is judged."""
     jobs: list[Job] = []
 
     def solve(site: str | None, job: Job) -> Answer:
@@ -77,7 +77,7 @@ def _files(folder: Path) -> dict[str, bytes]:
 
 
 def _told(record: CaseRecord) -> dict[str, Any]:
-    """All that a record says but for times, and where predictions came from."""
+    """Return a record without times and the origin of predictions."""
     told: dict[str, Any] = json.loads(record.model_dump_json(exclude={"seconds", "predictions"}))
     return told
 
@@ -87,7 +87,7 @@ def _never(*arguments: object) -> Any:
 
 
 @pytest.mark.parametrize("name", [PLAIN, STOPS, LISTED, TWIN])
-def test_answer_given_before_is_not_judged_again_and_everything_is_as_it_was(
+def test_known_answer_is_not_judged_again_and_gives_the_same_record(
     name: str,
     answered: Callable[[str], tuple[PreparedCase, Outcomes]],
     asked: list[Job],
@@ -102,7 +102,7 @@ def test_answer_given_before_is_not_judged_again_and_everything_is_as_it_was(
     assert first.predictions.judgements == 0
     monkeypatch.setattr(flow, "_judged", _never)
     second = judged_into(tmp_path / "second", ready, outcomes, store)
-    assert len(asked) == 2 * read  # for its lists LAMMPS is asked once more
+    assert len(asked) == 2 * read  # LAMMPS runs once more for its lists
     assert _told(second) == _told(first)
     assert _files(tmp_path / "second") == _files(tmp_path / "first")
     assert second.predictions.judgements == 1
@@ -111,7 +111,7 @@ def test_answer_given_before_is_not_judged_again_and_everything_is_as_it_was(
 
 
 def _changed(answer: Answer) -> Iterator[tuple[str, Answer]]:
-    """Yield answers that differ in the last bit of one number, with where it is."""
+    """Yield answers that differ in the last bit of one number, with its place."""
     for name in answer.arrays:
         yield f"arrays {name}", replace(answer, arrays=_other(answer.arrays, name))
     for k, arrays in enumerate(answer.snapshots):
@@ -135,12 +135,12 @@ def _changed(answer: Answer) -> Iterator[tuple[str, Answer]]:
 def _other(arrays: dict[str, Any], name: str) -> dict[str, Any]:
     array = np.array(arrays[name])
     raw = bytearray(array.tobytes())
-    raw[-array.itemsize] ^= 1  # its last bit, of the last number
+    raw[-array.itemsize] ^= 1  # the last bit of the last number
     return {**arrays, name: np.frombuffer(raw, array.dtype).reshape(array.shape)}
 
 
 @pytest.mark.parametrize("name", [PLAIN, STOPS])
-def test_every_bit_that_lammps_returned_decides(
+def test_every_returned_bit_counts(
     name: str, answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store
 ) -> None:
     ready, [answer] = answered(name)
@@ -156,10 +156,10 @@ def test_every_bit_that_lammps_returned_decides(
     assert len(set(keys.values())) == len(keys) > len(answer.arrays) + 2
     again = JudgedBefore.of(store, Answers(None, ready, [replace(answer, seconds=7.0, run_seconds=(7.0,))]), ENGINE)
     assert again is not None
-    assert again.key == own.key  # how long it took is no matter
+    assert again.key == own.key  # times do not count
 
 
-def test_case_and_engine_decide(answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store) -> None:
+def test_case_and_engine_count(answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store) -> None:
     ready, outcomes = answered(PLAIN)
     case, atoms = ready.case, ready.atoms
     moved = replace(atoms, mass_n=np.nextafter(atoms.mass_n, 9.0))
@@ -177,7 +177,7 @@ def test_case_and_engine_decide(answered: Callable[[str], tuple[PreparedCase, Ou
     assert len({each.key for each in found if each}) == len(others)
 
 
-def test_lists_that_differ_are_judged_again(
+def test_different_lists_are_judged_again(
     answered: Callable[[str], tuple[PreparedCase, Outcomes]],
     asked: list[Job],
     store: Store,
@@ -195,7 +195,7 @@ def test_lists_that_differ_are_judged_again(
             assert before.find(tmp_path, changed) is None, where
     assert (
         before.find(tmp_path, SimpleNamespace(with_lists=list)) is None
-    )  # LAMMPS ran otherwise when it was asked for them
+    )  # LAMMPS ran differently when they were requested
 
 
 def _before(store: Store, ready: PreparedCase, outcomes: Outcomes) -> JudgedBefore:
@@ -205,7 +205,7 @@ def _before(store: Store, ready: PreparedCase, outcomes: Outcomes) -> JudgedBefo
     return before
 
 
-def test_only_what_is_as_expected_is_kept(
+def test_only_expected_outcomes_are_kept(
     answered: Callable[[str], tuple[PreparedCase, Outcomes]], asked: list[Job], store: Store, tmp_path: Path
 ) -> None:
     ready, [answer] = answered(PLAIN)
@@ -239,14 +239,14 @@ def test_fresh_run_and_other_code_find_nothing(
     assert judgements(store) == 0
 
 
-def test_process_of_other_code_than_the_run_looks_up_and_keeps_nothing(
+def test_process_with_other_code_uses_no_stored_judgements(
     answered: Callable[[str], tuple[PreparedCase, Outcomes]],
     asked: list[Job],
     store: Store,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A worker that starts after an edit, or one that had imported less before it."""
+    """A worker that started after an edit, or imported modules after it."""
     ready, outcomes = answered(PLAIN)
     of_run = code()
     for of_process in ("edited", of_run, of_run):
@@ -267,7 +267,7 @@ def test_lists_that_cannot_be_read_leave_no_verdict(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """They decide it: a full disk is no difference of LAMMPS, whether the judgement is looked up or not."""
+    """The verdict depends on them: a full disk is not a difference of LAMMPS, with or without a stored judgement."""
     ready, outcomes = answered(LISTED)
     if kept:
         judged_into(tmp_path, ready, outcomes, store)
@@ -309,7 +309,7 @@ def test_damaged_judgement_is_made_again(
     assert _told(second) == _told(first)
 
 
-def test_worker_that_does_not_see_a_case_s_files_judges_all_the_same(
+def test_worker_without_the_files_of_a_case_judges_it_nevertheless(
     answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store
 ) -> None:
     ready, outcomes = answered("files.extxyz")

@@ -1,4 +1,4 @@
-"""A fault of the harness after the cases are judged: it costs a part of the report, which says so in one line."""
+"""A fault of the harness after judging costs a part of the report, which reports it in one line."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ ROOMS = (
 ARTICLES = {name: of for name, of in public("lammps_cases.run.report_files").items() if "article" in name}
 FUNCTIONS = public(*ROOMS) | ARTICLES
 CASES = ("near-rho0.linear.2d", "ranges.override")
-COLOURS = {"green": 1.0, "red": 2.0}  # of runs in which LAMMPS' pressures are so many times those of the reference
-PARTS = {  # what a room may cost; the others make what all of a page or summary needs
+COLOURS = {"green": 1.0, "red": 2.0}  # factors of LAMMPS' pressures over those of the reference
+PARTS = {  # parts that faults of a module may cost; other modules are needed by a whole page or summary
     "verdict.diagnosis.": {"triage"},
     "report.history.": {"history", "entry in the history"},
     "report.findings.matri": {"agreement", "agreement in summary.md"},
@@ -128,19 +128,19 @@ def no_workers(*_: object) -> Iterator[SimpleNamespace]:
 
 @pytest.fixture(scope="module")
 def met() -> dict[float, set[CodeType]]:
-    """The functions that a run meets, by the factor: filled by the first test that needs them."""
+    """Functions called in a run, by factor; filled by the first test that needs them."""
     return {}
 
 
 def _met(factor: float, run: Command, met: dict[float, set[CodeType]]) -> set[CodeType]:
     if factor not in met:
-        run(factor)  # what is imported first is not met again
+        run(factor)  # code that runs only on import is not called again
         met[factor] = called(lambda: run(factor))
     return met[factor]
 
 
 @pytest.mark.parametrize("factor", COLOURS.values(), ids=COLOURS)
-def test_what_is_planted_is_met(factor: float, run: Command, met: dict[float, set[CodeType]]) -> None:
+def test_functions_with_planted_faults_are_called(factor: float, run: Command, met: dict[float, set[CodeType]]) -> None:
     assert run(factor).code == factor - 1
     assert len(_met(factor, run, met) & {of.__code__ for of in FUNCTIONS.values()}) > 50
     assert not read_run(Path("reports/run")).faults
@@ -181,14 +181,14 @@ def raises(error: BaseException) -> Callable[..., Any]:
     return function
 
 
-ENDS = {  # how a run ends before its report is there: what ends it, the exit code, what is printed
+ENDS = {  # ends of a run before its report is written: exception, exit code, output
     "interrupted": (KeyboardInterrupt(), 130, "interrupted after 2 of 2 cases: see reports/run.interrupted/summary.md"),
     "broken": (RuntimeError("planted here"), 3, "this is a fault of eos-ref itself"),
 }
 
 
 @pytest.mark.parametrize("end", ENDS)
-def test_a_run_that_ends_before_its_report_is_rendered_and_resumed(
+def test_run_without_a_report_is_rendered_and_resumed(
     end: str, run: Command, eos_ref_command: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     error, code, text = ENDS[end]
@@ -206,8 +206,8 @@ def test_a_run_that_ends_before_its_report_is_rendered_and_resumed(
     assert read_run(Path("reports/run")).triage and "older" not in eos_ref_command("report", "reports/run").out
 
 
-def test_what_a_killed_run_has_judged_is_rendered(run: Command, eos_ref_command: Run) -> None:
-    """It lies where it was made, and the page says what is missing."""
+def test_judged_cases_of_a_killed_run_are_rendered(run: Command, eos_ref_command: Run) -> None:
+    """They are in the partial folder, and the page counts the missing cases."""
     assert run(1.0, meanwhile=raises(KeyboardInterrupt())).code == 130
     folders.interrupted(Path("reports/run")).rename(folders.making(Path("reports/run")))
     rendered = eos_ref_command("report", "reports/run")
@@ -219,9 +219,7 @@ def test_what_a_killed_run_has_judged_is_rendered(run: Command, eos_ref_command:
 
 
 @pytest.mark.parametrize("context", ["same", "other"])
-def test_judgements_of_code_that_was_mended_are_named(
-    context: str, run: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_judgements_of_earlier_code_are_named(context: str, run: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     assert run(1.0, meanwhile=raises(KeyboardInterrupt())).code == 130
     monkeypatch.setattr(store, "code", lambda *_: "mended")
     if context == "other":
@@ -234,7 +232,7 @@ def test_judgements_of_code_that_was_mended_are_named(
     assert read_run(Path("reports/run")).older == {CASES[0]: "reference" if since else "code"}
 
 
-def test_what_the_harness_failed_to_judge_is_judged_again(run: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_faults_of_the_harness_are_judged_again(run: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
         faulty = CaseRecord(case=CASES[0], verdict="error", harness_error=HarnessError(text="planted here"))
         patch.setitem(globals(), "judged", lambda *_: faulty)
@@ -243,10 +241,10 @@ def test_what_the_harness_failed_to_judge_is_judged_again(run: Command, monkeypa
 
 
 @pytest.mark.usefixtures("run")
-def test_a_command_that_cannot_resume_leaves_what_was_judged(
+def test_command_without_resume_leaves_judged_cases(
     case_file: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An interrupt of ``claims``, ``compare`` or `lammps_cases.run` after the last case left nothing of it."""
+    """After the last case, an interrupt of ``claims``, ``compare`` or `lammps_cases.run` left nothing."""
     cases = casefile.load_file(case_file())
 
     def judge(self: Campaign, *_: Any) -> dict[str, Any]:

@@ -28,7 +28,7 @@ def test_a_report_is_replaced_when_the_new_one_is_complete(tmp_path: Path) -> No
     assert [path.name for path in tmp_path.iterdir() if path.suffix == ".partial"] == []
 
 
-def test_what_fails_leaves_the_earlier_report(tmp_path: Path) -> None:
+def test_failed_run_leaves_the_earlier_report(tmp_path: Path) -> None:
     directory = report(tmp_path / "report")
     with pytest.raises(ZeroDivisionError), output_folder(directory):
         1 / 0  # noqa: B018
@@ -79,8 +79,8 @@ def test_two_runs_do_not_write_into_one_folder(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("length", [243, 244, 300])
-def test_name_leaves_room_for_those_of_the_folders_beside_it(length: int, tmp_path: Path) -> None:
-    """The longest is that of an interrupted run, of 12 bytes more; names have 255."""
+def test_name_leaves_room_for_suffixes(length: int, tmp_path: Path) -> None:
+    """The longest suffix, of an interrupted run, has 12 bytes; names have at most 255."""
     target = tmp_path / (length * "y")
     if length == 243:
         with output_folder(target, resume=False) as folder:

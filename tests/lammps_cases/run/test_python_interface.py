@@ -66,7 +66,7 @@ def test_tables_of_the_particle_model(tmp_path: Path, eos_ref_command: Callable[
 
 
 def read_back(atoms: ase.Atoms, path: Path) -> ase.Atoms:
-    """Atoms through a file of extended XYZ, which keeps eight digits."""
+    """Write and read atoms as extended XYZ, which keeps eight digits."""
     ase.io.write(path, atoms, format="extxyz")
     return ase.io.read(path, format="extxyz")
 
@@ -75,7 +75,7 @@ def read_back(atoms: ase.Atoms, path: Path) -> ase.Atoms:
     ("case", "periodic"),
     [("boundaries.fixed.drop", [False, False, True]), ("tilted.little.surface", [True] * 3)],
 )
-def test_atoms_of_a_run_are_whole(case: str, periodic: list[bool], tmp_path: Path) -> None:
+def test_atoms_of_a_run_are_complete(case: str, periodic: list[bool], tmp_path: Path) -> None:
     """Box, axes, velocities and all fields reach a file that other programs read."""
     result = run(case, jobs=1)
     arrays = read_arrays(result.folder / "fields" / f"{case}.npz")
@@ -124,8 +124,8 @@ def test_atoms_of_an_earlier_version() -> None:
     assert atoms.pbc.all() and not atoms.has("momenta") and atoms.cell.array.tolist() == (2 * np.eye(3)).tolist()
 
 
-def test_what_a_user_needs_is_in_the_package() -> None:
-    """Every name of eos_ref can be imported from it, and is the one of its module."""
+def test_documented_names_are_in_the_package() -> None:
+    """Every name of `eos_ref.__all__` can be imported, and documents import from the package only."""
     for name in eos_ref.__all__:
         assert getattr(eos_ref, name) is not None
     assert {"ArrayEvaluator", "Box", "CompiledEvaluator", "Model", "Simulation", "State"} <= set(eos_ref.__all__)

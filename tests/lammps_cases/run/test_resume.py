@@ -1,4 +1,4 @@
-"""A run that is interrupted or killed: what is judged is kept, and the rest gives the report of an undisturbed run."""
+"""An interrupted or killed run keeps judged cases; resuming it gives the report of an undisturbed run."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ NAMES = (
 
 
 class Interrupts(Progress):
-    """Ctrl-C when it is told of so many cases that are judged."""
+    """Simulate Ctrl-C after a number of judged cases."""
 
     def __init__(self, after: int) -> None:
         self.after, self.told = after, list[str]()
@@ -49,7 +49,7 @@ class Interrupts(Progress):
 def run(
     cases: list[Case], out: Path, resume: bool | None, after: int = 0, store: Store | None = None, **options: Any
 ) -> list[str]:
-    """Run cases; return those that were judged."""
+    """Run cases; return the names of those judged."""
     progress = Interrupts(after)
     asked = campaign.Request("eos-ref run", **options)
     campaign.run_cases(cases, Engine(), 2, out, asked, progress, store, resume)
@@ -74,7 +74,7 @@ def interrupted(cases: list[Case], out: Path, after: int) -> Path:
     return folders.interrupted(out)
 
 
-def test_an_interrupted_run_is_gone_on_with_to_the_same_report(
+def test_interrupted_run_is_resumed_to_the_same_report(
     cases: list[Case], undisturbed: dict[str, bytes], tmp_path: Path
 ) -> None:
     out = tmp_path / "report"
@@ -84,7 +84,7 @@ def test_an_interrupted_run_is_gone_on_with_to_the_same_report(
     assert "interrupted: " in (partial / "summary.md").read_text()
     assert not out.exists()
     with pytest.raises(KeyboardInterrupt):
-        run(cases, out, resume=True, after=1)  # and once more
+        run(cases, out, resume=True, after=1)  # interrupted once more
     kept = {case.case for case in read_run(partial).cases}
     judged = run(cases, out, resume=True)
     assert not kept & set(judged) and len(kept) + len(judged) == len(cases), "none twice, none lost"
@@ -92,10 +92,10 @@ def test_an_interrupted_run_is_gone_on_with_to_the_same_report(
     assert {path.name for path in tmp_path.iterdir()} == {"report", "scratch"}
 
 
-def test_a_campaign_of_more_cases_than_are_kept_has_the_same_report(
+def test_more_cases_than_in_memory_give_the_same_report(
     cases: list[Case], undisturbed: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Beyond them particles, records and pictures are made, or read, once more, and the store is trimmed."""
+    """Beyond them particles, records and pictures are made or read again, and the store is trimmed."""
     monkeypatch.setattr(campaign, "KEPT", 1)
     trimmed = list[Path]()
     monkeypatch.setattr(Store, "trim", lambda store: trimmed.append(store.folder))
@@ -105,7 +105,7 @@ def test_a_campaign_of_more_cases_than_are_kept_has_the_same_report(
 
 
 class Forgets(Progress):
-    """Removes the entry of a case from the journal when the last is judged."""
+    """Remove the entry of the last case from the journal when it is judged."""
 
     def __init__(self, making: Path) -> None:
         self.making = making
@@ -115,7 +115,7 @@ class Forgets(Progress):
             (self.making / "journal" / "cases" / f"{label}.json").unlink()
 
 
-def test_a_case_that_only_the_journal_had_is_not_lost_unnoticed(
+def test_loss_of_a_case_from_the_journal_is_an_error(
     cases: list[Case], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(campaign, "KEPT", 1)
@@ -125,7 +125,7 @@ def test_a_case_that_only_the_journal_had_is_not_lost_unnoticed(
     assert not out.exists()
 
 
-def test_a_report_that_was_there_stays_until_the_run_is_whole(cases: list[Case], tmp_path: Path) -> None:
+def test_earlier_report_stays_until_the_run_is_complete(cases: list[Case], tmp_path: Path) -> None:
     out = tmp_path / "report"
     run(cases[:1], out, resume=None)
     before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
@@ -139,7 +139,7 @@ def _cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-9])
 
 
-def test_what_is_damaged_is_judged_again(cases: list[Case], undisturbed: dict[str, bytes], tmp_path: Path) -> None:
+def test_damaged_cases_are_judged_again(cases: list[Case], undisturbed: dict[str, bytes], tmp_path: Path) -> None:
     out = tmp_path / "report"
     folder = interrupted(cases, out, 5)
     entries, fields = folder / "journal" / "cases", folder / "fields"
@@ -154,13 +154,13 @@ def test_what_is_damaged_is_judged_again(cases: list[Case], undisturbed: dict[st
     assert report(out, tmp_path / "scratch") == undisturbed
 
 
-def test_a_journal_of_nobody_knows_what_is_begun_anew(cases: list[Case], tmp_path: Path) -> None:
+def test_unknown_journal_is_discarded(cases: list[Case], tmp_path: Path) -> None:
     folder = interrupted(cases[:3], tmp_path / "report", 1)
     _cut(folder / "journal" / "run.json")
     assert len(run(cases[:3], tmp_path / "report", resume=True)) == 3
 
 
-def test_a_killed_run_lies_where_it_was_made(cases: list[Case], tmp_path: Path) -> None:
+def test_killed_run_is_resumed_from_its_partial_folder(cases: list[Case], tmp_path: Path) -> None:
     out = tmp_path / "report"
     interrupted(cases, out, 3).rename(folders.making(out))
     assert len(run(cases, out, resume=True)) <= len(cases) - 3
@@ -199,11 +199,11 @@ def test_part_of_a_run_is_neither_accepted_nor_merged(cases: list[Case], tmp_pat
         accept(partial, "why", tmp_path / "accepted")
 
 
-def test_where_nothing_was_interrupted_a_run_begins(cases: list[Case], tmp_path: Path) -> None:
+def test_resume_without_an_interrupted_run_begins_one(cases: list[Case], tmp_path: Path) -> None:
     assert len(run(cases[:1], tmp_path / "report", resume=True)) == 1
 
 
-def test_a_run_that_is_kept_by_date_is_found_again(
+def test_run_kept_by_date_is_found_by_resume(
     eos_ref_command: Callable[..., Outcome], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -18,12 +18,12 @@ from tests.support import made_runs
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
-COST = st.sampled_from([0.0, 1.0, 2.5]) | st.floats(0, 1e4)  # many cost the same, or nothing that can be measured
+COST = st.sampled_from([0.0, 1.0, 2.5]) | st.floats(0, 1e4)  # many costs are equal, or too small to measure
 SECONDS = st.dictionaries(st.text("abc", min_size=1, max_size=4), COST, min_size=1, max_size=20)
 
 
 @given(SECONDS, st.integers(1, 12), st.randoms())
-def test_every_case_is_in_one_shard_whatever_the_order_and_none_is_late(
+def test_shards_are_a_balanced_partition_in_any_order(
     seconds: dict[str, float], count: int, chance: random.Random
 ) -> None:
     shards = balanced(seconds, count)
@@ -32,14 +32,14 @@ def test_every_case_is_in_one_shard_whatever_the_order_and_none_is_late(
     chance.shuffle(mixed)
     assert balanced(dict(mixed), count) == shards
     busy = [sum(seconds[name] for name in sorted(shard)) for shard in shards]
-    # The case that ends last was given to the shard with the least to do, at most the mean of the others' work.
+    # The case that ends last went to the shard with the least work, at most the mean of the other cases' work.
     latest = sum(seconds.values()) / count + max(seconds.values()) * (1 - 1 / count)
     assert max(busy) <= latest * (1 + 1e-12 * len(seconds))
     assert sum(bool(shard) for shard in shards) == min(count, len(seconds)), "no shard is left without a case"
 
 
 def test_shards_of_measured_cases_are_equally_long() -> None:
-    """The longest case alone, where every n-th case gives that shard the most."""
+    """The longest case is alone, whereas every n-th case would give its shard the most."""
     cases = casefile.select(casefile.load(), ["near-rho0"])
     names = [case.name for case in cases]
     costs = Costs(seconds={names[0]: len(names) - 2.0} | dict.fromkeys(names[1:-1], 1.0))
@@ -50,7 +50,7 @@ def test_shards_of_measured_cases_are_equally_long() -> None:
     assert len(part_of(cases, "1/2")) == (len(names) + 1) // 2
 
 
-def test_shards_that_were_divided_otherwise_are_not_merged() -> None:
+def test_shards_of_different_divisions_are_not_merged() -> None:
     cases = [made_runs.case("a"), made_runs.case("b"), made_runs.case("c")]
     whole = divided(["c", "a", "b"])
 
@@ -60,7 +60,7 @@ def test_shards_that_were_divided_otherwise_are_not_merged() -> None:
         return record
 
     check_complete([shard("2/2", 2), shard("1/2", 0, 1)])
-    check_complete([shard("2/2", 2, of=""), shard("1/2", 0, of="")])  # of a version that did not say
+    check_complete([shard("2/2", 2, of=""), shard("1/2", 0, of="")])  # of a version that did not record it
     for parts, complaint in (
         ([shard("2/2", 2), shard("1/2", 0)], "divided otherwise"),
         ([shard("2/2", 2), shard("1/2", 0, 1, of="x")], "divided otherwise"),

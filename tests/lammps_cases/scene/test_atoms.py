@@ -1,4 +1,4 @@
-"""Particles of a scene: sites and boxes of lattices, types, fields dealt out, and what is refused."""
+"""Particles of a scene: sites and boxes of lattices, types, assigned fields, and refused input."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def atoms_of(file: Path) -> Atoms:
         ("fcc", [2, 2, 2], 32, [1.0, 1.0, 1.0], 0.5 * 0.5**0.5),
     ],
 )
-def test_a_lattice_fills_its_periodic_box(
+def test_lattice_fills_its_periodic_box(
     case_file: Write, lattice: str, cells: list[int], count: int, high: list[float], nearest: float
 ) -> None:
     d = len(cells)
@@ -44,11 +44,11 @@ def test_a_lattice_fills_its_periodic_box(
     apart_ppc = atoms.x_nc[:, None, :d] - atoms.x_nc[None, :, :d]
     apart_ppc -= np.round(apart_ppc / high) * high
     r_pp = np.sqrt((apart_ppc**2).sum(axis=-1)) + 9.0 * np.eye(count)
-    # Of places up to six times as long, two roundings each; the difference, two squares and sums, and the root.
+    # Two roundings of each position, up to six times as long; the difference, two squares and sums, and the root.
     np.testing.assert_allclose(r_pp.min(axis=1), nearest, rtol=(2 * 2 * 6 + 6) * 2.0**-53)
 
 
-def test_faces_that_are_open_have_a_margin(case_file: Write) -> None:
+def test_open_faces_have_a_margin(case_file: Write) -> None:
     atoms = atoms_of(case_file(positions={**ORDERED, "periodic": [True, False], "margin": 2.0}))
     assert atoms.periodic == (True, False, True)
     np.testing.assert_array_equal(atoms.low_c, [0.0, -1.0, -0.25])
@@ -80,7 +80,7 @@ def test_regions_give_types_and_remove_particles(case_file: Write) -> None:
     np.testing.assert_array_equal(atoms.mass_n, np.where(atoms.type_n == 2, 3.0, 2.0))
 
 
-def test_energy_is_that_of_the_whole_particle(case_file: Write) -> None:
+def test_energy_per_type_is_multiplied_by_mass(case_file: Write) -> None:
     atoms = atoms_of(
         case_file(
             types=TWO,
@@ -91,7 +91,7 @@ def test_energy_is_that_of_the_whole_particle(case_file: Write) -> None:
     np.testing.assert_array_equal(atoms.energy_n, np.where(atoms.type_n == 1, 10.0, 21.0))
 
 
-def test_ratios_are_of_the_density_of_each_type(case_file: Write) -> None:
+def test_density_ratios_are_relative_to_rho0_of_each_type(case_file: Write) -> None:
     atoms = atoms_of(case_file(types=TWO, rho={"ratio": [0.5, 1.5]}))
     rho0_n = np.where(atoms.type_n == 1, 1.0, 4.0)
     # The product with the density and the quotient by it; a product and a sum of the ratios, on either side.
@@ -100,15 +100,15 @@ def test_ratios_are_of_the_density_of_each_type(case_file: Write) -> None:
     )
 
 
-def test_offsets_are_spaced_by_factors_on_both_sides(case_file: Write) -> None:
+def test_density_offsets_are_geometric_on_both_sides(case_file: Write) -> None:
     atoms = atoms_of(case_file(rho={"offset": {"low": 1e-6, "high": 1e-2}}))
     d_n = np.sort(np.abs(atoms.rho_n / 1.2 - 1))
-    # The product with 1.2, the quotient by it and the difference are rounded as numbers near 1 are.
+    # The product with 1.2, the quotient by it and the difference round like numbers near 1.
     np.testing.assert_allclose(d_n, np.geomspace(1e-6, 1e-2, 20), rtol=4 * 2.0**-53, atol=4 * 2.0**-53)
     assert (atoms.rho_n < 1.2).sum() == 10
 
 
-def test_the_seed_is_of_the_name_alone() -> None:
+def test_seed_depends_on_the_name_alone() -> None:
     assert seed("one") == seed("one") != seed("two")
     assert 0 <= seed("one") < 2**64
 
@@ -128,7 +128,7 @@ def test_the_seed_is_of_the_name_alone() -> None:
         ({"positions": {**ORDERED, "spacing": 1e308}}, "spacing: must leave the box finite, found 1e+308"),
     ],
 )
-def test_scenes_without_meaning_are_refused(case_file: Write, changes: dict[str, Any], text: str) -> None:
+def test_meaningless_scenes_are_refused(case_file: Write, changes: dict[str, Any], text: str) -> None:
     with pytest.raises(InputError) as refused:
         atoms_of(case_file(**changes))
     assert text in str(refused.value)

@@ -1,4 +1,4 @@
-"""A scene as a whole: keys that have to fit one another, and what follows from them."""
+"""A whole scene: keys that must agree with each other, and properties derived from them."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def scene(**changes: Any) -> Scene:
 
 
 @pytest.mark.parametrize(("changes", "rule"), BAD)
-def test_refused(changes: dict[str, Any], rule: str) -> None:
+def test_inconsistent_keys_are_refused(changes: dict[str, Any], rule: str) -> None:
     with pytest.raises(ValidationError, match=rule):
         scene(**changes)
 
 
-def test_a_law_alone_is_compared_at_the_end_and_a_model_at_every_step_asked_for() -> None:
+def test_law_is_compared_at_the_end_and_model_at_requested_steps() -> None:
     evolve = {"steps": 4, "timestep": 0.01}
     law, model = scene(evolve=evolve), scene(**MODEL, evolve=evolve | {"compare_at": [0, 4]})
     assert (scene().snapshots, law.snapshots, model.snapshots) == ((0,), (4,), (0, 4))
@@ -47,7 +47,7 @@ def test_a_law_alone_is_compared_at_the_end_and_a_model_at_every_step_asked_for(
     assert [one.interacts for one in (scene(), law, model)] == [False, True, True]
 
 
-def test_defaults_are_those_that_laws_and_fields_depend_on() -> None:
+def test_only_defaults_in_use_are_listed() -> None:
     bare = {"types": [{"mass": 1.0}]}
     gas = {"pressure": [{"types": "*", "style": "ideal/gas", "gamma": 1.4}], "energy": {"constant": 1.0}}
     assert scene().defaults == ()
@@ -57,7 +57,7 @@ def test_defaults_are_those_that_laws_and_fields_depend_on() -> None:
     assert scene(**gas).thermal and not scene().thermal
 
 
-def test_a_type_without_a_law_is_said_with_the_place() -> None:
+def test_type_without_a_law_is_refused_with_its_location() -> None:
     types = [{"mass": 1.0}] * 2
     with pytest.raises(InputError, match=r"\(here\)"):
         scene(types=types, pressure=[{"types": "1", "style": "linear"}]).eos("here")
@@ -71,14 +71,14 @@ def test_names_are_words_joined_by_hyphens(name: str) -> None:
         check_name(name)
 
 
-def test_a_tag_leaves_out_files_but_no_case_that_has_it() -> None:
+def test_tag_skips_files_but_no_tagged_case() -> None:
     for tag in {tag for case in casefile.load() for tag in case.tags}:
         assert casefile.select(casefile.load(tag=tag), tag=tag) == casefile.select(casefile.load(), tag=tag)
     assert len({case.source for case in casefile.load(tag="eos")}) < len({case.source for case in casefile.load()}) / 2
     assert casefile.load(tag="particle") == casefile.load(tag="no such word") == casefile.load(), "a word, but no tag"
 
 
-def test_shipped_cases_are_read_once_and_handed_out_as_a_list_of_ones_own() -> None:
+def test_shipped_cases_are_cached_and_each_caller_gets_its_own_list() -> None:
     mine = casefile.load()
     mine.clear()
     assert casefile.load() and casefile.load()[0] is casefile.load()[0]

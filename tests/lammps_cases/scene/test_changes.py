@@ -1,4 +1,4 @@
-"""The catalogue of changes, and the cases that see them: two of different scenes in every dimension."""
+"""The catalogue of changes, and the cases that detect them: two different scenes in each dimension."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ WITNESSES = 2
 CASES = casefile.load()
 
 
-def test_mistakes_of_the_report_are_in_the_catalogue() -> None:
+def test_catalogue_holds_all_mistakes_of_the_report() -> None:
     for of, mistakes in (("law", LAW_MUTANTS), ("stage", MODEL_MUTANTS)):
         assert [change.what for change in catalogue().values() if change.mistake == of] == list(mistakes)
     assert all(bool(change.function) != bool(change.mistake) for change in catalogue().values())
 
 
-def test_every_case_names_changes_that_it_sees() -> None:
-    """A run checks that it does see them; a refusal and a twin of LAMMPS's own see none."""
+def test_every_case_names_changes() -> None:
+    """A run checks that the case detects them; a refusal and a twin of LAMMPS itself can detect none."""
     assert [case.name for case in CASES if can_see(case) and not case.exercises] == []
     assert [case.name for case in CASES if not can_see(case) and case.exercises] == []
 
 
-def test_every_change_that_a_case_names_has_two_witnesses_in_2d_and_3d() -> None:
-    """A law knows no dimension: its witnesses may be of either."""
+def test_every_named_change_has_two_witnesses_in_2d_and_3d() -> None:
+    """A law does not depend on the dimension: its witnesses may have either."""
     scenes: dict[tuple[str, int], set[str]] = defaultdict(set)
     for case in CASES:
         scene = case.scene.model_dump_json(exclude={"compare", "engine", "manual", "twin"})

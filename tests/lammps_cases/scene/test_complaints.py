@@ -1,4 +1,4 @@
-"""What is wrong with a case file is said in the words of the file, all at once, with line and column."""
+"""Errors of a case file are reported in the words of the file, all at once, with line and column."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ def _refused(path: Path, text: str) -> list[str]:
     return [str(error).replace(f"{path}, ", "") for error in refusal.value.errors]
 
 
-def test_all_mistakes_are_said_at_once_unknown_keys_first(tmp_path: Path) -> None:
+def test_all_errors_are_reported_at_once_unknown_keys_first(tmp_path: Path) -> None:
     assert _refused(tmp_path / "many.yaml", MANY) == SAID
 
 
-def test_the_terminal_shows_a_line_for_each(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_terminal_shows_one_line_per_error(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
     for name in ("many", "more"):
         (tmp_path / f"{name}.yaml").write_text(MANY)
     code, out, err = eos_ref_command("list", "--cases", tmp_path)
@@ -89,7 +89,7 @@ scene:
 """
 
 
-def test_a_mistake_in_a_patch_is_placed_in_the_patch_and_said_once(tmp_path: Path) -> None:
+def test_error_in_a_patch_is_located_there_and_reported_once(tmp_path: Path) -> None:
     said = _refused(tmp_path / "matrix.yaml", MATRIX)
     assert [line[line.rindex("(") :] for line in said] == [
         "(line 5, column 49, case matrix.a.s)",
@@ -129,7 +129,7 @@ STOPPING = "  evolve: {steps: 4, timestep: 0.1, stops: [{at: 1, stretch: {z: 2}}
         (WHOLE.replace(", rho0: 1", "") + STOPPING, "stretch.z must be 1 in 2D, found 2.0 (line 10, column 44)"),
     ],
 )
-def test_a_rule_of_several_keys_is_placed_at_the_key_that_it_speaks_of(tmp_path: Path, text: str, said: str) -> None:
+def test_error_across_keys_is_located_at_the_key_it_names(tmp_path: Path, text: str, said: str) -> None:
     (line,) = _refused(tmp_path / "whole.yaml", text)
     assert line.endswith(said)
 
@@ -157,7 +157,7 @@ OUTSIDE = LISTED | {"x": [[0.2, 0.2], [2, 2]], "periodic": [False, False]}
         ("positions", {"extxyz": "none.xyz"}, "extxyz: cannot be read: No such file", ""),
     ],
 )
-def test_a_case_that_cannot_be_built_names_line_and_column(
+def test_error_while_building_particles_has_line_and_column(
     key: str, values: dict[str, Any], rule: str, where: str, case_file: Callable[..., Path]
 ) -> None:
     path = case_file(**{key: values}, compare=["f"])
@@ -209,7 +209,7 @@ WRONG = (
     {"odd": {"even": []}},
     ["a", "b", "c", "d"],
 )
-# What pydantic and Python say of values, and YAML does not.
+# Words of pydantic and Python that are foreign to YAML.
 FOREIGN = re.compile(
     r"\b(tuple|dict|dictionary|NoneType|None|True|False|literal|instance|pydantic|str|float|int|bool|boolean|input|"
     r"Field|Value|valid|object|validation|extra|forbidden|permitted|discriminator|tag|parse|type=)\b",
@@ -224,7 +224,7 @@ def _places(content: Any, keys: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...
 
 
 @pytest.mark.parametrize("keys", [*_places(RICH)], ids=lambda keys: ".".join(map(str, keys)))
-def test_no_word_of_python_is_in_a_complaint(keys: tuple[Any, ...], tmp_path: Path) -> None:
+def test_errors_contain_no_words_of_python(keys: tuple[Any, ...], tmp_path: Path) -> None:
     said = []
     for wrong in WRONG:
         content = copy.deepcopy(RICH)
@@ -248,12 +248,12 @@ def test_no_word_of_python_is_in_a_complaint(keys: tuple[Any, ...], tmp_path: Pa
     ("key", "under"),
     [("tags", "belongs under no other key"), ("cells", "belongs under positions:"), ("wibble", "unknown key (")],
 )
-def test_a_key_of_another_level_is_told_its_place(key: str, under: str, case_file: Callable[..., Path]) -> None:
+def test_misplaced_key_gets_a_hint_where_it_belongs(key: str, under: str, case_file: Callable[..., Path]) -> None:
     with pytest.raises(InputError, match=re.escape(f"{key}: unknown key")) as refusal:
         casefile.load_file(case_file(**{key: 1}))
     assert under in str(refusal.value)
 
 
-def test_a_key_at_the_wrong_level_is_not_missing_besides(tmp_path: Path) -> None:
+def test_misplaced_key_is_not_also_reported_missing(tmp_path: Path) -> None:
     text = "name: a\nabout: b\npressure: []\nscene: {dimension: 2, types: [{mass: 1}], positions: {extxyz: a.xyz}}\n"
     assert _refused(tmp_path / "a.yaml", text) == ["pressure: unknown key (belongs under scene:) (line 3, column 1)"]

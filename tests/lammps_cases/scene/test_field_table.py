@@ -1,4 +1,4 @@
-"""The table of fields: every field is known everywhere, and a new one needs its records, a formula and a line."""
+"""The table of fields: every field is complete, and a new one needs two records, a formula and a line."""
 
 from __future__ import annotations
 
@@ -75,8 +75,7 @@ def judged(ready: prepared_case.PreparedCase, answer: Answer) -> CaseRecord:
 # --- every field
 
 
-def test_every_field_is_known_everywhere(make: Make) -> None:
-    """Each table that is derived has an answer for each field."""
+def test_every_derived_table_has_every_field(make: Make) -> None:
     case = make()
     model, atoms = model_of(case), prepared_case.prepare(case).atoms
     job = commands.job(case.scene, atoms, plan(case.scene))
@@ -99,8 +98,8 @@ def test_every_field_is_known_everywhere(make: Make) -> None:
 
 
 @pytest.mark.lammps
-def test_every_field_is_shown_by_both_sides(make: Make, solver: Solver) -> None:
-    """LAMMPS and the reference give arrays of one shape, that of the rank; and LAMMPS' have a way back."""
+def test_every_field_is_output_by_both_sides(make: Make, solver: Solver) -> None:
+    """LAMMPS and the reference give arrays of the same shape, that of the rank; LAMMPS' can be converted back."""
     case = make()
     ready, answer = answered(solver, case)
     shown = snapshot(case.scene, answer.arrays)
@@ -115,7 +114,7 @@ def test_every_field_is_shown_by_both_sides(make: Make, solver: Solver) -> None:
     assert all(np.array_equal(back[name], answer.arrays[name]) for name in back)
 
 
-def test_a_field_without_its_keyword_is_refused(make: Make) -> None:
+def test_field_without_its_keyword_is_refused(make: Make) -> None:
     bare = make(rheo={}, energy=None, types=[{"mass": 0.9}], compare=["f"])
     for name, quantity in QUANTITIES.items():
         has = name in FIELDS and not QUANTITIES[quantity.whole].keyword
@@ -128,11 +127,11 @@ def test_a_field_without_its_keyword_is_refused(make: Make) -> None:
 
 # --- a new one
 
-NEW = "compression"  # of a linear law it is the pressure, which real LAMMPS shows
+NEW = "compression"  # for a linear law this is the pressure, which real LAMMPS outputs
 
 
 def _add(monkeypatch: pytest.MonkeyPatch, formula: Callable[[ArrayEvaluator, Any], Any]) -> None:
-    """What a new field takes: two records, a formula, and the line of the evaluation that calls it."""
+    """Add a field: two records, a formula, and the line of the evaluation that calls it."""
     monkeypatch.setitem(QUANTITIES, NEW, Quantity(NEW, "compressions", PRESSURE, inputs=("rho",)))
     monkeypatch.setitem(FIELDS, NEW, Field(NEW, "eos", column="pressure"))
     monkeypatch.setattr(ArrayEvaluator, NEW, formula, raising=False)
@@ -156,7 +155,7 @@ def _wrong(stages: ArrayEvaluator, rho_n: Any) -> Any:
 
 @pytest.mark.lammps
 @pytest.mark.parametrize(("formula", "verdict"), [(_right, "exact"), (_wrong, "differs")])
-def test_a_new_field_needs_records_a_formula_and_a_line(
+def test_new_field_needs_two_records_a_formula_and_a_line(
     formula: Callable[[ArrayEvaluator, Any], Any],
     verdict: str,
     make: Make,
@@ -175,7 +174,7 @@ def test_a_new_field_needs_records_a_formula_and_a_line(
     assert "compute q all rheo/property/atom pressure coordination" in ready.jobs[0].commands
     law = EOS("linear", rho0=1.1, cs=9.0)
     found_n, expected_n = snapshot(case.scene, answer.arrays)[NEW], law.pressure(answer.arrays["rho"])
-    # A square, a difference and a product of either side.
+    # A square, a difference and a product on either side.
     np.testing.assert_allclose(found_n, expected_n, rtol=2 * 3 * 2.0**-53)
 
     record = judged(ready, answer)

@@ -1,4 +1,4 @@
-"""Scenes from LAMMPS' own files: what LAMMPS writes is what the scene takes, bit by bit."""
+"""Scenes from LAMMPS' own files: the scene takes the numbers that LAMMPS writes, bit by bit."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 
 @pytest.mark.parametrize("positions", ["{data: a.data}", "{dump: a.dump}"])
-def test_what_lammps_writes_is_the_scene(written: tuple[Path, int, Any], positions: str) -> None:
+def test_scene_has_the_numbers_that_lammps_wrote(written: tuple[Path, int, Any], positions: str) -> None:
     folder, dimension, arrays = written
     dumped = "dump" in positions
     found = _built(folder, positions, dimension, more="rho: {constant: 1.0}" if dumped else "")
     assert found.v_nc is not None and found.rho_n is not None
-    # A data file has 16 digits: half a unit of the last one, and the double next to that. Before, LAMMPS converts
+    # A data file has 16 digits: half a unit of the last one, and rounding to a double. Before writing, LAMMPS converts
     # positions to fractions of a tilted box and back: three products and sums each way, of lengths below 4.
     np.testing.assert_allclose(found.v_nc, arrays["v"], rtol=0 if dumped else 5e-16 + 2.0**-53)
     np.testing.assert_allclose(found.x_nc, arrays["x"], rtol=0, atol=0 if dumped else 12 * 4 * 2.0**-53)
@@ -85,13 +85,13 @@ def test_what_lammps_writes_is_the_scene(written: tuple[Path, int, Any], positio
         np.testing.assert_allclose(found.energy_n, arrays["esph"], rtol=5e-16 + 2.0**-53)
     box = found.box(dimension)
     tilt = (0.3,) if dimension == 2 else (0.3, -0.2, 0.4)
-    # A dump gives the bounds of the upright box around the tilted one: a sum and a difference of each.
+    # A dump gives the bounds of the upright box around the tilted one: a sum and a difference for each.
     np.testing.assert_allclose(found.low_c, [0, -1, -0.25 if dimension == 2 else -0.7], atol=4 * 2.0**-52)
     np.testing.assert_allclose(found.high_c, [3.1, 2, 0.25 if dimension == 2 else 2.1], atol=4 * 2.0**-52)
     assert box.tilt == tilt and all(found.periodic)
 
 
-def test_a_scene_says_more_than_its_file(written: tuple[Path, int, Any]) -> None:
+def test_scene_overrides_its_file(written: tuple[Path, int, Any]) -> None:
     folder, dimension, _ = written
     more = "velocity: {uniform: [1" + ", 0" * (dimension - 1) + "]}\n  rho: {constant: 1.25}"
     found = _built(folder, "{data: a.data}", dimension, more=more)
@@ -142,19 +142,19 @@ GOOD = DATA.replace(" 0 0 0\n", "\n")
         (_edited("0 4 xlo", "4 0 xlo"), "box: needs low < high"),
         (_edited("3 2 1", "2 2 1"), "id: must differ from particle to particle"),
         (_edited("1 1 0 1.0", "1 1 0 one"), "column rho: must hold numbers"),
-        (_edited("1 1 0 1.0", "\u1000 1 0 1.0"), "Atoms: must be ASCII but for comments"),
+        (_edited("1 1 0 1.0", "\u1000 1 0 1.0"), "Atoms: must be ASCII except in comments"),
         (_edited("3 2 1", "3 2 0"), "phase: of type 2 must be that of the particles of the file, found 'fluid'"),
         (lambda text: text + "\nVelocities\n\n1 0 0 0\n", "Velocities: must hold those of the particles of Atoms"),
     ],
 )
-def test_a_data_file_is_refused(tmp_path: Path, edit: Callable[[str], str], said: str) -> None:
+def test_malformed_data_file_is_refused(tmp_path: Path, edit: Callable[[str], str], said: str) -> None:
     (tmp_path / "a.data").write_text(edit(GOOD))
     with pytest.raises(InputError) as caught:
         _built(tmp_path, "{data: a.data}")
     assert said in str(caught.value) and "case.yaml" in str(caught.value)
 
 
-def test_a_binary_dump_is_as_one_with_all_digits(written: tuple[Path, int, Any]) -> None:
+def test_binary_dump_equals_text_dump_with_all_digits(written: tuple[Path, int, Any]) -> None:
     (text,), (binary,) = (list(lammps_files.snapshots(written[0] / name)) for name in ("a.dump", "a.bin"))
     assert (binary.step, binary.periodic, binary.exact) == (text.step, text.periodic, True)
     assert np.array_equal([*binary.tilt, *binary.low_c, *binary.high_c], [*text.tilt, *text.low_c, *text.high_c])
@@ -174,7 +174,7 @@ def test_a_binary_dump_is_as_one_with_all_digits(written: tuple[Path, int, Any])
         (-80, "<d", 1e19, "column id: must hold whole numbers"),
     ],
 )
-def test_binary_dumps_of_other_kinds(at: int, form: str, value: float, rule: str, tmp_path: Path) -> None:
+def test_unsupported_binary_dumps_are_refused(at: int, form: str, value: float, rule: str, tmp_path: Path) -> None:
     content = bytearray(BINARY_DUMP)
     struct.pack_into(form, content, at % len(content), value)
     (tmp_path / "a.bin").write_bytes(content)
@@ -182,7 +182,7 @@ def test_binary_dumps_of_other_kinds(at: int, form: str, value: float, rule: str
         [shot.numbers("id", int) for shot in lammps_files.snapshots(tmp_path / "a.bin")]
 
 
-def test_snapshots_of_a_dump(tmp_path: Path) -> None:
+def test_snapshot_of_a_dump_is_chosen_by_step(tmp_path: Path) -> None:
     (tmp_path / "a.dump").write_text(DUMP.format(step=0, rho=1.5) + DUMP.format(step=10, rho=1.25))
     last = _built(tmp_path, "{dump: a.dump, columns: {rho: c_rho}}", phase="fluid")
     first = _built(tmp_path, "{dump: a.dump, columns: {rho: c_rho}, step: 0}", phase="fluid")
@@ -198,7 +198,7 @@ def test_snapshots_of_a_dump(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cut", range(9))
-def test_a_dump_that_is_cut_off(tmp_path: Path, cut: int) -> None:
+def test_truncated_dump_is_refused(tmp_path: Path, cut: int) -> None:
     whole = DUMP.format(step=0, rho=1.5).splitlines(keepends=True)
     (tmp_path / "a.dump").write_text("".join(whole[: cut + 1]))
     with pytest.raises(InputError, match=r"dump: must end with a whole snapshot|dump: cannot be read|ATOMS: must hold"):
@@ -209,7 +209,7 @@ TWO = [DUMP.format(step=step, rho=1.5).encode() for step in (0, 10)]
 
 
 @pytest.mark.parametrize("shots", [TWO, [BINARY_DUMP, BINARY_DUMP]], ids=["text", "binary"])
-def test_every_cut_of_a_dump_leaves_the_whole_snapshots(shots: list[bytes], tmp_path: Path) -> None:
+def test_truncated_dump_still_yields_its_whole_snapshots(shots: list[bytes], tmp_path: Path) -> None:
     whole, ends = b"".join(shots), [0, len(shots[0]), len(shots[0]) + len(shots[1])]
     for cut in range(len(whole) + 1):
         (tmp_path / "a.dump").write_bytes(whole[:cut])
@@ -220,10 +220,10 @@ def test_every_cut_of_a_dump_leaves_the_whole_snapshots(shots: list[bytes], tmp_
             complaint = error
         assert len(found) == sum(end <= cut for end in ends[1:])
         assert (complaint is None) == (cut in ends)
-        assert isinstance(complaint, lammps_files.CutOff) or cut in ends or cut < 12  # of less, nobody knows the kind
+        assert isinstance(complaint, lammps_files.CutOff) or cut in ends or cut < 12  # too short to identify
 
 
-def test_other_files_are_no_dumps(tmp_path: Path) -> None:
+def test_other_files_are_refused_as_dumps(tmp_path: Path) -> None:
     (tmp_path / "a.dump").write_bytes(b"\xff\x00binary")
     with pytest.raises(InputError, match="must be text, or a binary file"):
         list(lammps_files.snapshots(tmp_path / "a.dump"))

@@ -1,4 +1,4 @@
-"""What particles are: atom types, and entries of fix rheo/pressure with one argument or none."""
+"""Atom types, and entries of fix rheo/pressure with one argument or none."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from lammps_cases.scene.particles import AtomType, LawSettings, PowerLaw, entrie
         ({"style": "background", "P_b": -0.5}, -0.5, False),
     ],
 )
-def test_an_entry_has_the_argument_of_its_style(law: dict[str, Any], value: float | None, needs_energy: bool) -> None:
+def test_entry_has_the_argument_of_its_style(law: dict[str, Any], value: float | None, needs_energy: bool) -> None:
     settings = LawSettings(types="1*2", **law)
     assert (settings.value, settings.needs_energy) == (value, needs_energy)
     assert settings.entry == PressureEntry("1*2", law["style"], value)
@@ -41,7 +41,7 @@ def test_an_entry_has_the_argument_of_its_style(law: dict[str, Any], value: floa
         ({"style": "tait"}, "Input should be 'linear'"),
     ],
 )
-def test_an_entry_has_no_other_argument(law: dict[str, Any], rule: str) -> None:
+def test_entry_refuses_other_arguments(law: dict[str, Any], rule: str) -> None:
     with pytest.raises(ValidationError, match=rule):
         LawSettings(types=1, **law)
 
@@ -55,13 +55,13 @@ def test_an_entry_has_no_other_argument(law: dict[str, Any], rule: str) -> None:
         EOS("ideal/gas", parameter=1.4, background=-0.5),
     ],
 )
-def test_entries_of_a_law_give_that_law_to_all_types(law: EOS) -> None:
+def test_entries_of_a_law_resolve_to_it_for_all_types(law: EOS) -> None:
     settings = [LawSettings(**entry) for entry in entries(law)]
     assert len(settings) == 1 + bool(law.background)
     assert list(resolve([each.entry for each in settings], 2)) == [law, law]
 
 
-def test_a_viscosity_is_a_number_or_a_power_law() -> None:
+def test_viscosity_is_a_number_or_a_power_law() -> None:
     law = {"eta": 0.1, "gd0": 0.2, "K": 0.3, "n": 0.7}
     assert AtomType(mass=1.0).viscosity == 0.1, "the manual's default of this harness"
     assert AtomType(mass=1.0, viscosity=0.0).viscosity == 0.0
@@ -71,7 +71,7 @@ def test_a_viscosity_is_a_number_or_a_power_law() -> None:
             AtomType.model_validate({"mass": 1.0, "viscosity": wrong})
 
 
-def test_a_type_is_thermal_if_it_says_so() -> None:
+def test_thermal_keys_make_a_type_thermal() -> None:
     assert not AtomType(mass=1.0, rho0=2.0, cs=3.0, phase="solid").thermal
     given = [{"conductivity": 0.1}, {"specific_heat": 1.0}, {"T_freeze": 0.0}, {"latent_heat": 0.5, "T_freeze": 0.1}]
     assert all(AtomType.model_validate({"mass": 1.0, **each}).thermal for each in given)

@@ -1,4 +1,4 @@
-"""NaN, infinity and subnormal numbers in every column of every kind of file that a scene is read from."""
+"""NaN, infinity and subnormal numbers in every column of every kind of file that a scene can read."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def built(path: Path) -> Atoms:
 @pytest.mark.parametrize(("writer", "column"), EVERY)
 @settings(max_examples=12, deadline=None)
 @given(row=ROW, text=NO_NUMBERS)
-def test_what_is_no_finite_number_is_refused_in_one_line(writer: Writer, column: str, row: int, text: str) -> None:
+def test_non_finite_numbers_are_refused_in_one_line(writer: Writer, column: str, row: int, text: str) -> None:
     with TemporaryDirectory() as folder, pytest.raises(InputError) as caught:
         built(case_file(writer, column, row, text, Path(folder)))
     said = str(caught.value)
@@ -142,7 +142,7 @@ def test_what_is_no_finite_number_is_refused_in_one_line(writer: Writer, column:
 @pytest.mark.parametrize(("writer", "column"), OF_FLOATS)
 @settings(max_examples=12, deadline=None)
 @given(row=ROW, value=SUBNORMAL)
-def test_a_subnormal_number_is_read_to_the_last_bit(writer: Writer, column: str, row: int, value: float) -> None:
+def test_subnormal_numbers_are_read_exactly(writer: Writer, column: str, row: int, value: float) -> None:
     with TemporaryDirectory() as folder:
         atoms = built(case_file(writer, column, row, repr(value), Path(folder)))
     assert atoms.rho_n is not None and atoms.energy_n is not None
@@ -159,7 +159,7 @@ COMMAND = [(dump, "vx"), (data, "rho"), (extxyz, "rho"), (csv, "energy"), (yaml,
 
 
 @pytest.mark.parametrize(("writer", "column"), COMMAND)
-def test_the_command_ends_with_2(
+def test_command_exits_with_2(
     writer: Writer, column: str, tmp_path: Path, eos_ref_command: Callable[..., Outcome]
 ) -> None:
     path = case_file(writer, column, 1, "nan", tmp_path)
@@ -169,7 +169,7 @@ def test_the_command_ends_with_2(
 
 
 @pytest.mark.lammps
-def test_subnormal_numbers_have_a_verdict(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
+def test_cases_with_subnormal_numbers_have_a_verdict(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
     names = []
     for k, (writer, column) in enumerate(OF_FLOATS):
         folder = tmp_path / str(k)
@@ -180,7 +180,7 @@ def test_subnormal_numbers_have_a_verdict(tmp_path: Path, eos_ref_command: Calla
     code, out, err = eos_ref_command("run", *names, *cases, "--out", tmp_path / "out", "--json")
     verdicts = {case["case"]: case["verdict"] for case in json.loads(out)["cases"]}
     assert code in (0, 1), err
-    # LAMMPS multiplies by the mass before it divides by it; of that underflow the law's bound knows nothing.
+    # LAMMPS multiplies by the mass before it divides by it; the law's bound does not cover that underflow.
     of_mass = {name: verdicts.pop(name) for name in names if name.endswith("mass")}
     assert set(of_mass.values()) <= {"exact", "pass", "differs"}
     assert verdicts.keys() | of_mass.keys() == set(names) and set(verdicts.values()) <= {"exact", "pass"}, verdicts

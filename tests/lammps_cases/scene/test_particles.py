@@ -1,4 +1,4 @@
-"""Positions and values of the particles of a scene: what each model refuses, and which kind of positions it is."""
+"""Positions and values of the particles of a scene: what each model refuses, and the choice of kinds of positions."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ BAD: list[tuple[type, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("model", "content", "rule"), BAD)
-def test_refused(model: Any, content: dict[str, Any], rule: str) -> None:
+def test_malformed_particles_are_refused(model: Any, content: dict[str, Any], rule: str) -> None:
     with pytest.raises(ValidationError, match=rule):
         model.model_validate(content)
 
@@ -61,7 +61,7 @@ def test_refused(model: Any, content: dict[str, Any], rule: str) -> None:
         ({"dump": "a.dump", "step": 5}, FromDump),
     ],
 )
-def test_one_key_decides_on_the_kind_of_positions(content: dict[str, Any], kind: type) -> None:
+def test_one_key_determines_the_kind_of_positions(content: dict[str, Any], kind: type) -> None:
     adapter = TypeAdapter(Positions)
     positions = adapter.validate_python(content)
     assert type(positions) is kind and adapter.validate_python(positions) == positions
@@ -70,7 +70,7 @@ def test_one_key_decides_on_the_kind_of_positions(content: dict[str, Any], kind:
     assert [each["type"] for each in refused.value.errors()] == ["extra_forbidden"], "a mistake of one kind alone"
 
 
-def test_a_box_leans_between_periodic_axes_alone() -> None:
+def test_only_periodic_axes_may_be_tilted() -> None:
     check_tilt(None, (False, False), 2)
     check_tilt((0.0, 0.2, 0.0), (True, False, True), 3)
     check_tilt((0.1, 0.0, 0.0), None, 3)  # periodic by default
@@ -78,5 +78,5 @@ def test_a_box_leans_between_periodic_axes_alone() -> None:
         check_tilt((0.0, 0.0, 0.2), (True, False, True), 3)
 
 
-def test_ends_of_one_sign_may_be_spaced_by_logarithm() -> None:
+def test_logarithmic_spacing_needs_ends_of_equal_sign() -> None:
     assert Values(range=(-1.0, -2.0), spacing="log").range == (-1.0, -2.0)

@@ -1,4 +1,4 @@
-"""How LAMMPS takes a scene: settings, twins and refusals, and which of them go together."""
+"""Engine settings, twins and expected refusals of a scene, and which of them may be combined."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ BAD: list[tuple[type, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("model", "content", "rule"), BAD)
-def test_refused(model: Any, content: dict[str, Any], rule: str) -> None:
+def test_incompatible_settings_are_refused(model: Any, content: dict[str, Any], rule: str) -> None:
     with pytest.raises(ValidationError, match=rule):
         model.model_validate(content)
 
 
 @pytest.mark.parametrize("content", [{"processors": [2, 1, 1], "ranks": 2}, {"balance": 5, "communication": "tiled"}])
-def test_settings_that_go_together_are_taken(content: dict[str, Any]) -> None:
+def test_compatible_settings_are_accepted(content: dict[str, Any]) -> None:
     assert EngineSettings.model_validate(content)
 
 
-def test_newton_of_bonds_is_that_of_pairs_unless_given() -> None:
+def test_newton_of_bonds_defaults_to_that_of_pairs() -> None:
     flags = [
         EngineSettings(newton=pair, newton_bond=bond).newton_flags for pair in (True, False) for bond in (None, True)
     ]
@@ -45,5 +45,5 @@ def test_newton_of_bonds_is_that_of_pairs_unless_given() -> None:
 
 
 @pytest.mark.parametrize(("key", "value"), [("rescale", 0.25), ("newton", False), ("tilt", [1, 0, 0]), ("ranks", 2)])
-def test_a_twin_is_of_the_kind_of_its_key(key: str, value: Any) -> None:
+def test_kind_of_a_twin_is_its_key(key: str, value: Any) -> None:
     assert TwinSettings.model_validate({key: value}).kind == key

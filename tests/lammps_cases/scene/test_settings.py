@@ -1,4 +1,4 @@
-"""How a scene is computed: arguments of fixes, steps that are compared, boxes that must remain; lines of the manual."""
+"""Settings of a scene: arguments of fixes, compared steps, boxes that must not vanish; lines of the manual."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ DETECTION = {"style": "coordination", "limit": 20.0, "splash": 4}
 @pytest.mark.parametrize(
     ("steps", "snapshots"), [(1, (0, 1)), (9, (0, 1, 9)), (100, (0, 1, 10, 100)), (250, (0, 1, 10, 100, 250))]
 )
-def test_steps_that_are_compared_by_default(steps: int, snapshots: tuple[int, ...]) -> None:
+def test_steps_compared_by_default(steps: int, snapshots: tuple[int, ...]) -> None:
     assert Evolve(steps=steps, timestep=0.1).snapshots == snapshots
     assert Evolve(steps=steps, timestep=0.1, compare_at=(steps,)).snapshots == (steps,)
 
 
-def test_a_stop_is_compared_and_begins_a_run() -> None:
+def test_stop_is_compared_and_begins_a_run() -> None:
     evolve = Evolve(steps=8, timestep=0.1, stops=(Stop(at=3), Stop(at=5)))
     assert (evolve.snapshots, evolve.halts) == ((0, 1, 3, 5, 8), (3, 5))
     assert [stop.at for stop in evolve.beginnings] == [3, 5]
 
 
-def test_pieces_of_a_run_begin_with_set_ups_of_their_own() -> None:
-    """LAMMPS counts pieces from where a run begins: after the stop at 5 from there."""
+def test_each_piece_of_a_run_begins_with_a_set_up() -> None:
+    """LAMMPS counts pieces from the beginning of a run: after the stop at 5, from there."""
     evolve = Evolve(steps=9, timestep=0.1, every=2, stops=(Stop(at=5),), compare_at=(9,))
     assert [stop.at for stop in evolve.beginnings] == [2, 4, 5, 7]
     assert evolve.snapshots == (9,)
@@ -58,17 +58,17 @@ def test_pieces_of_a_run_begin_with_set_ups_of_their_own() -> None:
         ({"timestep": 0.0}, "greater than 0"),
     ],
 )
-def test_steps_that_cannot_be_taken(wrong: dict[str, Any], rule: str) -> None:
+def test_impossible_steps_are_refused(wrong: dict[str, Any], rule: str) -> None:
     with pytest.raises(ValidationError, match=rule):
         Evolve(**{"steps": 4, "timestep": 0.1, **wrong})
 
 
-def test_a_stop_divides_what_a_box_shrinks_by() -> None:
-    """The longer of the two runs is of 3 steps: 1 - 2.5 x 0.1 x 3 = 1/4 of an edge is left."""
+def test_box_shrinks_separately_before_and_after_a_stop() -> None:
+    """The longer of the two runs has 3 steps: 1 - 2.5 x 0.1 x 3 = 1/4 of an edge remains."""
     assert Evolve(steps=4, timestep=0.1, stops=(Stop(at=1),), deform=DeformSettings(y=-2.5)).deform is not None
 
 
-def test_rates_by_axis() -> None:
+def test_deformation_rates_by_axis() -> None:
     deform = DeformSettings(x=1.0, y=2.0, z=3.0, xy=4.0, xz=5.0, yz=6.0)
     assert (deform.rates, deform.shears, deform.remap) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), "x")
 
@@ -98,18 +98,18 @@ def test_shift_is_on_off_or_has_arguments() -> None:
         (ExampleSettings, {"rheo": 4}, "less than or equal to 3"),
     ],
 )
-def test_arguments_that_do_not_go(model: type[SceneModel], arguments: dict[str, Any], rule: str) -> None:
+def test_invalid_arguments_are_refused(model: type[SceneModel], arguments: dict[str, Any], rule: str) -> None:
     with pytest.raises(ValidationError, match=rule):
         model.model_validate(arguments)
 
 
-def test_arguments_that_look_wrong_and_are_not() -> None:
+def test_unusual_arguments_are_accepted() -> None:
     assert SurfaceDetectionSettings.model_validate(DETECTION | {"style": "divergence", "limit": 0.5}).limit == 0.5
     assert ForceSettings(style="setforce", vector=(None, 1.0)).vector == (None, 1.0)
     assert RheoSettings(rho_sum=True, self_mass=True).self_mass
 
 
-def test_a_line_of_the_manual_by_its_place() -> None:
+def test_line_of_the_manual_is_found_by_its_location() -> None:
     for number in (1, 2, 3):
         of_rheo, of_pressure = ExampleSettings(rheo=number), ExampleSettings(pressure=number)
         assert (of_rheo.line("rheo"), of_rheo.line("pressure")) == (EXAMPLES["rheo"][number - 1], None)

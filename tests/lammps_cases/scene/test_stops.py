@@ -1,4 +1,4 @@
-"""Stops of a run in a scene: what there is, what a scene may say of them, and how LAMMPS counts steps."""
+"""Stops of a run in a scene: their routes, valid and invalid settings, and how LAMMPS counts steps."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from lammps_cases.scene.settings import Evolve
 CaseFile = Callable[..., Path]
 
 
-def test_groups_of_routes_are_of_routes() -> None:
+def test_groups_of_routes_are_subsets_of_the_routes() -> None:
     assert {*AS_TEXT, *REDEFINED, *FOR_EACH_ATOM} <= set(ROUTES)
 
 
-def test_shipped_cases_go_every_route() -> None:
+def test_shipped_cases_cover_every_route() -> None:
     cases = [case.scene.evolve for case in casefile.load()]
     assert {stop.by for evolve in cases if evolve for stop in evolve.stops} == set(ROUTES)
 
 
-def test_lammps_counts_on_from_where_a_stop_sets_it() -> None:
+def test_step_count_continues_from_the_value_set_at_a_stop() -> None:
     stops = (Stop(at=2, count=100), Stop(at=4), Stop(at=5, count=7))
     assert counted((0, 1, 2, 3, 4, 5, 6), stops) == (0, 1, 100, 101, 102, 7, 8)
 
 
 @pytest.mark.parametrize(("by", "renewed"), [("run", 0), ("restart", 0), ("recreated", 2), ("redefined", 9)])
-def test_atoms_that_are_new_to_the_fixes(by: str, renewed: int) -> None:
+def test_number_of_recreated_atoms_by_route(by: str, renewed: int) -> None:
     assert Stop.model_validate({"at": 0, "by": by}).count_recreated_atoms(9) == renewed
 
 
-def test_upper_corners_follow_one_another_and_are_kept_where_nothing_is_stretched() -> None:
+def test_stretches_accumulate_in_upper_corners() -> None:
     stops = [Stop(at=1, stretch=Stretch(x=2.0)), Stop(at=3), Stop(at=4, stretch=Stretch(x=0.5, z=1.5))]
     assert upper_corners(stops, (-1.0, -1.0, 0.1), (2.0, 0.7, 2.1)) == {1: [5.0, 0.7, 2.1], 4: [2.0, 0.7, 3.1]}
     assert upper_corners([Stop(at=1, stretch=Stretch())], (0.1,) * 3, (0.3,) * 3) == {1: [0.3] * 3}
 
 
-def test_a_stop_is_compared_unless_the_scene_says_which_steps_are() -> None:
+def test_stops_are_compared_unless_compare_at_is_given() -> None:
     stops = [{"at": 3}, {"at": 5}]
     assert Evolve.model_validate({"steps": 6, "timestep": 0.1, "stops": stops}).snapshots == (0, 1, 3, 5, 6)
     chosen = {"steps": 6, "timestep": 0.1, "stops": stops, "compare_at": [5, 6]}
     assert Evolve.model_validate(chosen).snapshots == (5, 6)
 
 
-def test_every_begins_anew_between_stops_and_is_read_at_the_end() -> None:
+def test_every_restarts_at_stops_and_is_read_at_the_end() -> None:
     scene = Evolve.model_validate({"steps": 7, "timestep": 0.1, "every": 2, "stops": [{"at": 3, "by": "set"}]})
     assert [(stop.at, stop.by) for stop in scene.beginnings] == [(2, "run"), (3, "set"), (5, "run")]
     assert scene.snapshots == (7,)
@@ -135,7 +135,7 @@ def test_every_begins_anew_between_stops_and_is_read_at_the_end() -> None:
         ({"deform": {}}, {"twin": {"boost": [0.1, 0.0]}}, "is another one under twin.boost"),
     ],
 )
-def test_what_a_scene_may_not_say(
+def test_invalid_stops_are_refused(
     case_file: CaseFile, evolve: dict[str, Any], scene: dict[str, Any], rule: str
 ) -> None:
     base = {"compare": ["f"], "evolve": {"steps": 4, "timestep": 0.004} | evolve}

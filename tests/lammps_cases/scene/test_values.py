@@ -1,4 +1,4 @@
-"""What the models of a scene are made of: finite numbers, ranges of types, files beside the scene."""
+"""Value types of the models of a scene: finite numbers, ranges of types, files next to the scene."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ GOOD: list[tuple[Any, Any, Any]] = [
 
 
 @pytest.mark.parametrize(("kind", "value"), BAD)
-def test_refused(kind: Any, value: Any) -> None:
+def test_invalid_values_are_refused(kind: Any, value: Any) -> None:
     with pytest.raises(ValidationError):
         TypeAdapter(kind).validate_python(value)
 
 
 @pytest.mark.parametrize(("kind", "value", "taken"), GOOD)
-def test_taken(kind: Any, value: Any, taken: Any) -> None:
+def test_valid_values_are_accepted(kind: Any, value: Any, taken: Any) -> None:
     assert TypeAdapter(kind).validate_python(value) == taken
 
 
-def test_models_are_immutable_know_their_keys_and_are_all_listed() -> None:
+def test_models_are_immutable_forbid_extra_keys_and_are_all_listed() -> None:
     class Part(SceneModel):
         a: int = 1
 

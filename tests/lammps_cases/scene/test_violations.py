@@ -1,4 +1,4 @@
-"""Rules that a scene breaks on purpose: each changes its commands, whatever else the scene has, and only that."""
+"""Rules that a scene breaks on purpose: each changes its own commands and no others, in any scene."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WARM, ATOMS = load_scene("warm", {"types": [{"mass": 1.2, "rho0": 1.2, "cs": 3.1
 
 
 def changes(violation: str) -> list[str]:
-    """Commands taken away and added by a violation, without what does not matter."""
+    """Return the commands that a violation removes and adds, each cut to 24 characters."""
     scenes = (WARM.scene, WARM.scene.model_copy(update={"violate": violation}))
     before, after = (job(scene, ATOMS, plan(scene)) for scene in scenes)
     lines = difflib.ndiff([*before.setup, *before.commands], [*after.setup, *after.commands])
@@ -48,11 +48,11 @@ def test_violation_changes_its_commands_alone(violation: str, wanted: list[str])
     assert all(line.startswith(start[:24]) for line, start in zip(found, wanted, strict=True)), found
 
 
-def test_every_violation_is_that_of_a_shipped_case() -> None:
+def test_every_violation_has_a_shipped_case() -> None:
     assert {case.scene.violate for case in casefile.load()} - {None} == set(VIOLATIONS)
 
 
-def test_arguments_and_styles() -> None:
+def test_violations_of_arguments_and_styles() -> None:
     line = "fix pressure all rheo/pressure * cubic 1.0"
     assert with_broken_rule([line], "missing-argument") == (line.removesuffix(" 1.0"),)
     assert with_broken_rule([line], "unknown-pressure-style") == (line.replace("cubic", "taitwater"),)
@@ -62,7 +62,7 @@ def test_arguments_and_styles() -> None:
     assert with_broken_rule([line], None) == (line,)
 
 
-def test_arrays_are_those_of_the_atom_style() -> None:
+def test_requested_arrays_follow_the_atom_style() -> None:
     for style, arrays in (("atom-style-atomic", []), ("atom-style-rheo", ["rho"]), (None, ["rho", "esph"])):
         scene = WARM.scene.model_copy(update={"violate": style})
         assert list(job(scene, ATOMS, plan(scene)).per_atom) == arrays

@@ -1,4 +1,4 @@
-"""The lines that LAMMPS is given for small scenes, each of them exactly."""
+"""The exact lines that LAMMPS is given for small scenes."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def plan_of(file: Path) -> Plan:
 # --- commands
 
 
-def test_a_law_alone_is_what_lammps_insists_on(case_file: Write) -> None:
+def test_scene_of_a_law_has_the_minimal_commands(case_file: Write) -> None:
     given = job_of(case_file())
     assert given.setup == (
         "units lj",
@@ -93,7 +93,7 @@ def test_a_law_alone_is_what_lammps_insists_on(case_file: Write) -> None:
     assert (given.outputs, list(given.per_atom)) == ({"pressure": ()}, ["rho"])
 
 
-def test_every_setting_is_a_line_or_a_word(case_file: Write) -> None:
+def test_every_setting_appears_in_the_commands(case_file: Write) -> None:
     given = job_of(case_file(**EVERYTHING))
     assert given.setup == (
         "units lj",
@@ -159,7 +159,7 @@ def test_summed_densities_and_energies_in_an_open_box(case_file: Write) -> None:
     )
     assert "fix flat all enforce2d" not in given.commands
     assert list(given.per_atom) == ["esph"]
-    np.testing.assert_array_equal(given.per_atom["esph"], 2.0 * 2.0)  # of the whole particle
+    np.testing.assert_array_equal(given.per_atom["esph"], 2.0 * 2.0)  # of the whole particle, not per mass
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_summed_densities_and_energies_in_an_open_box(case_file: Write) -> None:
         ("unknown-pressure-style", None, "fix pressure all rheo/pressure * taitwater 2.3"),
     ],
 )
-def test_a_violation_changes_its_line_alone(case_file: Write, violation: str, gone: str | None, come: str) -> None:
+def test_violation_changes_its_line_alone(case_file: Write, violation: str, gone: str | None, come: str) -> None:
     right = job_of(case_file()).commands
     wrong = job_of(case_file(violate=violation, expect={"refused": "some words"})).commands
     if gone:
@@ -184,13 +184,13 @@ def test_a_violation_changes_its_line_alone(case_file: Write, violation: str, go
 # --- runs
 
 
-def test_runs_lead_from_one_comparison_to_the_next(case_file: Write) -> None:
+def test_runs_end_at_compared_steps(case_file: Write) -> None:
     runs = job_of(case_file(**EVERYTHING)).runs
     assert runs == (RunCommand("run 0 post no"), RunCommand("run 1 pre no post no"), RunCommand("run 3 pre no post no"))
 
 
-def test_pieces_of_a_run_know_its_ends_where_the_box_grows(case_file: Write) -> None:
-    """fix deform goes from the beginning of a run to its end, by LAMMPS' own count of steps."""
+def test_deformed_runs_give_start_and_stop_in_every_piece(case_file: Write) -> None:
+    """fix deform works from the beginning to the end of a run, in LAMMPS' own count of steps."""
     evolve = {"steps": 5, "timestep": 0.1, "deform": {"x": 0.3, "y": -0.2}, "stops": [{"at": 2, "count": 70}]}
     given = job_of(case_file(compare=["f"], evolve=evolve))
     assert "fix deform all deform 1 x erate 0.3 y erate -0.2 remap x" in given.commands
@@ -200,8 +200,8 @@ def test_pieces_of_a_run_know_its_ends_where_the_box_grows(case_file: Write) -> 
     assert told == [f"run {n} {pre}post no {ends}" for n, pre, ends in (*pieces, ("3", "pre no ", after))]
 
 
-def test_the_first_piece_comes_before_a_stop_sets_the_count(case_file: Write) -> None:
-    """LAMMPS refuses a run that is said to begin after its count."""
+def test_first_piece_precedes_the_count_set_at_a_stop(case_file: Write) -> None:
+    """LAMMPS refuses a run whose start lies after the current step."""
     evolve = {"steps": 2, "timestep": 0.1, "deform": {"x": 0.3}, "stops": [{"at": 0, "count": 7}]}
     runs = job_of(case_file(compare=["f"], evolve=evolve)).runs
     told = [run.command for run in runs if isinstance(run, RunCommand)]
@@ -211,20 +211,20 @@ def test_the_first_piece_comes_before_a_stop_sets_the_count(case_file: Write) ->
     ]
 
 
-def test_a_box_that_comes_to_lean_is_a_prism(case_file: Write) -> None:
+def test_box_that_is_tilted_later_is_created_as_a_prism(case_file: Write) -> None:
     evolve = {"steps": 5, "timestep": 0.1, "deform": {"xy": 0.3, "remap": "v"}}
     given = job_of(case_file(compare=["f"], evolve=evolve))
     assert "fix deform all deform 1 x erate 0.0 y erate 0.0 xy erate 0.3 remap v" in given.commands
     assert "box tilt large" in given.setup and any(line.endswith(" 0.0 0.0 0.0") for line in given.setup)
 
 
-def test_every_step_is_read_where_the_first_one_is_searched(case_file: Write) -> None:
+def test_every_step_option_reads_each_step(case_file: Write) -> None:
     given = job_of(case_file(**EVERYTHING), every_step=True, lists=True)
     assert given.runs == (RunCommand("run 0 post no"), *[RunCommand("run 1 pre no post no")] * 4)
     assert given.lists
 
 
-def test_a_law_is_evaluated_once_more_after_its_steps(case_file: Write) -> None:
+def test_law_is_evaluated_once_more_after_its_steps(case_file: Write) -> None:
     runs = job_of(case_file(evolve={"steps": 7, "timestep": 0.001})).runs
     assert runs == (RunCommand("run 7 post no", read=False), RunCommand("run 0 post no"))
 
@@ -241,14 +241,14 @@ def test_a_law_is_evaluated_once_more_after_its_steps(case_file: Write) -> None:
         ({"compare": ["coordination"]}, {"pair rheo"}),
     ],
 )
-def test_only_what_moves_sums_or_has_neighbours_needs_more_of_lammps(
+def test_only_motion_sums_and_neighbours_need_more_commands(
     case_file: Write, changes: dict[str, Any], needed: set[str]
 ) -> None:
     found = {item.name for item in plan_of(case_file(**changes)).lammps if item.needed}
     assert found == needed | {"fix rheo", "fix rheo/pressure", "fix rheo/viscosity"}
 
 
-def test_a_quantity_is_planned_for_what_depends_on_it(case_file: Write) -> None:
+def test_plan_names_dependents_of_each_quantity(case_file: Write) -> None:
     items = {item.name: item for item in plan_of(case_file(compare=["viscosity"], types=[WALL])).reference}
     assert (items["viscosity"].needed, items["viscosity"].why) == (True, "compared")
     assert items["grad/v"].needed and "for viscosity" in items["grad/v"].why
@@ -256,11 +256,11 @@ def test_a_quantity_is_planned_for_what_depends_on_it(case_file: Write) -> None:
     assert (items["time steps"].needed, items["time steps"].why) == (False, "one evaluation of the state given")
 
 
-def test_what_is_in_no_plan_is_not_needed(case_file: Write) -> None:
+def test_unplanned_items_are_not_needed(case_file: Write) -> None:
     assert not plan_of(case_file()).needs("no such item")
 
 
-def test_settings_of_the_decomposition_are_lines(case_file: Write) -> None:
+def test_decomposition_settings_appear_in_the_commands(case_file: Write) -> None:
     engine = {"ranks": 2, "processors": [1, 2, 1], "communication": "tiled", "balance": 3, "sort": 0, "boundary": "m"}
     open_box = {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "periodic": [True, False]}
     given = job_of(case_file(**EVERYTHING | {"engine": engine | {"search": "nsq"}, "positions": open_box}))
@@ -277,6 +277,6 @@ def test_settings_of_the_decomposition_are_lines(case_file: Write) -> None:
         ({"balance": 2}, r"balance \(style rcb\) needs communication tiled, found brick"),
     ],
 )
-def test_settings_of_the_decomposition_fit_each_other(case_file: Write, engine: dict[str, object], rule: str) -> None:
+def test_inconsistent_decomposition_is_refused(case_file: Write, engine: dict[str, object], rule: str) -> None:
     with pytest.raises(InputError, match=rule):
         casefile.load_file(case_file(engine=engine))

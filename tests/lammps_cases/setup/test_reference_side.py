@@ -1,4 +1,4 @@
-"""A scene as the reference takes it: the numbers of the scene, in the fields of the reference."""
+"""The reference model of a scene has the scene's numbers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def sides(**keys: Any) -> tuple[Scene, Atoms]:
     return scene, build(Case("case", "", (), scene, Path("case.yaml")), None)
 
 
-def test_numbers_of_types_and_of_fix_rheo() -> None:
+def test_parameters_of_types_and_of_fix_rheo() -> None:
     rheo = {
         "kernel": "RK1",
         "zmin": 7,
@@ -71,7 +71,7 @@ def test_forces_heat_and_power_laws() -> None:
     assert np.array_equal(state.energy_n, 2.0 * model.mass[state.type_n - 1]), "of the particle, not per mass"
 
 
-def test_box_and_particles_are_those_that_lammps_gets() -> None:
+def test_reference_and_lammps_get_the_same_box_and_particles() -> None:
     scene, atoms = sides(velocity={"random": 0.5})
     box, state = reference_side.box(scene, atoms), reference_side.state(scene, atoms)
     assert (box.low_c, box.high_c, box.periodic) == ((0.0, -0.5), (2.0, 2.0), (True, False))
@@ -83,13 +83,13 @@ def test_box_and_particles_are_those_that_lammps_gets() -> None:
     assert np.array_equal(state.solid_n, atoms.type_n == 2)
 
 
-def test_a_density_to_be_summed_is_that_of_equilibrium() -> None:
+def test_summed_density_starts_at_equilibrium() -> None:
     scene, atoms = sides(rho=None, rheo={"rho_sum": True})
     state = reference_side.state(scene, atoms)
     assert np.array_equal(state.rho_n, np.where(atoms.type_n == 1, 1.25, 1.5))
 
 
-def test_complaints_name_the_place() -> None:
+def test_errors_name_their_location() -> None:
     scene, atoms = sides()
     atoms.x_nc[3, 2] = 0.25
     with pytest.raises(InputError, match=r"position: must have z = 0 in 2D, found 0\.25 \(here\)"):

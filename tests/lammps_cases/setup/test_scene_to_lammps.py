@@ -1,4 +1,4 @@
-"""What a scene becomes: particles, plan, commands; only what the scene needs."""
+"""Particles, plan and commands of a scene: only what the scene needs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def told(name: str) -> Job:
     return job(case.scene, prepared_case.prepare(case).atoms, plan(case.scene))
 
 
-def test_pressure_only_scene_gets_no_more_than_it_needs() -> None:
+def test_pressure_only_scene_gets_minimal_commands() -> None:
     commands = (*told("near-rho0.linear.2d").setup, *told("near-rho0.linear.2d").commands)
     words = " ".join(commands)
     for absent in ("pair_style", "comm_modify", "thermal", "enforce2d", "rho/sum", "timestep"):
@@ -36,7 +36,7 @@ def test_pressure_only_scene_gets_no_more_than_it_needs() -> None:
 
 
 @pytest.mark.slow
-def test_scene_that_sums_or_moves_gets_its_neighbours() -> None:
+def test_scene_with_sums_or_motion_gets_neighbours() -> None:
     summed, moved = told("summed.2d"), told("evolved.2d")
     assert any(command.startswith("pair_style rheo") for command in summed.commands)
     assert any("rho/sum" in command for command in summed.commands)
@@ -48,7 +48,7 @@ def test_scene_that_sums_or_moves_gets_its_neighbours() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["near-rho0.linear.2d", "evolved.ideal-gas", "ideal-gas.beside-tait", "summed.3d"])
-def test_numbers_in_commands_read_back_as_the_same_doubles(name: str) -> None:
+def test_numbers_in_commands_round_trip_exactly(name: str) -> None:
     (case,) = casefile.select(casefile.load(), [name])
     (rheo,) = [command for command in told(name).commands if " rheo " in command and command.startswith("fix")]
     words = rheo.split()
@@ -59,8 +59,8 @@ def test_numbers_in_commands_read_back_as_the_same_doubles(name: str) -> None:
     assert tuple(map(float, words[at + 1 : at + 1 + n])) == case.scene.cs
 
 
-def test_every_command_is_made_of_the_grammar(case_file: Write) -> None:
-    """No text of a scene reaches LAMMPS but numbers, type ranges and words of closed lists."""
+def test_commands_contain_no_free_text_of_a_scene(case_file: Write) -> None:
+    """Only numbers, type ranges and words of closed lists reach LAMMPS."""
     free_text = []
     for name, field in _text_fields():
         free_text.append(f"{name}.{field}")
@@ -109,7 +109,7 @@ def _holds_text(annotation: Any) -> bool:
     )
 
 
-def test_positions_are_seeded_by_the_name_and_inside_the_box() -> None:
+def test_positions_depend_on_the_name_and_lie_in_the_box() -> None:
     cases = [case for case in casefile.load() if case.name.startswith(("near-rho0.linear", "ranges"))]
     built = {case.name: prepared_case.prepare(case).atoms for case in cases}
     for case in cases:
@@ -139,8 +139,8 @@ def test_explain_prints_the_plan(eos_ref_command: Callable[..., Outcome]) -> Non
 
 
 @pytest.mark.lammps
-def test_every_shipped_scene_of_a_law_tells_formulas_apart_unless_it_is_about_coincidence(tmp_path: Path) -> None:
-    """The lint: what a scene is blind to is known and listed here, scene by scene."""
+def test_blind_spots_of_shipped_law_scenes_are_listed(tmp_path: Path) -> None:
+    """All lint of these scenes is listed here: every other one detects each mistake in a law."""
     from lammps_cases.engine.installations import Engine
 
     run = campaign.run_cases(casefile.select(casefile.load(), tag="eos"), Engine(), 2, tmp_path / "report")

@@ -1,4 +1,4 @@
-"""Commands between runs: each route leads back to the same physics, told by the same lines as in the beginning."""
+"""Commands between runs: each route restores the same physics, by the same lines as in the beginning."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KEPT = ("mass", "set type", "create_", "region")  # what files hold
 
 
 def lines(by: Route, **stop: object) -> tuple[list[str], list[str]]:
-    """The commands that LAMMPS is given first, and those at a stop after step 1, of a case with walls."""
+    """Return the initial commands of a case with walls, and those at a stop after step 1."""
     (case,) = casefile.select(casefile.load(), ["runs-walls.fluid.settings"])
     assert case.scene.evolve
     told = Stop.model_validate({"at": 1, "by": by, "timestep": 0.002 if by == "dt/reset" else None} | stop)
@@ -30,7 +30,7 @@ def lines(by: Route, **stop: object) -> tuple[list[str], list[str]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("by", [by for by in ROUTES if by != "replaced"])
-def test_what_is_taken_away_is_defined_anew_and_nothing_else(by: Route) -> None:
+def test_exactly_the_removed_definitions_are_restored(by: Route) -> None:
     first, between = lines(by)
     fixes = [line for line in first if line.startswith(MODEL)]
     last_clear = max((k for k, line in enumerate(between) if line == "clear"), default=-1)
@@ -48,7 +48,7 @@ def test_what_is_taken_away_is_defined_anew_and_nothing_else(by: Route) -> None:
 
 
 @pytest.mark.parametrize("by", ["restart", "data", "data nofix", "other scene"])
-def test_a_file_is_read_where_it_was_written(by: Route) -> None:
+def test_file_is_read_where_it_was_written(by: Route) -> None:
     _, between = lines(by)
     (written,) = (line.split()[1] for line in between if line.startswith("write_"))
     (read,) = (line.split()[1] for line in between if line.startswith("read_"))
@@ -57,7 +57,7 @@ def test_a_file_is_read_where_it_was_written(by: Route) -> None:
 
 
 @pytest.mark.slow
-def test_settings_come_after_the_route() -> None:
+def test_settings_follow_the_route() -> None:
     _, between = lines("restart", timestep=0.002, count=7, displace={"x": 0.5, "types": 1})
     assert between[-4:] == [
         "timestep 0.002",
@@ -71,7 +71,7 @@ def test_settings_come_after_the_route() -> None:
     assert lines("run", stretch={"x": 1.5})[1] == [f"change_box all {told} remap units box"]
 
 
-def test_runs_begin_with_a_set_up_after_each_stop_and_are_read_there() -> None:
+def test_runs_begin_with_a_set_up_and_a_read_after_each_stop() -> None:
     (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
     ready = prepared_case.prepare(case)
     for every_step in (False, True):
@@ -85,7 +85,7 @@ def test_runs_begin_with_a_set_up_after_each_stop_and_are_read_there() -> None:
                 assert not isinstance(after, Interlude) and after.command == "run 0 post no" and after.read
 
 
-def test_a_data_file_by_hand_has_every_attribute_in_the_order_of_the_manual() -> None:
+def test_printed_data_file_has_all_attributes_in_the_manuals_order() -> None:
     _, between = lines("by hand")
     written = [line.split('"')[1] for line in between if line.startswith("print")]
     assert written[:5] == ["by hand", "", "42 atoms", "2 atom types", ""]
@@ -94,7 +94,7 @@ def test_a_data_file_by_hand_has_every_attribute_in_the_order_of_the_manual() ->
     assert f"read_data {FOLDER}/hand.1" in between
 
 
-def test_fix_rheo_is_replaced_by_another_and_then_by_its_own() -> None:
+def test_fix_rheo_is_replaced_and_then_restored() -> None:
     first, between = lines("replaced")
     (own,) = (line for line in first if line.startswith("fix rheo "))
     assert between[1:] == ["run 0 post no", own]
@@ -102,7 +102,7 @@ def test_fix_rheo_is_replaced_by_another_and_then_by_its_own() -> None:
     assert len(between[0].split()) == len(own.split())
 
 
-def test_a_run_that_goes_on_has_no_set_up_but_its_time_step() -> None:
+def test_continued_run_has_its_time_step_and_no_set_up() -> None:
     (case,) = casefile.select(casefile.load(), ["edges-steps.continued.fluid.2d"])
     runs = job(case.scene, prepared_case.prepare(case).atoms, plan(case.scene)).runs
     texts = [s.command if isinstance(s, RunCommand) else [a.text for a in s.actions] for s in runs]
@@ -115,7 +115,7 @@ def test_fix_dt_reset_sets_the_time_step_alone() -> None:
 
 
 @pytest.mark.slow
-def test_every_is_told_to_runs_that_begin_with_a_set_up() -> None:
+def test_every_appears_in_runs_that_begin_with_a_set_up() -> None:
     (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
     assert case.scene.evolve
     for halts, last in (((1,), 5), ((1, 5), 5)):
@@ -127,13 +127,13 @@ def test_every_is_told_to_runs_that_begin_with_a_set_up() -> None:
         ends = ["run 1 post no every 2 NULL", "run 4 post no every 2 NULL"]
         assert [s.command for s in told] == [*ends, *["run 0 post no"] * (last in halts)]
         assert [s.read for s in told] == [False] * (len(told) - 1) + [True]
-        # Read at every step, for lists of neighbours, its pieces are told one by one.
+        # Read at every step, for neighbour lists, its pieces are separate runs.
         pieces = job(scene, atoms, plan(scene), every_step=True).runs
         at = [k for k, s in enumerate(pieces) if isinstance(s, Interlude)]
         assert [pieces[k + 1] for k in at] == [RunCommand("run 0 post no")] * (2 + (last in halts))
 
 
-def test_a_file_that_is_read_late_goes_on_with_the_count() -> None:
+def test_step_count_continues_after_a_data_file() -> None:
     (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
     assert case.scene.evolve
     stops = (Stop(at=1, count=100), Stop(at=3, by="data"))
@@ -142,13 +142,13 @@ def test_a_file_that_is_read_late_goes_on_with_the_count() -> None:
     assert between[1].actions[-1].text == "reset_timestep 102"
 
 
-def test_atoms_that_are_created_anew_are_put_into_the_groups_of_forces() -> None:
+def test_recreated_atoms_rejoin_the_groups_of_forces() -> None:
     first, between = lines("recreated")
     groups = [line for line in first if line.startswith("group ")]
     assert groups and between[-len(groups) :] == groups
 
 
-def test_what_a_stop_has_set_and_how_processes_talk_outlive_a_file() -> None:
+def test_time_step_and_communication_survive_a_data_file() -> None:
     (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
     assert case.scene.evolve
     stops = (Stop(at=0, timestep=0.25), Stop(at=1, by="data"))
@@ -162,8 +162,8 @@ def test_what_a_stop_has_set_and_how_processes_talk_outlive_a_file() -> None:
     assert "comm_style tiled" in texts[read + 1 :] and texts[-1] == "timestep 0.25"
 
 
-def test_in_two_dimensions_atoms_are_created_at_0_along_the_third() -> None:
-    """A box that is stretched rounds it, and LAMMPS refuses such a place."""
+def test_atoms_in_2d_are_recreated_at_z_0() -> None:
+    """Stretching the box rounds z, and LAMMPS refuses z other than 0."""
     _, between = lines("recreated")
     assert "create_atoms {type} single {x} {y} 0.0 units box" in between
 

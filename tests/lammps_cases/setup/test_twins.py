@@ -1,4 +1,4 @@
-"""LAMMPS against itself: every kind of twin on real LAMMPS, and faults that have to be seen."""
+"""LAMMPS against itself: every kind of twin on real LAMMPS, and planted faults that must be detected."""
 
 from __future__ import annotations
 
@@ -92,11 +92,11 @@ def judged(workers: Workers, case: Case) -> CaseRecord:
     return flow.judge(None, ready, answers(workers, ready), ENGINE)[0]
 
 
-# --- what real LAMMPS does
+# --- on real LAMMPS
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind(kind: str, make: Make, workers: Workers) -> None:
+def test_every_kind_on_real_lammps(kind: str, make: Make, workers: Workers) -> None:
     record = judged(workers, make(kind))
     expected = {"rescale": ("explained",), "units": ("explained",), "split": ("exact",)}.get(kind, ("exact", "pass"))
     assert record.verdict in expected, record.message
@@ -116,7 +116,7 @@ def test_every_kind(kind: str, make: Make, workers: Workers) -> None:
         ("relabel", ACROSS, "cross-type-support, cross-type-normal"),
     ],
 )
-def test_findings_explain_what_they_break(
+def test_findings_explain_the_symmetries_they_break(
     kind: str, changes: dict[str, Any], entries: str, make: Make, workers: Workers
 ) -> None:
     record = judged(workers, make(kind, **changes))
@@ -126,7 +126,7 @@ def test_findings_explain_what_they_break(
     assert record.message.endswith(f"; explained by {', '.join(names)}")
 
 
-def test_without_an_entry_it_differs(make: Make, workers: Workers, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_twin_differs_without_the_finding(make: Make, workers: Workers, monkeypatch: pytest.MonkeyPatch) -> None:
     ready = prepared_case.prepare(make("boost", **WALLS))
     monkeypatch.setattr(findings, "LEDGER", ())
     record, _ = flow.judge(None, ready, answers(workers, ready), EngineRecord(distribution="2099.1.1"))
@@ -139,7 +139,7 @@ def test_without_an_entry_it_differs(make: Make, workers: Workers, monkeypatch: 
 
 
 @pytest.mark.parametrize("kind", ["relabel", "translate", "newton"])
-def test_a_corrupted_answer_is_blamed(kind: str, make: Make, workers: Workers) -> None:
+def test_corrupted_answer_is_blamed(kind: str, make: Make, workers: Workers) -> None:
     ready = prepared_case.prepare(make(kind))
     one, other = answers(workers, ready)
     assert isinstance(other, Answer) and ready.twin is not None
@@ -161,7 +161,7 @@ INPUT = ["x", "mass", "time", "viscosity", "grad/v", "diffusivity", "conductivit
 
 
 @pytest.mark.parametrize("quantity", INPUT)
-def test_a_wrong_exponent_is_seen(quantity: str, make: Make, workers: Workers, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_unit_is_detected(quantity: str, make: Make, workers: Workers, monkeypatch: pytest.MonkeyPatch) -> None:
     right = twins.dimension
 
     def wrong(name: str) -> Dimension:
@@ -183,7 +183,7 @@ def test_everything_rescaled_is_the_same_problem(make: Make, workers: Workers) -
     assert record.verdict == "explained", record.message
 
 
-def test_a_failure_of_the_twin_is_told(make: Make, workers: Workers) -> None:
+def test_failure_of_the_twin_is_reported(make: Make, workers: Workers) -> None:
     ready = prepared_case.prepare(make("newton"))
     one, _ = answers(workers, ready)
     record, arrays = flow.judge(None, ready, [one, Failure("crashed", "it died")], ENGINE)
@@ -196,7 +196,7 @@ def test_a_failure_of_the_twin_is_told(make: Make, workers: Workers) -> None:
 
 @pytest.mark.parametrize("kind", ["translate", "boost", "relabel", "rescale"])
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_the_way_back(kind: str, dimension: int, make: Make) -> None:
+def test_transformation_is_inverted(kind: str, dimension: int, make: Make) -> None:
     changes: dict[str, Any] = {"forces": None}
     value = KINDS[kind]
     if dimension == 3:
@@ -224,11 +224,11 @@ def test_the_way_back(kind: str, dimension: int, make: Make) -> None:
     assert not np.array_equal(one.x_nc, other.x_nc) or kind == "boost"
 
 
-def test_the_grid_hardly_moves_a_particle(make: Make) -> None:
+def test_grid_moves_particles_within_its_resolution(make: Make) -> None:
     ready = prepared_case.prepare(make("translate"))
     assert ready.twin is not None
     moved_nc = np.abs(ready.twin.atoms.x_nc - ready.atoms.x_nc)
-    # Half a grid's unit, which is that of the power of two above the largest number.
+    # Half a unit of the grid, that of the power of two above the largest number.
     assert 0 < moved_nc.max() <= np.abs(ready.atoms.x_nc).max() * 2.0**-twins.GRID_BITS
 
 
@@ -251,7 +251,7 @@ def test_the_grid_hardly_moves_a_particle(make: Make) -> None:
         ({"mirror": True}, {}, "unknown key"),
     ],
 )
-def test_what_is_no_twin_is_refused(
+def test_invalid_twins_are_refused(
     twin: dict[str, Any], changes: dict[str, Any], complaint: str, case_file: Callable[..., Path]
 ) -> None:
     with pytest.raises(InputError, match=complaint):
@@ -268,7 +268,7 @@ def test_particles_must_stay_in_the_box(make: Make) -> None:
 # --- the command
 
 
-def test_the_command_runs_and_explains(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_command_runs_and_explains(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
     done = eos_ref_command("run", "twins.fluid.split", "twins.fluid.relabel", "--out", tmp_path / "out")
     assert done.code == 0, done.out + done.err
     run = read_run(tmp_path / "out")

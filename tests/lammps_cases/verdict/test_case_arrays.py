@@ -1,4 +1,4 @@
-"""Pairs of the atoms that a reader of a report looks at: which these are; the same sums as of a run of their own."""
+"""Pairs of the atoms shown in a report: the choice of atoms; the same sums as in a separate run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lammps_cases.verdict.problems import problem_of
 
 
 def record(*places: tuple[int, int]) -> CaseRecord:
-    """A case whose fields are worst at these steps and atoms."""
+    """Return a case whose fields are worst at these steps and atoms."""
     steps = [StepRecord(step=0, verdict="explained", max_abs=1.0, max_over_bound=2.0)]
     fields = [
         FieldRecord(field=f"f{k}", stage="pair", verdict="explained", worst_step=step, worst_id=atom, steps=steps)
@@ -26,7 +26,7 @@ def record(*places: tuple[int, int]) -> CaseRecord:
     return CaseRecord(case="made", verdict="explained", fields=fields)
 
 
-def test_the_first_and_the_worst_are_looked_at() -> None:
+def test_first_and_worst_atoms_are_chosen() -> None:
     made = record((10, 7), (0, 3), (10, 7))
     made.fields.append(made.fields[0].model_copy(update={"verdict": "pass", "worst_id": 99}))
     values = {"lammps": 1.0, "reference": 0.0, "bound": 0.1, "outside": 1, "of": 9}
@@ -37,7 +37,7 @@ def test_the_first_and_the_worst_are_looked_at() -> None:
 
 
 @pytest.mark.parametrize("name", ["forces.all.rk1.2d", "thermal.arithmetic.2d", "walls.stored.gravity"])
-def test_pairs_beside_a_verdict_are_those_of_a_run_of_their_own(name: str) -> None:
+def test_pairs_of_a_verdict_equal_those_of_a_separate_run(name: str) -> None:
     (case,) = (case for case in casefile.load() if case.name == name)
     atoms, steps = prepare(case).atoms, case.scene.snapshots
     problem = problem_of(case.scene, atoms, case.where, steps)
@@ -57,12 +57,12 @@ def test_pairs_beside_a_verdict_are_those_of_a_run_of_their_own(name: str) -> No
             own = found[f"@pairs {column}"][rows if column == "pair" else slice(k, k + 1)]
             np.testing.assert_array_equal(own, columns[column])
     assert begin == len(found["@pairs r"])
-    halts = halted(problem, steps)  # all of them are still where they halted
+    halts = halted(problem, steps)  # all snapshots are still unchanged
     for step in (0, steps[-1]):
         assert pair_sums.sums(halts[step], (4,)) == [pair_sums.terms(problem, step, 5)]
 
 
-def test_a_large_scene_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_scene_has_no_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
     (case,) = (case for case in casefile.load() if case.name == "forces.all.rk1.2d")
     atoms = prepare(case).atoms
     monkeypatch.setattr("lammps_cases.verdict.case_arrays.LARGEST", len(atoms) - 1)

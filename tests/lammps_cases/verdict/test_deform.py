@@ -1,4 +1,4 @@
-"""A box that grows while particles move: at rate 0 LAMMPS gives the same bits; faults in what it is told are seen."""
+"""A box that grows while particles move: at rate 0 LAMMPS gives the same bits; faults in its input are detected."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ENGINE = EngineRecord(name="env", distribution="2025.7.22.4.0")
 
 
 @pytest.mark.parametrize("name", ["deformed.fluid.still", "deformed.walls.still"])
-def test_a_rate_of_0_changes_no_bit(name: str) -> None:
+def test_rate_of_0_changes_no_bit(name: str) -> None:
     (case,) = casefile.select(casefile.load(), [name])
     atoms = prepare(case).atoms
 
@@ -39,8 +39,8 @@ def test_a_rate_of_0_changes_no_bit(name: str) -> None:
     assert not np.array_equal(moving[-1]["f"], still[-1]["f"])
 
 
-def test_speeds_of_images_may_be_differences_of_places(monkeypatch: pytest.MonkeyPatch, solver: Solver) -> None:
-    """LAMMPS takes them so, and their rounding is the larger, the shorter the run."""
+def test_bound_covers_image_speeds_from_position_differences(monkeypatch: pytest.MonkeyPatch, solver: Solver) -> None:
+    """LAMMPS computes them this way; the shorter the run, the larger their rounding."""
     (case,) = casefile.select(casefile.load(), ["sheared.fluid.crossing"])
     content = case.scene.model_dump(exclude_unset=True)
     content["evolve"]["deform"] |= {"y": 0.3}
@@ -66,7 +66,7 @@ def test_speeds_of_images_may_be_differences_of_places(monkeypatch: pytest.Monke
         ("sheared.fluid.crossing", "images-at-rest"),
     ],
 )
-def test_a_fault_in_what_lammps_is_told_of_the_box_is_seen(name: str, fault: str, solver: Solver) -> None:
+def test_fault_in_lammps_box_input_is_detected(name: str, fault: str, solver: Solver) -> None:
     (case,) = casefile.select(casefile.load(), [name])
     ready = prepare(case)
     jobs = input_faults.jobs(input_faults.faults()[f"told.{fault}"], ready)

@@ -1,4 +1,4 @@
-"""A case has to see the changes of the reference that it names; one that does not is an error of the case."""
+"""A case must detect the changes of the reference that it names; otherwise the case is in error."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ VACUUM = {"regions": [{"type": None, "low": [0.5, 0], "high": [1, 1]}]}
 
 @pytest.fixture
 def written(case_file: Write) -> Callable[..., Path]:
-    """Write a case file that names the changes its cases have to see."""
+    """Write a case file that names the changes its cases must detect."""
 
     def write(exercises: dict[str, list[str]], **changes: Any) -> Path:
         path = case_file(**{**BLOCK, **changes})
@@ -55,8 +55,8 @@ def exercised(case: Case, predictor: Predictor, names: tuple[str, ...] = ()) -> 
     return exercise.exercised(case, ready.eos, ready.atoms, predictor, names or case.exercises)
 
 
-def test_particles_that_a_change_moves_are_counted_and_kept(written: Callable[..., Path], tmp_path: Path) -> None:
-    """No particle has fewer than five neighbours, so that none is a splash."""
+def test_affected_particles_are_counted_and_the_count_is_stored(written: Callable[..., Path], tmp_path: Path) -> None:
+    """Every particle has at least five neighbours, so none is a splash."""
     vacuum = {**BLOCK["positions"], **VACUUM}
     names = ["surface-never-by-coordination", "splash-never-by-coordination", "surface-never-by-divergence"]
     (case,) = casefile.load_file(written({"*": names}, positions=vacuum))
@@ -67,7 +67,7 @@ def test_particles_that_a_change_moves_are_counted_and_kept(written: Callable[..
     assert exercised(case, again) == moved and (again.computed, again.stored) == (0, 1)
 
 
-def test_laws_are_changed_in_states_of_any_sign(case_file: Write) -> None:
+def test_laws_are_changed_for_states_of_any_sign(case_file: Write) -> None:
     (case,) = casefile.load_file(case_file(pressure=CUBE, rho={"ratio": [-1.4, 1.4]}))
     names = (
         "tait-not-over-gamma",
@@ -79,15 +79,15 @@ def test_laws_are_changed_in_states_of_any_sign(case_file: Write) -> None:
     assert list(exercised(case, Predictor(), names).values()) == [20, 20, 0, 0, 0]
 
 
-def test_a_particle_without_a_number_shows_nothing() -> None:
-    """An infinite bound, and NaN on the side of the reference, are no evidence; NaN by the change is."""
+def test_unbounded_and_nan_particles_are_no_evidence() -> None:
+    """This holds for an infinite bound and for NaN in the reference; NaN caused by the change is evidence."""
     reference, bound = np.array([1.0, np.nan, 1.0, 1.0]), np.array([0.1, 0.1, np.inf, 0.1])
     assert count_outside([(np.array([9.0, 9.0, 9.0, np.nan]), reference, bound)]) == 2
     assert count_outside([(5.0, 1.0, 0.1), (np.ones(6), np.zeros(6), np.full(6, 0.5))]) == 6, "global values"
 
 
 @pytest.mark.lammps
-def test_a_change_that_is_not_seen_is_an_error_of_the_case(
+def test_undetected_change_is_an_error_of_the_case(
     written: Callable[..., Path], eos_ref_command: Callable[..., Outcome], tmp_path: Path
 ) -> None:
     path = written({"*": ["kernel-support-two", "surface-never-by-divergence"]})
@@ -99,7 +99,7 @@ def test_a_change_that_is_not_seen_is_an_error_of_the_case(
     assert "54 particles" in page and "h of cut/2 for cut/3" in page
 
 
-def test_the_exit_code_of_a_bad_case_goes_before_that_of_a_difference() -> None:
+def test_exit_code_of_a_bad_case_precedes_that_of_a_difference() -> None:
     bad = CaseRecord(case="a", verdict="error", dimension=3, exercises={"self-value": 0, "slope-sign": 7})
     differs = CaseRecord(case="b", verdict="differs", exercises={"self-value": 0})
     assert bad.unexercised == ["self-value"]
@@ -108,14 +108,14 @@ def test_the_exit_code_of_a_bad_case_goes_before_that_of_a_difference() -> None:
     assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs]).exit_code() == 1, "what it compares is wrong"
 
 
-def test_patterns_are_of_labels_and_changes_of_the_catalogue(written: Callable[..., Path]) -> None:
+def test_unknown_labels_and_changes_are_refused(written: Callable[..., Path]) -> None:
     with pytest.raises(InputError, match=r"no such change: 'surfaces-never' \(did you mean 'surface-never'\?\)"):
         casefile.load_file(written({"*": ["surfaces-never"]}))
     with pytest.raises(InputError, match=r"exercises: a pattern must be of labels .* found 'rk1'"):
         casefile.load_file(written({"rk1": ["slope-sign"]}))
 
 
-def test_patterns_pick_cases_by_their_labels(case_file: Write) -> None:
+def test_patterns_select_cases_by_their_labels(case_file: Write) -> None:
     axes = {"1": {"quintic": {}, "rk1": {}}, "2": {"2d": {}, "same": {}}}
     path = case_file(matrix=axes)
     named = {"*": ["slope-sign"], "rk1.*": ["self-value"], "*.same": ["rho0-of-one", "self-value"]}
@@ -128,8 +128,8 @@ def test_patterns_pick_cases_by_their_labels(case_file: Write) -> None:
     }
 
 
-def test_the_prediction_is_that_of_the_comparison() -> None:
-    """The bounds that a change has to leave are computed once for a case."""
+def test_comparison_reuses_the_prediction() -> None:
+    """The bounds that a change must exceed are computed once per case."""
     (case,) = casefile.select(casefile.load(), ("forces.all.rk1.2d",))
     predictor = Predictor()
     assert 0 not in exercised(case, predictor).values()
@@ -140,7 +140,7 @@ def test_the_prediction_is_that_of_the_comparison() -> None:
     assert predictor.computed == computed
 
 
-def test_a_changed_search_finds_its_own_neighbours() -> None:
+def test_changed_search_finds_its_own_neighbours() -> None:
     """The runs of a case share neighbours; those of the prediction have all images."""
     (case,) = casefile.select(casefile.load(), ("boundaries.fixed.3d",))
     assert exercised(case, Predictor(), ("pairs-first-image",)) == {"pairs-first-image": 36}

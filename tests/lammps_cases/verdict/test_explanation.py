@@ -1,6 +1,6 @@
-"""What explains a difference: the smallest set of findings, on any LAMMPS; and what is left beside known ones.
+"""The smallest set of findings explains a difference, on any LAMMPS; the rest is reported next to known findings.
 
-LAMMPS is played by the reference with findings of the ledger, so that any of them can be mended.
+The reference with findings of the ledger stands in for LAMMPS, so that any of them can be fixed.
 """
 
 from __future__ import annotations
@@ -36,21 +36,20 @@ PREDICTOR = Predictor()
 
 
 class DoubledConductivity(ArrayEvaluator):
-    """A fault that the ledger does not know."""
+    """A fault that is not in the ledger."""
 
     def conduction(self) -> Any:
-        """Twice the conductivity."""
         return 2.0 * super().conduction()
 
 
 def problem(name: str) -> tuple[Problem, Any]:
-    """Return a scene as the reference takes it, and the ids of its particles."""
+    """Return the reference's problem of a scene, and the ids of its particles."""
     ready = prepared_case.prepare(CASES[name])
     return problem_of(ready.case.scene, ready.atoms, "", ready.case.scene.snapshots), ready.atoms.id_n
 
 
 def played(of: Problem, findings: Sequence[Finding], *faults: type[ArrayEvaluator]) -> list[Snapshot]:
-    """Return the fields of a LAMMPS that has some findings, and maybe faults of its own."""
+    """Return the fields of a LAMMPS with some findings, and optional other faults."""
     variants = [entry.model_variant for entry in findings if entry.model_variant]
     made = combined([*variants, *(Variant(lambda _: True, fault) for fault in faults)], of, {})
     assert made is not None
@@ -60,14 +59,14 @@ def played(of: Problem, findings: Sequence[Finding], *faults: type[ArrayEvaluato
 def judged(
     of: Problem, id_n: Any, name: str, snapshots: Sequence[Snapshot], engine: str
 ) -> particle_model.ModelVerdict:
-    """Judge the fields of a scene as those of an engine."""
+    """Judge the fields of a scene as the output of an engine."""
     return particle_model.compare_and_explain(of, name, id_n, snapshots, engine, PREDICTOR)
 
 
 @pytest.mark.parametrize("engine", ["2025.7.22.4.0", NEW])
 @pytest.mark.parametrize("name", SCENES)
-def test_every_subset_of_findings_explains_a_lammps_that_has_it(name: str, engine: str) -> None:
-    """Also those with one mended, which an explanation by all together would take for a difference."""
+def test_every_subset_of_findings_explains_lammps_with_that_subset(name: str, engine: str) -> None:
+    """Also subsets with one finding fixed, which an explanation by all together would report as a difference."""
     of, id_n = problem(name)
     findings = [BY_ID[finding] for finding in SCENES[name]]
     assert set(findings) <= set(shown_by(of, "2025.7.22.4.0")) <= set(applicable(of))
@@ -80,8 +79,8 @@ def test_every_subset_of_findings_explains_a_lammps_that_has_it(name: str, engin
             assert ("explained" in worst) == bool(some) and "differs" not in worst
 
 
-def test_of_many_findings_all_but_one_are_tried_even_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where there are so many that the sets are not tried to the end; here none is."""
+def test_all_but_one_of_many_findings_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are tried even if there are too many sets to try all; here no other set is tried."""
     of, id_n = problem("constants.metal")
     listed = shown_by(of, "2025.7.22.4.0")
     assert len(listed) > 2
@@ -94,14 +93,14 @@ def test_of_many_findings_all_but_one_are_tried_even_so(monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("engine", ["2025.7.22.0.1", "2025.7.22.4.0", NEW])
-def test_a_finding_of_another_version_is_recognised(engine: str) -> None:
+def test_finding_of_another_version_is_recognised(engine: str) -> None:
     of, id_n = problem("thermal.latent.2d")
     verdict = judged(of, id_n, "thermal.latent.2d", played(of, [BY_ID["temperature-without-mass"]]), engine)
     assert [entry.id for entry in verdict.entries] == ["temperature-without-mass"]
 
 
 @pytest.mark.parametrize("engine", ["2025.7.22.4.0", NEW])
-def test_what_is_new_beside_a_known_finding_is_the_headline(engine: str) -> None:
+def test_new_difference_takes_the_headline_from_a_known_finding(engine: str) -> None:
     of, id_n = problem("thermal.latent.2d")
     known = [BY_ID["force-per-volume"]]
     verdict = judged(of, id_n, "thermal.latent.2d", played(of, known, DoubledConductivity), engine)
@@ -111,22 +110,20 @@ def test_what_is_new_beside_a_known_finding_is_the_headline(engine: str) -> None
     record = CaseRecord(case="x", verdict="differs", fields=fields, blame=verdict.first, beyond=verdict.beyond)
     assert case_wording.message(record).startswith("heatflow (stage ")
     assert verdict.beyond.findings == [] and "force-per-volume" in verdict.beyond.known, "heat comes before forces"
-    assert "beside" not in case_wording.message(record)
+    assert "in addition to" not in case_wording.message(record)
 
 
 @pytest.mark.parametrize(
     ("name", "flags"), [("newton.pairs.summed", (True, False)), ("newton.bonds.summed", (False, True))]
 )
-def test_pairs_across_boundaries_count_twice_with_one_setting_of_newton_alone(
-    name: str, flags: tuple[bool, bool]
-) -> None:
+def test_boundary_pairs_count_twice_with_one_newton_setting(name: str, flags: tuple[bool, bool]) -> None:
     of, _ = problem(name)
     assert of.newton == flags and of.has_images
     assert (BY_ID["boundary-pairs-twice"] in applicable(of, lists=True)) == (flags == (False, True))
 
 
-def test_so_many_sets_are_tried_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those that the engine has at all steps at once, others step by step; then all; all but one it has."""
+def test_number_of_tried_sets_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Known findings are tried at all steps at once, others step by step; then all; then all but one of the known."""
     of, id_n = problem("constants.metal")
     tried: list[tuple[int, bool]] = []
 
@@ -145,7 +142,7 @@ def test_so_many_sets_are_tried_and_no_more(monkeypatch: pytest.MonkeyPatch) -> 
     ] * len(listed)
 
 
-def test_nothing_is_said_of_findings_that_are_not_there() -> None:
+def test_absent_findings_are_not_reported() -> None:
     of, id_n = problem("thermal.latent.2d")
     verdict = judged(of, id_n, "thermal.latent.2d", played(of, [], DoubledConductivity), NEW)
     assert not verdict.entries

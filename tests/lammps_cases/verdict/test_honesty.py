@@ -1,4 +1,4 @@
-"""The harness must be able to turn red: mistakes planted in the reference are seen by the shipped cases."""
+"""The harness must be able to fail: the shipped cases detect mistakes planted in the reference."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Solved = list[tuple[prepared_case.PreparedCase, Answer]]
 
 @pytest.fixture(scope="module")
 def solved(solver: Solver) -> Solved:
-    """Real LAMMPS' answers to the quick cases of equations of state."""
+    """Return real LAMMPS' answers to the quick cases of equations of state."""
     quick = casefile.select(casefile.load(), tag="quick")
     prepared = [prepared_case.prepare(case) for case in quick if "eos" in case.tags and case.scene.expect is None]
     return [(ready, solver(job(ready.case.scene, ready.atoms, plan(ready.case.scene)))) for ready in prepared]
@@ -40,7 +40,7 @@ def judge(solved: Solved) -> list[CaseRecord]:
 
 
 @pytest.mark.lammps
-def test_the_reference_as_it_is_turns_nothing_red(solved: Solved) -> None:
+def test_unchanged_reference_turns_nothing_red(solved: Solved) -> None:
     assert {record.verdict for record in judge(solved)} == {"exact"}
 
 
@@ -98,7 +98,7 @@ def test_wrong_input_is_blamed_on_the_input_stage(solved: Solved) -> None:
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("fault", ["lost", "doubled", "none", "exchanged"])
-def test_answer_with_the_wrong_atoms_differs(fault: str, solved: Solved) -> None:
+def test_answer_with_wrong_atoms_differs(fault: str, solved: Solved) -> None:
     ready, answer = solved[0]
     n = len(ready.atoms)
     every = np.arange(n)
@@ -112,7 +112,7 @@ def test_answer_with_the_wrong_atoms_differs(fault: str, solved: Solved) -> None
 
 
 @pytest.mark.lammps
-def test_pressure_that_forces_use_is_compared_too(solved: Solved) -> None:
+def test_pressure_used_by_forces_is_compared_too(solved: Solved) -> None:
     ready, answer = solved[0]
     spoilt_n = answer.arrays["pressure"].copy()
     spoilt_n[2] *= 1 + 1e-9
@@ -122,7 +122,7 @@ def test_pressure_that_forces_use_is_compared_too(solved: Solved) -> None:
     assert "pressure_used (stage eos) leaves its bound at 1 of" in record.message
 
 
-def test_an_end_is_explained_by_what_it_is_and_not_by_who_ended_it() -> None:
+def test_ending_is_explained_by_case_kind_and_message() -> None:
     style = CaseRecord(
         case="refused.unknown-style", verdict="differs", ended="refused", engine_error="ERROR: Illegal fix command, *"
     )
@@ -132,7 +132,7 @@ def test_an_end_is_explained_by_what_it_is_and_not_by_who_ended_it() -> None:
     assert explain_outcome(style.model_copy(update={"case": "refused.other"})) is None
 
 
-def test_nothing_compared_is_not_a_pass() -> None:
+def test_empty_comparison_is_not_a_pass() -> None:
     nothing = np.empty(0)
     assert compare_field("p", "eos", np.empty(0, int), nothing, nothing, nothing).record.verdict == "differs"
 
@@ -143,7 +143,7 @@ ONE, BOUND = np.array([1.0, 2.0, 3.0]), np.full(3, 1e-15)
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("side", ["lammps", "reference", "both", "bound"])
-def test_not_a_finite_number_is_never_a_pass(bad: float, side: str) -> None:
+def test_non_finite_number_is_never_a_pass(bad: float, side: str) -> None:
     spoilt = np.array([1.0, bad, 3.0])
     record = compare_field(
         "pressure",
@@ -155,7 +155,7 @@ def test_not_a_finite_number_is_never_a_pass(bad: float, side: str) -> None:
         same_order_n=spoilt,
     ).record
     if side == "bound":
-        # Equal values need no bound; a difference is never inside a bound that is not a number.
+        # Equal values need no bound; a difference is never within a non-finite bound.
         unequal = compare_field("p", "eos", ID, ONE, ONE * (1 + 2**-52), np.abs(spoilt)).record
         assert unequal.verdict == "differs"
         return
@@ -164,7 +164,7 @@ def test_not_a_finite_number_is_never_a_pass(bad: float, side: str) -> None:
     assert (record.outside, record.first_id, record.worst_id) == (1, 2, 2)
 
 
-def test_bound_is_a_bound() -> None:
+def test_difference_within_the_bound_passes() -> None:
     inside = compare_field("p", "eos", ID, np.array([1.0, 2.0 + 4e-16, 3.0]), ONE, BOUND).record
     outside = compare_field("p", "eos", ID, np.array([1.0, 2.0 + 4e-15, 3.0]), ONE, BOUND).record
     assert (inside.verdict, outside.verdict) == ("pass", "differs")
@@ -173,12 +173,12 @@ def test_bound_is_a_bound() -> None:
     assert compare_field("p", "eos", ID, ONE, ONE + 1e-14, BOUND, same_order_n=ONE).record.verdict == "differs"
 
 
-def test_minus_zero_is_not_the_same_bits() -> None:
+def test_minus_zero_has_different_bits() -> None:
     zero = np.zeros(3)
     assert compare_field("p", "eos", ID, -zero, zero, BOUND).record.verdict == "pass"
 
 
-def test_lint_names_what_a_blind_scene_cannot_tell() -> None:
+def test_lint_names_mistakes_that_a_scene_cannot_detect() -> None:
     from eos_ref import EOS
 
     n = 50

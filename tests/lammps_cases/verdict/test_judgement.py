@@ -1,4 +1,4 @@
-"""How a case ended, from answers made by hand: what is blamed first, and what is not compared."""
+"""Verdicts on answers made by hand: what is blamed first, and what is not compared."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from tests.support.made_findings import finding
 from tests.support.roundings import rounded
 
 Write = Callable[..., Path]
-ENGINE = EngineRecord(distribution="2099.1.1")  # of which the ledger knows no finding
+ENGINE = EngineRecord(distribution="2099.1.1")  # for which the ledger has no finding
 GAS: dict[str, Any] = {
     "pressure": [{"types": "*", "style": "ideal/gas", "gamma": 1.4}],
     "energy": {"range": [0.5, 2.5]},
@@ -64,7 +64,7 @@ def state_of(ready: PreparedCase) -> EosState:
 
 
 def answer_of(ready: PreparedCase) -> Answer:
-    """What LAMMPS would answer if it were the reference."""
+    """Return the reference's output as an answer of LAMMPS."""
     if ready.case.scene.whole_model:
         return made_answers.of_model(ready.case.scene, ready.atoms)
     assert ready.eos is not None
@@ -93,7 +93,7 @@ def model(case_file: Write) -> PreparedCase:
 # --- a law alone
 
 
-def test_the_references_own_numbers_are_exact(law: PreparedCase) -> None:
+def test_references_own_numbers_are_exact(law: PreparedCase) -> None:
     record = judged(law, answer_of(law))
     assert (record.verdict, record.ended, record.blame, record.message) == ("exact", "answered", None, "")
     assert [(field.field, field.stage) for field in record.fields] == [
@@ -105,7 +105,7 @@ def test_the_references_own_numbers_are_exact(law: PreparedCase) -> None:
     assert record.seconds.lammps == 0.5
 
 
-def test_a_wrong_pressure_is_blamed_on_its_first_atom(law: PreparedCase) -> None:
+def test_wrong_pressure_is_blamed_on_its_first_atom(law: PreparedCase) -> None:
     answer = answer_of(law)
     p_n = answer.arrays["q.pressure"].copy()
     p_n[[4, 7]] += 1.0
@@ -118,8 +118,8 @@ def test_a_wrong_pressure_is_blamed_on_its_first_atom(law: PreparedCase) -> None
     assert (blame.lammps, blame.reference) == (p_n[4], p_n[4] - 1.0)
 
 
-def test_input_is_blamed_before_what_follows_from_it(law: PreparedCase) -> None:
-    """A density that LAMMPS does not hold as given, and with it another pressure."""
+def test_input_is_blamed_before_its_consequences(law: PreparedCase) -> None:
+    """A density that LAMMPS does not hold as given, and therefore another pressure."""
     answer = answer_of(law)
     rho_n, p_n = answer.arrays["rho"].copy(), answer.arrays["pressure"].copy()
     rho_n[9] = np.nextafter(rho_n[9], 9.0)
@@ -129,7 +129,7 @@ def test_input_is_blamed_before_what_follows_from_it(law: PreparedCase) -> None:
     assert (record.blame.field, record.blame.stage, record.blame.atom) == ("rho", "input", 10)
 
 
-def test_a_gas_is_judged_by_the_energy_that_lammps_holds(case_file: Write) -> None:
+def test_gas_is_judged_by_the_energy_that_lammps_holds(case_file: Write) -> None:
     ready = prepared(case_file(**GAS))
     answer = answer_of(ready)
     record, arrays = compare_case(ready.case, ready.eos, ready.atoms, answer, ENGINE)
@@ -141,14 +141,14 @@ def test_a_gas_is_judged_by_the_energy_that_lammps_holds(case_file: Write) -> No
     assert [field.verdict for field in judged(ready, doubled).fields] == ["exact"] * 2 + ["differs", "exact", "differs"]
 
 
-def test_the_output_alone_has_digits_to_lose(law: PreparedCase) -> None:
+def test_only_output_can_lose_digits(law: PreparedCase) -> None:
     fields = {field.field: field for field in judged(law, answer_of(law)).fields}
     assert fields["pressure_used"].digits_lost == DigitsLost()
     assert fields["pressure"].digits_lost.reference is not None
     assert fields["type"].derivation == fields["rho"].derivation == "the same doubles"
 
 
-def test_both_sides_of_every_field_are_kept_with_the_atoms(law: PreparedCase) -> None:
+def test_both_sides_of_every_field_are_saved_with_the_atoms(law: PreparedCase) -> None:
     answer, atoms = answer_of(law), law.atoms
     wrong = changed(answer, q__pressure=answer.arrays["q.pressure"] + 1.0)
     _, arrays = compare_case(law.case, law.eos, atoms, wrong, ENGINE)
@@ -165,10 +165,10 @@ def test_both_sides_of_every_field_are_kept_with_the_atoms(law: PreparedCase) ->
     ("pattern", "variant", "verdict"),
     [("mi*", "cs ignored", "explained"), ("other", "cs ignored", "differs"), ("mine", "rho0 ignored", "differs")],
 )
-def test_a_wrong_pressure_is_explained_by_a_finding_that_has_it(
+def test_wrong_pressure_is_explained_by_a_finding_with_that_law(
     law: PreparedCase, monkeypatch: pytest.MonkeyPatch, pattern: str, variant: str, verdict: str
 ) -> None:
-    """A finding about the case, whose variant of the law is LAMMPS' on every atom; no case has one today."""
+    """The finding covers the case, and its law agrees with LAMMPS on every atom; no real finding does so today."""
     made = finding("a-law", law=LAW_MUTANTS[variant], applies_to=(pattern,))
     monkeypatch.setattr(findings, "LEDGER", (replace(LEDGER[0], applies_to=("mine",)), made))
     assert law.eos is not None
@@ -179,12 +179,12 @@ def test_a_wrong_pressure_is_explained_by_a_finding_that_has_it(
     assert (record.blame.field, record.blame.atom, record.blame.outside) == ("pressure_used", 1, len(law.atoms))
     assert [field.explained_by for field in record.fields] == [[], [], explained_by, explained_by]
     assert wrong_n is not None
-    wrong_n[-1] *= 2  # an atom that it does not explain
+    wrong_n[-1] *= 2  # an atom that the finding does not explain
     assert judged(law, changed(answer_of(law), pressure=wrong_n, q__pressure=wrong_n)).verdict == "differs"
 
 
 @pytest.mark.parametrize(("off", "explained"), [(1.0, True), (1.5, False)])
-def test_a_pressure_within_the_bound_of_a_finding_is_explained_by_it(
+def test_pressure_within_the_bound_of_a_finding_is_explained(
     law: PreparedCase, monkeypatch: pytest.MonkeyPatch, off: float, explained: bool
 ) -> None:
     nowhere = finding("nowhere", law=lambda table, state: np.zeros(2), applies_to=("mine",))
@@ -195,8 +195,8 @@ def test_a_pressure_within_the_bound_of_a_finding_is_explained_by_it(
 
 
 @pytest.mark.parametrize(("cells", "seen"), [([5, 4], True), ([50, 79], True), ([50, 80], False)])
-def test_the_lint_looks_at_up_to_two_thousand_states(case_file: Write, cells: list[int], seen: bool) -> None:
-    """Every second one of 4000; a mistake that one of the others alone would show counts as unseen."""
+def test_lint_examines_up_to_two_thousand_states(case_file: Write, cells: list[int], seen: bool) -> None:
+    """Of 4000 it takes every second one; a mistake that only the others show counts as undetected."""
     ready = prepared(case_file(positions=POSITIONS | {"cells": cells}, pressure=LINEAR))
     rho_n = np.full(len(ready.atoms), 1.2)
     rho_n[3] = 1.3
@@ -204,8 +204,8 @@ def test_the_lint_looks_at_up_to_two_thousand_states(case_file: Write, cells: li
     assert ("cs ignored" in judged(ready, answer_of(ready)).lint) == (not seen)
 
 
-def test_the_lint_knows_the_energy_and_the_types(case_file: Write) -> None:
-    """Of unit masses alone it does not matter whose the energy is."""
+def test_lint_depends_on_energies_and_masses(case_file: Write) -> None:
+    """Only for unit masses does it not matter whether the energy is per mass."""
     lint = {
         mass: judged(ready, answer_of(ready)).lint
         for mass in (1.0, 1.31)
@@ -222,7 +222,7 @@ def test_the_lint_knows_the_energy_and_the_types(case_file: Write) -> None:
         ({"rheo": {"interface_reconstruct": True}}, ["type"]),
     ],
 )
-def test_only_what_lammps_has_not_changed_since_is_compared_with_what_it_was_given(
+def test_only_unchanged_input_is_compared_with_the_given_one(
     case_file: Write, changes: dict[str, Any], given: list[str]
 ) -> None:
     ready = prepared(case_file(**changes))
@@ -233,13 +233,13 @@ def test_only_what_lammps_has_not_changed_since_is_compared_with_what_it_was_giv
 # --- the particle model
 
 
-def test_the_references_own_run_passes_at_every_step(model: PreparedCase) -> None:
+def test_references_own_run_passes_at_every_step(model: PreparedCase) -> None:
     record = judged(model, answer_of(model))
     assert (record.verdict, record.blame) == ("exact", None)
     assert {row.step for field in record.fields for row in field.steps} == {0, 1, 2}
 
 
-def test_the_first_step_is_blamed_not_the_worst(model: PreparedCase) -> None:
+def test_first_step_is_blamed_not_the_worst(model: PreparedCase) -> None:
     answer = answer_of(model)
     snapshots = [dict(arrays) for arrays in answer.snapshots]
     for step, size in ((1, 1e-3), (2, 1e3)):
@@ -253,8 +253,8 @@ def test_the_first_step_is_blamed_not_the_worst(model: PreparedCase) -> None:
     assert [row.verdict for row in force.steps] == ["exact", "differs", "differs"]
 
 
-def test_the_first_field_of_a_step_is_blamed(model: PreparedCase) -> None:
-    """Neighbours are counted before forces are summed, whatever atom is wrong."""
+def test_first_field_of_a_step_is_blamed(model: PreparedCase) -> None:
+    """Neighbours are counted before forces are summed, whichever atom is wrong."""
     answer = answer_of(model)
     first = dict(answer.snapshots[0])
     first["q.coordination"] = first["q.coordination"] + (np.arange(len(model.atoms)) == 8)
@@ -264,7 +264,7 @@ def test_the_first_field_of_a_step_is_blamed(model: PreparedCase) -> None:
     assert (record.blame.field, record.blame.stage, record.blame.atom) == ("coordination", "neighbours", 9)
 
 
-def test_other_steps_than_those_asked_for_are_not_compared(model: PreparedCase) -> None:
+def test_answers_at_other_steps_are_not_compared(model: PreparedCase) -> None:
     record = judged(model, replace(answer_of(model), steps=(0, 1, 3)))
     assert (record.verdict, record.ended, record.fields) == ("differs", "unusable", [])
     assert record.unusable == OtherSteps(counted=[0, 1, 3], asked=[0, 1, 2])
@@ -280,13 +280,11 @@ def test_other_steps_than_those_asked_for_are_not_compared(model: PreparedCase) 
         ({"energy": {"range": [0.5, 2.5]}}, ["type", "rho", "esph"]),
         ({"energy": {"range": [0.5, 2.5]}, "evolve": {"compare_at": [2]}}, ["type"]),
         ({"evolve": {"stops": [{"at": 0, "by": "restart"}]}}, ["type", "rho"]),
-        ({"evolve": {"stops": [{"at": 0, "by": "data"}]}}, ["type"]),  # text has not all digits
+        ({"evolve": {"stops": [{"at": 0, "by": "data"}]}}, ["type"]),  # text lacks some digits
         ({"evolve": {"stops": [{"at": 1, "by": "data"}]}}, ["type", "rho"]),
     ],
 )
-def test_what_lammps_was_given_is_compared_before_it_changes(
-    case_file: Write, changes: dict[str, Any], given: list[str]
-) -> None:
+def test_given_input_is_compared_before_it_changes(case_file: Write, changes: dict[str, Any], given: list[str]) -> None:
     evolve = {"timestep": 0.001, "compare_at": [0, 1]} | changes.get("evolve", {})
     evolve["steps"] = evolve["compare_at"][-1]
     ready = prepared(case_file(**MODEL, **changes | {"evolve": evolve}))
@@ -299,7 +297,7 @@ def test_what_lammps_was_given_is_compared_before_it_changes(
     assert {field.derivation for field in record.fields if "(given)" in field.field} == {"the same doubles"}
 
 
-def test_a_stop_moves_no_bit_that_a_file_carries(case_file: Write) -> None:
+def test_state_beyond_the_rounding_of_a_data_file_differs(case_file: Write) -> None:
     stops = [{"at": 1, "by": "data"}]
     ready = prepared(case_file(**MODEL, evolve={"steps": 2, "timestep": 0.001, "compare_at": [0, 2], "stops": stops}))
     record = judged(ready, made_answers.of_model(ready.case.scene, ready.atoms, carries=1 + 1e-15))
@@ -308,7 +306,7 @@ def test_a_stop_moves_no_bit_that_a_file_carries(case_file: Write) -> None:
     assert carried.derivation == "half a unit of the 16th digit of the text"
 
 
-def test_the_record_of_a_model_has_its_lint_its_bounds_and_the_findings_that_are_gone(model: PreparedCase) -> None:
+def test_model_record_has_lint_bounds_and_absent_findings(model: PreparedCase) -> None:
     engine = EngineRecord(distribution="2025.7.22.4.0")
     record, arrays = compare_case(model.case, model.eos, model.atoms, answer_of(model), engine)
     assert record.unseen == ["force-per-volume"], "this LAMMPS computes the force that the manual gives"
@@ -323,14 +321,14 @@ def test_the_record_of_a_model_has_its_lint_its_bounds_and_the_findings_that_are
     assert record.laws[0].style == "tait/general"
 
 
-def test_a_bound_is_derived_in_words() -> None:
+def test_bound_has_a_derivation_in_words() -> None:
     one = "4 x 2^-53 per operation, carried through the formulas; a sum by its absolute terms"
     assert derived(0) == one
     assert derived(3) == f"{one}; plus the spread of runs moved by that in every one of 3 steps"
 
 
-def test_positions_are_compared_where_the_reference_has_them() -> None:
-    """LAMMPS wraps those that leave a periodic box; along an open axis a period is a difference."""
+def test_positions_are_compared_at_the_image_of_the_reference() -> None:
+    """LAMMPS wraps positions outside a periodic box; along an open axis a shift by the edge is a difference."""
     box = Box((0.0, 0.0), (4.0, 3.0), (True, False))
     problem = Problem(SimpleNamespace(deform=None), box, None, 0.0, ("x", "v"), (0,))
     theirs_nc = np.array([[0.5, 1.0], [3.5, 1.0], [1.0, 0.5]])
@@ -343,7 +341,7 @@ def test_positions_are_compared_where_the_reference_has_them() -> None:
         np.testing.assert_array_equal(bound_nc, np.full((3, 2), 0.25))
 
 
-def test_a_field_is_that_of_its_worst_step_with_the_rows_of_all() -> None:
+def test_field_record_has_its_worst_step_and_all_rows() -> None:
     at = {
         step: compare_field("f", "pair", np.arange(1, 4), np.array([0.0, moved, 0.0]), np.zeros(3), np.ones(3))
         for step, moved in {0: 0.0, 2: 0.5, 5: 0.25}.items()
@@ -367,10 +365,10 @@ def test_a_field_is_that_of_its_worst_step_with_the_rows_of_all() -> None:
     assert (explained.verdict, explained.explained_by, explained.worst_step) == ("explained", ["a-finding"], 2)
 
 
-# --- an answer read at every step, and LAMMPS' lists of neighbours
+# --- an answer read at every step, and LAMMPS' neighbour lists
 
 
-def test_the_first_step_outside_is_found_in_an_answer_read_at_every_step(model: PreparedCase) -> None:
+def test_first_step_outside_is_found_if_every_step_is_read(model: PreparedCase) -> None:
     others = "2025.7.22.4.0", Predictor()
     few = replace(model.case, scene=model.case.scene.model_copy(update={"evolve": EVERY_OTHER}))
     answer = answer_of(model)
@@ -384,7 +382,7 @@ def test_the_first_step_outside_is_found_in_an_answer_read_at_every_step(model: 
     assert found.first.lammps == rounded(found.first.reference + 1.0, 1)
 
 
-def test_snapshots_are_those_of_the_steps_asked_for_and_the_first_has_the_lists(model: PreparedCase) -> None:
+def test_snapshots_are_at_requested_steps_and_the_first_has_lists(model: PreparedCase) -> None:
     scene, answer = model.case.scene, answer_of(model)
     every, last = read_snapshots(scene, answer), read_snapshots(scene, answer, (2,))
     assert [list(snapshot) for snapshot in every] == [["coordination", "f"]] * 3
@@ -401,7 +399,7 @@ def test_snapshots_are_those_of_the_steps_asked_for_and_the_first_has_the_lists(
 
 
 @pytest.mark.parametrize(("lists", "applies"), [(True, True), (True, False), (False, True)])
-def test_lists_are_asked_for_where_a_finding_follows_them(
+def test_lists_are_requested_if_a_finding_depends_on_them(
     model: PreparedCase, monkeypatch: pytest.MonkeyPatch, lists: bool, applies: bool
 ) -> None:
     def of_the_scene(problem: Problem) -> bool:
@@ -432,19 +430,19 @@ def test_lost_atoms_end_the_comparison(law: PreparedCase, ids: Callable[[Any], A
 
 
 @pytest.mark.parametrize("verdict", ["refused", "crashed", "timeout", "error"])
-def test_a_failure_is_the_verdict_with_the_engines_words(law: PreparedCase, verdict: Any) -> None:
+def test_failure_is_the_verdict_with_the_engines_message(law: PreparedCase, verdict: Any) -> None:
     record = judged(law, Failure(verdict, "ERROR: some\n  words"))
     assert (record.verdict, record.ended, record.engine_error) == (verdict, verdict, "ERROR: some words")
 
 
 @pytest.mark.parametrize(("words", "verdict"), [("Invalid range", "refused"), ("Out of memory", "differs")])
-def test_a_refusal_must_have_the_words_expected(case_file: Write, words: str, verdict: str) -> None:
+def test_refusal_must_contain_the_expected_words(case_file: Write, words: str, verdict: str) -> None:
     ready = prepared(case_file(violate="missing-argument", expect={"refused": "Invalid range"}))
     record = judged(ready, Failure("refused", f"ERROR: {words} string"))
     assert (record.verdict, record.ended, record.as_expected) == (verdict, "refused", verdict == "refused")
 
 
-def test_an_answer_where_a_refusal_is_expected_differs(case_file: Write, law: PreparedCase) -> None:
+def test_answer_instead_of_a_refusal_differs(case_file: Write, law: PreparedCase) -> None:
     ready = prepared(case_file(violate="missing-argument", expect={"refused": "Invalid range"}))
     record = judged(ready, answer_of(law))
     assert (record.verdict, record.ended, record.expects) == ("differs", "accepted", "Invalid range")
@@ -462,10 +460,10 @@ def test_an_answer_where_a_refusal_is_expected_differs(case_file: Write, law: Pr
         ("skipped", "not in this build", "Invalid range", "skipped"),
     ],
 )
-def test_an_end_other_than_the_one_expected_may_be_explained(
+def test_unexpected_ending_may_be_explained(
     monkeypatch: pytest.MonkeyPatch, ended: Any, words: str, expects: str, verdict: str
 ) -> None:
-    """Where a finding predicts it; what could not run has no end."""
+    """It is explained if a finding predicts it; a case that could not run has no ending."""
     monkeypatch.setattr(outcome, "explain_outcome", lambda record, *scene: LEDGER[0])
     record = CaseRecord(case="a.case", verdict="skipped", ended="skipped", expects=expects)
     outcome.record_failure(record, Failure(ended, words))
@@ -473,7 +471,7 @@ def test_an_end_other_than_the_one_expected_may_be_explained(
     assert (record.verdict, record.ended, record.explained_by) == (verdict, ended, explained_by)
 
 
-def test_an_end_that_no_finding_predicts_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ending_that_no_finding_predicts_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(outcome, "explain_outcome", lambda record, *scene: None)
     record = CaseRecord(case="a.case", verdict="skipped", ended="skipped")
     outcome.record_failure(record, Failure("crashed", "SIGSEGV"))

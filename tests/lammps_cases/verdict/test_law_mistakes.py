@@ -1,4 +1,4 @@
-"""Mistakes in a law: which ones a scene can show, and to which it is blind."""
+"""Mistakes in a law: which ones a scene can detect, and which it cannot."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ def blind(table: EOSTable) -> list[str]:
     return undetected_in_laws(table, scene, evaluate(table, scene), bound_n)
 
 
-def test_a_scene_of_odd_numbers_shows_every_mistake() -> None:
+def test_scene_of_odd_numbers_detects_every_mistake() -> None:
     assert blind(ODD) == []
 
 
-def test_units_of_one_hide_what_they_multiply() -> None:
+def test_parameters_of_one_hide_mistakes_in_their_factors() -> None:
     assert blind(PLAIN) == ["cs instead of cs^2", "cs ignored", "rho0 ignored", "rho0 and cs exchanged"]
 
 
 @pytest.mark.parametrize("name", ["types exchanged", "background dropped", "A3 dropped", "gamma instead of gamma - 1"])
-def test_a_mistake_in_what_a_scene_does_not_have_is_none(name: str) -> None:
+def test_mistake_in_absent_parts_of_a_scene_does_not_apply(name: str) -> None:
     assert LAW_MUTANTS[name](PLAIN, state(PLAIN)) is None
 
 
@@ -46,7 +46,7 @@ CUBIC = EOS("cubic", 1.2, 2.25, 0.7, 0.3)
 TAIT = EOS("tait/general", 1.2, 2.25, 4.1, 0.3)
 WATER = EOS("tait/water", 1.2, 2.25, background=0.3)
 GAS = EOS("ideal/gas", parameter=1.4, background=0.3)
-# What each mistake makes of a law that it applies to, and laws that it leaves alone.
+# A law that each mistake applies to, the resulting law, and laws that it leaves unchanged.
 MADE: dict[str, tuple[EOS, EOS, tuple[EOS, ...]]] = {
     "cs instead of cs^2": (LINEAR, EOS("linear", 1.2, 1.5, background=0.3), (GAS,)),
     "cs ignored": (CUBIC, EOS("cubic", 1.2, 1.0, 0.7, 0.3), (GAS,)),
@@ -70,8 +70,8 @@ def with_energy(table: EOSTable, energy: float = 0.9) -> EosState:
 
 
 @pytest.mark.parametrize("name", MADE)
-def test_a_mistake_is_another_law(name: str) -> None:
-    """Of the types that it applies to; where it applies to none there is no mistake."""
+def test_mistake_turns_a_law_into_another(name: str) -> None:
+    """This concerns the types that it applies to; without any such type there is no mistake."""
     law, wrong, others = MADE[name]
     for other in others:
         alone, both, mistaken = EOSTable([other]), EOSTable([law, other]), EOSTable([wrong, other])
@@ -80,12 +80,12 @@ def test_a_mistake_is_another_law(name: str) -> None:
         np.testing.assert_array_equal(LAW_MUTANTS[name](both, scene), evaluate(mistaken, scene))
 
 
-def test_an_exponent_off_by_one_is_none_of_zero() -> None:
+def test_exponent_off_by_one_is_never_zero() -> None:
     p_n = LAW_MUTANTS["exponent off by one"](EOSTable([EOS("tait/general", 1.2, parameter=-1.0)]), state(PLAIN))
     np.testing.assert_array_equal(p_n, evaluate(EOSTable([EOS("tait/general", 1.2, parameter=0.5)]), state(PLAIN)))
 
 
-def test_mistakes_in_what_a_law_is_given() -> None:
+def test_mistakes_in_the_arguments_of_a_law() -> None:
     three = EOSTable([LINEAR, TAIT, GAS])
     scene = with_energy(three)
     p_n = evaluate(three, scene)
@@ -109,7 +109,7 @@ def test_mistakes_in_what_a_law_is_given() -> None:
         ("types exchanged", EOSTable([LINEAR, GAS]), state(ODD)),
     ],
 )
-def test_without_an_energy_there_is_no_mistake_in_it(name: str, table: EOSTable, scene: EosState) -> None:
+def test_no_mistake_in_the_energy_without_an_energy(name: str, table: EOSTable, scene: EosState) -> None:
     assert LAW_MUTANTS[name](table, scene) is None
 
 
@@ -120,14 +120,14 @@ def test_types_without_energy_can_be_exchanged() -> None:
 
 
 @pytest.mark.parametrize(("bound", "seen"), [(0.5, True), (1.0, False), (2.0, False)])
-def test_a_mistake_is_seen_by_the_particle_that_it_takes_out_of_its_bound(bound: float, seen: bool) -> None:
-    """A pressure of one half whose sign is wrong is off by one; particles at rho0 do not show it."""
+def test_mistake_is_detected_by_a_particle_outside_its_bound(bound: float, seen: bool) -> None:
+    """A pressure of one half with the wrong sign is off by one; particles at rho0 do not show it."""
     scene = EosState(np.arange(1, 4), np.ones(3, int), np.array([1.0, 1.5, 1.0]), np.ones(3))
     names = undetected_in_laws(PLAIN, scene, evaluate(PLAIN, scene), np.full(3, bound))
     assert ("sign of the pressure" in names) == (not seen)
 
 
-def test_what_single_precision_cannot_hold_is_a_mistake_without_a_warning() -> None:
+def test_overflow_of_float32_is_detected_without_a_warning() -> None:
     table = EOSTable([EOS("linear", 1.0, 1e25)])
     scene = state(table)
     scene.rho_n[7] = 1e39
@@ -137,7 +137,7 @@ def test_what_single_precision_cannot_hold_is_a_mistake_without_a_warning() -> N
 
 
 @pytest.mark.parametrize("name", LAW_MUTANTS)
-def test_a_mistake_changes_the_pressure_or_does_not_apply(name: str) -> None:
+def test_mistake_changes_the_pressure_or_does_not_apply(name: str) -> None:
     scene = state(ODD)
     p_n = LAW_MUTANTS[name](ODD, scene)
     assert p_n is None or not np.array_equal(p_n, evaluate(ODD, scene))

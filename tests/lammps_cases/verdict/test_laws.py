@@ -1,4 +1,4 @@
-"""Judgement of a law alone: the pressure that the forces read and the one that is output, each atom by itself."""
+"""Judgement of a law alone: the pressure used by the forces and the output pressure, atom by atom."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def judged(ready: PreparedCase, answer: Answer) -> tuple[CaseRecord, Arrays]:
     return record, compare_laws(record, ready.case, ready.eos, ready.atoms, answer)
 
 
-def test_the_same_bits_are_exact_and_arrays_hold_the_energy_per_mass(gas: PreparedCase) -> None:
+def test_same_bits_are_exact_and_arrays_have_the_energy_per_mass(gas: PreparedCase) -> None:
     record, arrays = judged(gas, answer_of(gas))
     assert (record.verdict, record.ended, record.blame) == ("exact", "answered", None)
     assert gas.atoms.energy_n is not None
@@ -49,7 +49,7 @@ def test_the_same_bits_are_exact_and_arrays_hold_the_energy_per_mass(gas: Prepar
 
 
 @pytest.mark.parametrize(("key", "field"), [("pressure", "pressure_used"), ("q.pressure", "pressure")])
-def test_an_atom_beyond_its_bound_is_to_blame(key: str, field: str, gas: PreparedCase) -> None:
+def test_atom_outside_its_bound_is_blamed(key: str, field: str, gas: PreparedCase) -> None:
     answer = answer_of(gas)
     of_atom = np.array(answer.arrays[key])
     of_atom[4] *= 1.5
@@ -61,8 +61,8 @@ def test_an_atom_beyond_its_bound_is_to_blame(key: str, field: str, gas: Prepare
     assert blame.bound is not None and abs(blame.lammps - blame.reference) > blame.bound
 
 
-def test_the_law_is_that_of_the_density_that_lammps_has(gas: PreparedCase) -> None:
-    """A density that is not the one given is the first to be blamed, not the pressure that follows from it."""
+def test_law_is_evaluated_at_the_density_that_lammps_holds(gas: PreparedCase) -> None:
+    """A density other than the given one is blamed first, not the pressure that follows from it."""
     answer = answer_of(gas)
     rho_n = np.array(answer.arrays["rho"])
     rho_n[2] *= 1.01

@@ -1,4 +1,4 @@
-"""Scenes in which a finding's variant is known not to reproduce LAMMPS: a difference is said to be that limit."""
+"""Scenes in which a finding's variant is known not to reproduce LAMMPS: a difference is reported as that limit."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ WALLS: dict[str, Any] = {
 
 @pytest.mark.lammps
 @pytest.mark.parametrize(("kernel", "limit"), [("RK2", ["walls-begin-with-pressure"]), ("quintic", [])])
-def test_a_minimisation_beside_walls(kernel: str, limit: list[str], tmp_path: Path) -> None:
-    """With a kernel that corrects gradients it leaves other forces to the walls than the variant has.
+def test_minimisation_next_to_walls(kernel: str, limit: list[str], tmp_path: Path) -> None:
+    """With a kernel that corrects gradients, wall forces after it differ from those of the variant.
 
-    Memory that LAMMPS reads and has not written is filled with zeros, in new processes.
+    Memory that LAMMPS reads uninitialised is filled with zeros, in new processes.
     """
     scene = WALLS | {"rheo": WALLS["rheo"] | {"kernel": kernel}}
     (tmp_path / "mine.yaml").write_text(yaml_text({"name": "mine", "about": "walls", "scene": scene}))

@@ -1,4 +1,4 @@
-"""Mistakes in the particle model: which ones a scene can show, and to which it is blind."""
+"""Mistakes in the particle model: which ones a scene can detect, and which it cannot."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lammps_cases.verdict import mistakes
 from lammps_cases.verdict.mistakes import MODEL_MUTANTS, ModelMutant, shown, undetected_in_model
 from lammps_cases.verdict.problems import problem_of
 
-# A scene that shows each mistake.
+# A scene that detects each mistake.
 SHOWN = {
     "masses ignored": "forces.all.quintic.2d",
     "rho0 for rho in volumes": "forces.all.quintic.2d",
@@ -56,7 +56,7 @@ def test_every_mistake_has_a_scene() -> None:
 
 
 @pytest.mark.parametrize("mistake", SHOWN)
-def test_a_scene_shows_the_mistake(mistake: str) -> None:
+def test_scene_detects_the_mistake(mistake: str) -> None:
     problem = first_evaluation(SHOWN[mistake])
     right, wrong = (problem.simulation(*stages) for stages in ((), (MODEL_MUTANTS[mistake].stages,)))
     for simulation in (right, wrong):
@@ -67,7 +67,7 @@ def test_a_scene_shows_the_mistake(mistake: str) -> None:
     assert mistake not in blind(SHOWN[mistake])
 
 
-def test_the_volume_of_the_other_particle_is_that_of_its_own() -> None:
+def test_mutant_uses_the_particles_own_volume() -> None:
     problem = first_evaluation("forces.all.quintic.2d")
     mutant = MODEL_MUTANTS["V_i for V_j"]
     sim = problem.simulation(mutant.stages)
@@ -81,7 +81,7 @@ def test_the_volume_of_the_other_particle_is_that_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("harmonic", [True, False])
-def test_the_other_mean_is_not_the_one_given(harmonic: bool) -> None:
+def test_mutant_uses_the_other_mean(harmonic: bool) -> None:
     problem = first_evaluation("forces.all.quintic.2d")
     model = replace(problem.model, pair=replace(problem.model.pair, harmonic_means=harmonic))
     mutant = MODEL_MUTANTS["arithmetic for harmonic mean, or the reverse"]
@@ -90,15 +90,13 @@ def test_the_other_mean_is_not_the_one_given(harmonic: bool) -> None:
     assert sim.evaluator.model.pair.harmonic_means == (not harmonic)
 
 
-def test_one_conductivity_is_the_largest(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mutant_uses_the_largest_conductivity(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ArrayEvaluator, "conduction", lambda self: np.array([0.0, 2.0, 1.0]))
     stages = MODEL_MUTANTS["one conductivity for all types"].stages
     np.testing.assert_array_equal(stages.__new__(stages).conduction(), 2.0)
 
 
-def test_a_mistake_may_leave_what_numbers_can_tell() -> None:
-    """Without a word of it."""
-
+def test_mistake_may_produce_nan_without_a_warning() -> None:
     class Divides(ArrayEvaluator):
         def density_pair(self, rho_n: Any) -> Any:
             rho_i, rho_j = super().density_pair(rho_n)
@@ -110,25 +108,25 @@ def test_a_mistake_may_leave_what_numbers_can_tell() -> None:
         assert not mistakes.cannot_distinguish(problem, prediction, ModelMutant(Divides, ("f",)))
 
 
-def test_units_of_one_hide_what_they_multiply() -> None:
+def test_parameters_of_one_hide_mistakes_in_their_factors() -> None:
     assert {"masses ignored", "rho0 for rho in volumes", "V_i for V_j", "no volume in the force"} <= set(
         blind("fluids.unit")
     )
 
 
-def test_a_mistake_in_what_a_scene_does_not_have_is_not_said() -> None:
-    """Equal arrays where nothing can differ are not called blindness."""
+def test_mistake_in_absent_parts_of_a_scene_is_not_reported() -> None:
+    """Equal arrays are not reported as undetected mistakes if nothing can differ."""
     for name in ("fluids.unit", "forces.all.quintic.2d"):
         unseen = blind(name)
         assert not [mistake for mistake in unseen if MODEL_MUTANTS[mistake].needs_walls]
         assert "temperature of the whole energy" not in unseen
 
 
-# --- what a scene shows, and when a mistake in it counts
+# --- quantities that a scene shows, and when a mistake in them counts
 
 
 def shown_by(*fields: str, **changes: Any) -> set[str]:
-    """The quantities that a scene of two fluids and a solid at rest compares so that a mistake in them could show."""
+    """Return the quantities in which a scene of two fluids and a solid at rest could show a mistake."""
     given: dict[str, Any] = {
         "damp": 0.0,
         "corrects": False,
@@ -160,7 +158,7 @@ def shown_by(*fields: str, **changes: Any) -> set[str]:
         (["drho", "f"], {"damp": 0.1}, {"drho", "f"}),
         (["drho", "f"], {}, {"f"}),
         (["drho", "f"], {"damp": 0.1, "corrects": True}, {"f"}),
-        (["drho", "f"], {"damp": 0.1, "types": [1, 1, 3]}, {"f"}),  # rho0 of one fluid cancels
+        (["drho", "f"], {"damp": 0.1, "types": [1, 1, 3]}, {"f"}),  # rho0 cancels for one fluid
         (["f"], {"artificial": 0.5}, {"f", "artificial"}),
         (["drho"], {"artificial": 0.5, "damp": 0.1}, {"drho"}),
         (["grad/v"], {"v": 2.0}, {"grad/v", "moving walls"}),
@@ -168,11 +166,11 @@ def shown_by(*fields: str, **changes: Any) -> set[str]:
         (["f"], {"v": 2.0}, {"f"}),
     ],
 )
-def test_a_mistake_could_show_in(fields: list[str], changes: dict[str, Any], seen: set[str]) -> None:
+def test_quantities_in_which_a_mistake_could_show(fields: list[str], changes: dict[str, Any], seen: set[str]) -> None:
     assert shown_by(*fields, **changes) == seen
 
 
-def test_mistakes_in_walls_are_of_scenes_with_walls(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mistakes_in_walls_need_scenes_with_walls(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mistakes, "cannot_distinguish", lambda *_: True)
     of_force = [name for name, mutant in MODEL_MUTANTS.items() if {"f", "artificial"} & set(mutant.changes)]
     plain = [name for name in of_force if not MODEL_MUTANTS[name].needs_walls]
@@ -186,7 +184,7 @@ def test_mistakes_in_walls_are_of_scenes_with_walls(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize(("over", "unseen"), [(1.0, True), (1.5, False)])
-def test_a_mistake_within_the_bound_goes_unseen(over: float, unseen: bool) -> None:
+def test_mistake_within_the_bound_is_undetected(over: float, unseen: bool) -> None:
     problem = replace(first_evaluation("forces.all.quintic.2d"), fields=("f",))
     mutant = MODEL_MUTANTS["no volume in the force"]
     right, wrong = (problem.simulation(stages) for stages in (ArrayEvaluator, mutant.stages))

@@ -1,7 +1,7 @@
-"""What a new equation of state takes: its formulas, its record, and nothing else anywhere.
+"""A new equation of state needs its formulas and its record, and nothing else.
 
 A copy of both packages is given a stiffened gas, P = (gamma - 1) rho e - c^2 rho0, by edits of a few files; then
-everything that a law goes through is asked for it, in a process of its own.
+every use of a law is tried with it, in a separate process.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ EDITS = {
 
 
 @pytest.mark.slow
-def test_a_new_law_is_edits_of_three_files(tmp_path: Path) -> None:
+def test_new_law_needs_edits_of_three_files(tmp_path: Path) -> None:
     for package in ("eos_ref", "lammps_cases"):
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
     for name, edit in EDITS.items():

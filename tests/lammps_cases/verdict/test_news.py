@@ -1,4 +1,4 @@
-"""State that LAMMPS does not hold as given, or not carry over a stop: no finding explains it, whatever else differs."""
+"""State that LAMMPS does not hold as given or loses at a stop: no finding explains it, whatever else differs."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ TEXT = [{"at": 1, "by": "data"}]
 
 
 def at(step: int | None, field: str = "f") -> Blame:
-    """A first difference at a step."""
+    """Return a first difference at a step."""
     return Blame(field=field, stage="input", step=step, atom=7, lammps=2.0, reference=1.0, bound=0.5, outside=1, of=9)
 
 
 def reason(step: int | None, left: int | None = None, explained: bool = False) -> Reason:
-    """Why a case differs from a step on, as a finding explains, or explains up to another step."""
+    """Return the reason for a difference from a step on, explained by a finding, or explained up to another step."""
     beyond = None if left is None else Beyond(findings=["one"], blame=at(left))
     return Reason(at(step), beyond, [FORCE] if explained else [])
 
@@ -44,7 +44,7 @@ def reason(step: int | None, left: int | None = None, explained: bool = False) -
     ("of", "step"),
     [
         (None, 3),
-        (reason(3), 3),  # input comes before what is made of it
+        (reason(3), 3),  # input precedes its consequences
         (reason(3), 2),
         (reason(0, left=0), None),
         (reason(None), 0),
@@ -52,7 +52,7 @@ def reason(step: int | None, left: int | None = None, explained: bool = False) -
         (reason(3, left=5), 1),
     ],
 )
-def test_input_outside_is_the_reason_unless_something_came_before(of: Reason | None, step: int | None) -> None:
+def test_input_outside_is_the_reason_unless_preceded(of: Reason | None, step: int | None) -> None:
     assert prefer_input(of, at(step, "x")) == Reason(at(step, "x"))
 
 
@@ -60,7 +60,7 @@ def test_input_outside_is_the_reason_unless_something_came_before(of: Reason | N
     ("of", "step"),
     [(reason(3), 4), (reason(0), 1), (reason(2, left=4), 5), (reason(0, left=0), 1), (reason(None, left=0), 1)],
 )
-def test_input_outside_after_what_is_new_changes_nothing(of: Reason, step: int) -> None:
+def test_input_outside_after_a_new_difference_changes_nothing(of: Reason, step: int) -> None:
     assert prefer_input(of, at(step, "x")) is of
 
 
@@ -73,11 +73,11 @@ def test_input_outside_after_what_is_new_changes_nothing(of: Reason, step: int) 
         (reason(2, left=7, explained=True), 5, ["one"]),
     ],
 )
-def test_input_outside_beside_a_known_finding_is_what_is_new(of: Reason, step: int, beside: list[str]) -> None:
+def test_input_outside_after_a_known_finding_is_new(of: Reason, step: int, beside: list[str]) -> None:
     assert prefer_input(of, at(step, "x")) == Reason(of.first, Beyond(findings=beside, blame=at(step, "x")))
 
 
-def test_without_input_outside_a_reason_stays() -> None:
+def test_reason_stays_without_input_outside() -> None:
     of = reason(2)
     assert prefer_input(of, None) is of and prefer_input(None, None) is None
 
@@ -94,7 +94,7 @@ def ready(case_file: Write) -> PreparedCase:
 
 
 def answer(ready: PreparedCase, *findings: str, **after: Any) -> Answer:
-    """What LAMMPS with some findings would answer, whose positions leave the box, and arrays after the stop."""
+    """Return an answer of LAMMPS with some findings, with positions outside the box, and arrays after the stop."""
     made = made_answers.of_model(ready.case.scene, ready.atoms, *findings)
     x_nc = ready.atoms.x_nc + np.array([3 * (ready.atoms.high_c[0] - ready.atoms.low_c[0]), 0, 0])
     before = {"x": x_nc, "rho": np.asarray(ready.atoms.rho_n)}
@@ -105,7 +105,7 @@ def judged(ready: PreparedCase, given: Answer) -> CaseRecord:
     return compare_case(ready.case, ready.eos, ready.atoms, given, KNOWN)[0]
 
 
-def test_positions_in_a_text_are_those_of_any_image_to_its_digits(ready: PreparedCase) -> None:
+def test_positions_in_text_agree_with_any_image_to_its_digits(ready: PreparedCase) -> None:
     carried = {field.field: field for field in judged(ready, answer(ready)).fields if "at 1" in field.field}
     assert [(name, field.verdict) for name, field in carried.items()] == [
         ("x (data at 1)", "exact"),
@@ -115,13 +115,13 @@ def test_positions_in_a_text_are_those_of_any_image_to_its_digits(ready: Prepare
 
 
 def wrong(ready: PreparedCase) -> dict[str, Any]:
-    """A density that a file spoils."""
+    """Return densities after a stop, one of them corrupted by the file."""
     rho_n = np.array(ready.atoms.rho_n)
     rho_n[4] *= 1.01
     return {"rho": rho_n}
 
 
-def test_state_that_a_stop_spoils_is_new_beside_a_finding(ready: PreparedCase) -> None:
+def test_state_corrupted_at_a_stop_is_new_next_to_a_finding(ready: PreparedCase) -> None:
     record = judged(ready, answer(ready, FORCE.id, **wrong(ready)))
     assert record.blame is not None and record.beyond is not None
     assert (record.verdict, record.blame.field, record.blame.step) == ("differs", "f", 0)
@@ -130,13 +130,13 @@ def test_state_that_a_stop_spoils_is_new_beside_a_finding(ready: PreparedCase) -
     assert (left.field, left.step, left.atom, left.stage) == ("rho (data at 1)", 1, 5, "input")
 
 
-def test_state_that_a_stop_spoils_is_blamed_alone(ready: PreparedCase) -> None:
+def test_state_corrupted_at_a_stop_is_blamed_alone(ready: PreparedCase) -> None:
     record = judged(ready, answer(ready, **wrong(ready)))
     assert record.blame is not None and record.beyond is None
     assert (record.blame.field, record.blame.step, record.blame.atom) == ("rho (data at 1)", 1, 5)
 
 
-def test_what_lammps_does_not_hold_as_given_is_blamed_at_the_first_step(ready: PreparedCase) -> None:
+def test_state_not_held_as_given_is_blamed_at_the_first_step(ready: PreparedCase) -> None:
     made = answer(ready)
     held = made.snapshots[0] | {"rho": made.snapshots[0]["rho"] + (ready.atoms.id_n == 9)}
     record = judged(ready, replace(made, snapshots=(held, *made.snapshots[1:])))
@@ -144,7 +144,7 @@ def test_what_lammps_does_not_hold_as_given_is_blamed_at_the_first_step(ready: P
     assert (record.blame.field, record.blame.step, record.blame.atom) == ("rho (given)", 0, 9)
 
 
-def test_what_differs_beside_a_finding_is_told_with_it(ready: PreparedCase) -> None:
+def test_difference_beyond_a_finding_is_reported_with_it(ready: PreparedCase) -> None:
     made = answer(ready, FORCE.id)
     last = dict(made.snapshots[2])
     last["f"] = last["f"] + [[0.0, 1.0, 0.0]]
@@ -153,7 +153,7 @@ def test_what_differs_beside_a_finding_is_told_with_it(ready: PreparedCase) -> N
     assert (record.blame.step, record.beyond.findings, record.beyond.blame.step) == (0, [FORCE.id], 2)
 
 
-def test_the_first_step_of_an_answer_may_be_a_stop_that_spoils_the_state(ready: PreparedCase) -> None:
+def test_first_difference_may_be_a_stop_that_corrupts_state(ready: PreparedCase) -> None:
     others = KNOWN.distribution, Predictor()
     found = first_step(ready.case, ready.atoms, answer(ready, **wrong(ready)), *others)
     assert found is not None
@@ -165,7 +165,7 @@ def test_the_first_step_of_an_answer_may_be_a_stop_that_spoils_the_state(ready: 
 
 
 @pytest.mark.parametrize(("version", "gone"), [("2025.7.22.1.0", True), ("2025.7.22.4.0", False)])
-def test_a_finding_that_is_gone_is_one_that_this_version_had(case_file: Write, version: str, gone: bool) -> None:
+def test_absent_finding_is_one_that_this_version_had(case_file: Write, version: str, gone: bool) -> None:
     types = [{"mass": 1.31, "rho0": 1.2, "cs": 3.1, "conductivity": 0.7, "specific_heat": 1.5}]
     path = case_file(types=types, energy={"range": [0.8, 1.9]}, compare=["heatflow"])
     ready = prepared_case.prepare(casefile.load((path,))[0])

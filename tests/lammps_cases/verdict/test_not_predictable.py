@@ -1,4 +1,4 @@
-"""Scenes in which LAMMPS' numbers hang on memory that nobody knows, or are none: explained, and said to be open."""
+"""Scenes in which LAMMPS' numbers depend on uninitialised memory, or are NaN: explained, and reported as unchecked."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ PERIODIC = BLOCK | {
 
 
 def file_of(folder: Path, scene: dict[str, Any]) -> Path:
-    """Write a scene as the only one of a case file."""
+    """Write a case file with one scene."""
     path = folder / "mine.yaml"
     path.write_text(yaml_text({"name": "mine", "about": "A scene of the tests.", "scene": scene}))
     return path
@@ -62,10 +62,10 @@ def file_of(folder: Path, scene: dict[str, Any]) -> Path:
     ],
     ids=["surface-rk1", "surface-rk2", "all-rk1", "all-rk2", "means", "means-later"],
 )
-def test_scenes_of_which_little_can_be_predicted_are_explained(
+def test_hardly_predictable_scenes_are_explained(
     scene: dict[str, Any], finding: str, compared: set[str], eos_ref_command: Callable[..., Outcome], tmp_path: Path
 ) -> None:
-    """Stale memory may make LAMMPS lose all atoms, too, as it is one time and another."""
+    """Stale memory, which varies from run to run, may also make LAMMPS lose all atoms."""
     code, _, _ = eos_ref_command("run", "--cases", file_of(tmp_path, scene), "--out", tmp_path / "out")
     (case,) = read_run(tmp_path / "out").cases
     assert (case.verdict, code) == ("explained", 0) and finding in case.findings, case.message
@@ -77,7 +77,7 @@ def test_scenes_of_which_little_can_be_predicted_are_explained(
 
 
 def judged(folder: Path, scene: dict[str, Any]) -> CaseRecord:
-    """Judge a scene of which LAMMPS has lost all atoms."""
+    """Judge a scene after LAMMPS has lost all its atoms."""
     (case,) = casefile.load((file_of(folder, scene),))
     ready = prepared_case.prepare(case)
     lost = Failure("refused", "ERROR: Lost atoms: original 56 current 0")
@@ -85,9 +85,7 @@ def judged(folder: Path, scene: dict[str, Any]) -> CaseRecord:
 
 
 @pytest.mark.parametrize(("zmin", "explained_by"), [(20, [STALE]), (0, [])])
-def test_atoms_are_lost_by_memory_that_nobody_knows_only_below_zmin(
-    zmin: int, explained_by: list[str], tmp_path: Path
-) -> None:
+def test_stale_memory_explains_lost_atoms_only_below_zmin(zmin: int, explained_by: list[str], tmp_path: Path) -> None:
     record = judged(tmp_path, BLOCK | {"rheo": {"cut": 2.8, "zmin": zmin, "kernel": "RK1" if zmin else "quintic"}})
     assert (record.verdict, record.explained_by) == ("explained" if explained_by else "refused", explained_by)
     assert ("whose effect cannot be predicted" in record.message) == bool(explained_by)

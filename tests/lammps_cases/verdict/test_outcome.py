@@ -1,4 +1,4 @@
-"""What every judgement shares: the record of a case before it has run, its end, the state that stops carry over."""
+"""Parts of every judgement: the record of a case before its run, its ending, the state carried over at stops."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def prepared(file: Path) -> prepared_case.PreparedCase:
 
 
 @pytest.mark.parametrize("shipped", [False, True])
-def test_the_record_of_a_case_says_what_it_is(case_file: Write, shipped: bool) -> None:
+def test_blank_record_describes_the_case(case_file: Write, shipped: bool) -> None:
     run = {"compare": ["f"], "evolve": {"steps": 7, "timestep": 0.001}, "twin": {"newton": False}, "units": "si"}
     path = case_file(**run, types=[{"mass": 1.5, "rho0": 1.2, "cs": 3.1}, {"mass": 0.5, "rho0": 1.1, "cs": 2.5}])
     ready = prepared(path)
@@ -72,13 +72,13 @@ def test_the_record_of_a_case_says_what_it_is(case_file: Write, shipped: bool) -
     )
 
 
-def test_the_record_of_a_case_that_lammps_has_to_refuse_says_with_which_words(case_file: Write) -> None:
+def test_record_of_an_expected_refusal_has_its_words(case_file: Write) -> None:
     ready = prepared(case_file(violate="missing-argument", expect={"refused": "Invalid range"}))
     record = blank_record(ready.case, ready.eos, ready.atoms, ENGINE)
     assert (record.expects, record.laws, record.steps, record.twin) == ("Invalid range", [], 0, "")
 
 
-def test_a_record_ends_with_its_message_its_times_and_where_its_predictions_are_from() -> None:
+def test_finished_record_has_message_times_and_prediction_counts() -> None:
     blame = Blame(field="f", stage="pair", step=3, atom=7, lammps=2.0, reference=1.0, bound=0.5, outside=1, of=9)
     record = CaseRecord(case="one", verdict="differs", blame=blame)
     begin = time.perf_counter() - 100.0
@@ -99,7 +99,7 @@ def test_a_record_ends_with_its_message_its_times_and_where_its_predictions_are_
         (["stress/t"], "refused", "SIGSEGV", []),
     ],
 )
-def test_an_end_is_foretold_by_the_scene(
+def test_scene_predicts_an_ending(
     case_file: Write, compare: list[str], ended: Any, words: str, explained_by: list[str]
 ) -> None:
     ready = prepared(case_file(compare=compare))
@@ -109,8 +109,8 @@ def test_an_end_is_foretold_by_the_scene(
     assert record.ended == ended
 
 
-def test_an_end_that_a_scene_foretells_is_the_verdict_too(case_file: Write) -> None:
-    """Another verdict on it, such as that of a refusal in other words, is not what the finding says."""
+def test_predicted_ending_explains_only_the_same_verdict(case_file: Write) -> None:
+    """The finding does not cover another verdict, such as that of a refusal in other words."""
     scene = prepared(case_file(compare=["stress/t"])).case.scene
     record = CaseRecord(case="any", verdict="differs", ended="crashed", engine_error="SIGSEGV")
     explain_ending(record, scene)
@@ -135,14 +135,14 @@ def test_an_end_that_a_scene_foretells_is_the_verdict_too(case_file: Write) -> N
         ("ERROR: Lost atoms: original 20 current 19 (src/thermo.cpp:494)", ""),
     ],
 )
-def test_a_word_that_lammps_does_not_have_is_no_difference(case_file: Write, error: str, lacks: str) -> None:
+def test_word_that_lammps_lacks_is_not_a_difference(case_file: Write, error: str, lacks: str) -> None:
     ready = prepared(case_file())
     record, _ = compare_case(ready.case, ready.eos, ready.atoms, Failure("refused", error), ENGINE)
     assert (record.verdict, record.lacks) == ("skipped" if lacks else "refused", lacks)
     assert (record.message == f"this LAMMPS has no {lacks!r}") == bool(lacks)
 
 
-def test_a_refusal_that_is_expected_in_other_words_differs(case_file: Write) -> None:
+def test_refusal_expected_in_other_words_differs(case_file: Write) -> None:
     ready = prepared(case_file(violate="missing-argument", expect={"refused": "Invalid range"}))
     refused = Failure("refused", "ERROR: Illegal fix command, cubic")
     record, _ = compare_case(ready.case, ready.eos, ready.atoms, refused, ENGINE)
@@ -150,7 +150,7 @@ def test_a_refusal_that_is_expected_in_other_words_differs(case_file: Write) -> 
 
 
 @pytest.mark.parametrize("where", ["first", "before", "after"])
-def test_atoms_that_are_lost_on_the_way_are_lost(case_file: Write, where: str) -> None:
+def test_atoms_lost_before_the_end_are_reported(case_file: Write, where: str) -> None:
     ready = prepared(
         case_file(evolve={"timestep": 0.01, "steps": 2, "compare_at": [0, 2], "stops": [{"at": 1, "by": "run"}]})
     )
@@ -173,7 +173,7 @@ STATE: dict[str, Any] = {
     "rho": np.linspace(0.9, 1.4, 20),
     "rheo_status": np.arange(20) % 4,
 }
-HALF = 0.5e-15 + 2.0**-53  # of a unit of the 16th digit, relative to a number of one, and what reading it rounds
+HALF = 0.5e-15 + 2.0**-53  # half a unit of the 16th digit, relative to a number of one, and the rounding by reading it
 
 
 def carried_over(ready: PreparedCase, *carried: Carried) -> list[Any]:
@@ -183,7 +183,7 @@ def carried_over(ready: PreparedCase, *carried: Carried) -> list[Any]:
 
 
 def compared(case_file: Write, *stops: dict[str, Any], after: dict[str, Any] | None = None) -> list[tuple[Any, ...]]:
-    """Return field, verdict and bound of the state after stops, of which nothing but ``after`` has changed."""
+    """Return field, verdict and bound of the state after stops, in which only ``after`` has changed."""
     ready = prepared(case_file(compare=["f"], evolve={"steps": 3, "timestep": 0.001, "stops": list(stops)}))
     carried = tuple(Carried(STATE, STATE | (after or {})) for _ in stops)
     fields = [c for _, c in carried_over(ready, *carried)]
@@ -194,7 +194,7 @@ def compared(case_file: Write, *stops: dict[str, Any], after: dict[str, Any] | N
 SAME = "the same doubles", 0.0
 
 
-def test_all_that_a_binary_file_carries_has_the_same_bits(case_file: Write) -> None:
+def test_state_in_a_binary_file_has_the_same_bits(case_file: Write) -> None:
     assert compared(case_file, {"at": 0, "by": "restart"}, {"at": 2, "by": "run"}) == [
         (f"{name} ({stop})", "exact", *SAME)
         for stop in ("restart at 0", "run at 2")
@@ -202,7 +202,7 @@ def test_all_that_a_binary_file_carries_has_the_same_bits(case_file: Write) -> N
     ]
 
 
-def test_what_text_carries_has_its_digits(case_file: Write) -> None:
+def test_state_in_text_has_its_digits(case_file: Write) -> None:
     text = "half a unit of the 16th digit of the text"
     assert compared(case_file, {"at": 1, "by": "data nofix"}) == [
         (f"{name} (data nofix at 1)", "exact", text, rounded(HALF * STATE[name].max(), 2))
@@ -211,14 +211,14 @@ def test_what_text_carries_has_its_digits(case_file: Write) -> None:
 
 
 PLANE = (0.0, 0.0), (1.0, 2.0), (True, True), (0.25,)
-EDGE = 4.0  # of the box, from 0, along x
+EDGE = 4.0  # edge of the box, from 0, along x
 
 
 @pytest.mark.parametrize(
     ("by", "units", "verdict"),
     [("replicated", 1, "pass"), ("replicated", 3, "differs"), ("data", 7, "pass"), ("data", 9, "differs")],
 )
-def test_a_particle_outside_the_box_may_come_back_as_its_image(
+def test_particle_outside_the_box_may_return_as_its_image(
     case_file: Write, by: str, units: int, verdict: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two sums with a period round 4.3 by 2^-53 each, text by 2^-53 and half its 16th digit: 2.2, 8.1 units of 3.7."""
@@ -233,8 +233,8 @@ def test_a_particle_outside_the_box_may_come_back_as_its_image(
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_an_image_rounds_by_the_size_of_edges_along_its_axis(case_file: Write, axis: int) -> None:
-    """Of all edges: here of one of 1, and one that leans over it by 0.25."""
+def test_image_rounds_by_the_size_of_edges_along_its_axis(case_file: Write, axis: int) -> None:
+    """All edges count: here one of 1, and one tilted over it by 0.25."""
     ready = prepared(
         case_file(compare=["f"], evolve={"steps": 3, "timestep": 0.001, "stops": [{"at": 1, "by": "replicated"}]})
     )
@@ -251,16 +251,14 @@ def test_an_image_rounds_by_the_size_of_edges_along_its_axis(case_file: Write, a
     np.testing.assert_array_equal(field.bound_n, EPS * reach_nc + rounding_c)
 
 
-def test_a_particle_inside_the_box_stays_where_it_is(case_file: Write) -> None:
+def test_particle_inside_the_box_may_not_move(case_file: Write) -> None:
     moved = STATE["x"].copy()
     moved[3, 0] += np.spacing(moved[3, 0])
     fields = {field: of for field, of, *_ in compared(case_file, {"at": 1, "by": "replicated"}, after={"x": moved})}
     assert fields["x (replicated at 1)"] == "differs"
 
 
-def test_what_a_stretched_box_rounds_along_the_third_axis_of_two_is_nothing(
-    case_file: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rounding_along_z_is_ignored_in_2d(case_file: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     rounded = STATE["x"].copy()
     rounded[:, 2] = -(2.0**-54)
     monkeypatch.setitem(STATE, "x", rounded)
@@ -278,8 +276,8 @@ def test_what_a_stretched_box_rounds_along_the_third_axis_of_two_is_nothing(
 @pytest.mark.parametrize("name", ["sheared.fluid.leaning", "sheared-3d.open.leaning"])
 @pytest.mark.parametrize("at", [0, 1], ids=["upright yet", "leaning"])
 @pytest.mark.parametrize(("part", "verdict"), [(0.9, "pass"), (1.1, "differs")])
-def test_positions_in_a_box_that_leans_go_to_fractions_and_back(name: str, at: int, part: float, verdict: str) -> None:
-    """Inside the box they may lie as far apart as `Box.rounding` says, also while the tilt is 0."""
+def test_positions_in_a_tilted_box_round_as_fractions(name: str, at: int, part: float, verdict: str) -> None:
+    """Inside the box they may differ by up to `Box.rounding`, also while the tilt is 0."""
     ready = prepared_case.prepare(casefile.select(casefile.load(), [name])[0])
     scene, atoms = ready.case.scene, ready.atoms
     assert scene.evolve is not None
@@ -299,15 +297,15 @@ def test_positions_in_a_box_that_leans_go_to_fractions_and_back(name: str, at: i
 
 
 @pytest.mark.parametrize("moves", [{"displace": {"x": 0.1}}, {"stretch": {"x": 1.1}}])
-def test_positions_are_not_compared_where_particles_are_moved(case_file: Write, moves: Any) -> None:
+def test_positions_are_not_compared_if_the_stop_moves_particles(case_file: Write, moves: Any) -> None:
     fields = compared(case_file, {"at": 1, "by": "run"} | moves)
     assert [field for field, *_ in fields] == [f"{name} (run at 1)" for name in ("type", "rho", "rheo_status")]
 
 
 @pytest.mark.parametrize("by", ["restart", "data", "set", "recreated"])
 @pytest.mark.parametrize(("changed", "seen"), [(2, False), (1, True)], ids=["surface", "phase"])
-def test_set_gives_the_phase_of_a_status_alone(case_file: Write, by: str, changed: int, seen: bool) -> None:
-    """The first bit of LAMMPS' status; the others follow from the next evaluation."""
+def test_set_carries_only_the_phase_of_a_status(case_file: Write, by: str, changed: int, seen: bool) -> None:
+    """The phase is the first bit of LAMMPS' status; the others follow from the next evaluation."""
     fields = compared(case_file, {"at": 1, "by": by}, after={"rheo_status": STATE["rheo_status"] ^ changed})
     red = [field for field, verdict, *_ in fields if verdict == "differs"]
     assert red == ([f"rheo_status ({by} at 1)"] if seen or by in ("restart", "data") else [])
@@ -316,30 +314,30 @@ def test_set_gives_the_phase_of_a_status_alone(case_file: Write, by: str, change
 @pytest.mark.parametrize(
     ("by", "units", "verdict"), [("restart", 1, "differs"), ("data", 1, "pass"), ("data", 4, "differs")]
 )
-def test_the_state_after_a_stop_is_the_one_before_it(case_file: Write, by: str, units: int, verdict: str) -> None:
+def test_state_after_a_stop_equals_the_one_before(case_file: Write, by: str, units: int, verdict: str) -> None:
     """Half a unit of the 16th digit of a number is 2.3 x 2^-52 of it, or more."""
     fields = compared(case_file, {"at": 1, "by": by}, after={"rho": STATE["rho"] * (1 + units * 2.0**-52)})
     assert {field: of for field, of, *_ in fields}[f"rho ({by} at 1)"] == verdict
 
 
 @pytest.mark.parametrize("stops", [0, 2])
-def test_what_was_read_at_other_stops_is_not_compared(case_file: Write, stops: int) -> None:
-    """An answer that lacks a stop, or has one too many, is a fault of the harness, and never a pass."""
+def test_answers_with_other_stops_raise(case_file: Write, stops: int) -> None:
+    """An answer with a stop missing, or with an extra one, is a fault of the harness, never a pass."""
     evolve = {"steps": 3, "timestep": 0.001, "stops": [{"at": at} for at in range(stops)]}
     ready = prepared(case_file(compare=["f"], evolve=evolve))
     with pytest.raises(ValueError, match="zip"):
         carried_over(ready, Carried(STATE, STATE))
 
 
-def test_a_case_without_runs_carries_nothing_over(case_file: Write) -> None:
+def test_case_without_runs_carries_nothing_over(case_file: Write) -> None:
     ready = prepared(case_file())
     assert carried_over(ready) == []
 
 
-# --- what is kept of very many atoms
+# --- saved arrays of very many atoms
 
 
-def test_of_very_many_atoms_a_sample_and_the_worst_of_each_field_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sample_and_worst_atoms_are_saved_from_very_many(monkeypatch: pytest.MonkeyPatch) -> None:
     n = 1000
     zero_n, f_nc, rho_n = np.zeros(n), np.zeros((n, 2)), np.random.default_rng(1).permutation(n) / n
     f_nc[123, 1], rho_n[877] = 1.0, np.nan
@@ -359,8 +357,8 @@ def test_of_very_many_atoms_a_sample_and_the_worst_of_each_field_are_kept(monkey
     assert sampled({}) == {}
 
 
-def test_a_field_that_differs_is_kept_at_its_other_steps(case_file: Write) -> None:
-    """Beside its worst; one that agrees throughout is kept once."""
+def test_differing_field_is_saved_at_its_other_steps(case_file: Write) -> None:
+    """This is in addition to its worst step; a field that agrees throughout is saved once."""
     run = {"steps": 2, "timestep": 0.001, "compare_at": [0, 1, 2]}
     ready = prepared(case_file(compare=["coordination", "f"], velocity={"random": 0.3}, evolve=run))
     answer = made_answers.of_model(ready.case.scene, ready.atoms)
@@ -375,7 +373,7 @@ def test_a_field_that_differs_is_kept_at_its_other_steps(case_file: Write) -> No
     assert arrays["periodic"].tolist() == list(ready.atoms.periodic)
 
 
-def test_the_time_of_a_judgement_is_told_by_stage(case_file: Write) -> None:
+def test_time_of_a_judgement_is_reported_by_stage(case_file: Write) -> None:
     ready = prepared(case_file(compare=["f"]))
     taken()
     compare_case(ready.case, ready.eos, ready.atoms, made_answers.of_model(ready.case.scene, ready.atoms), ENGINE)

@@ -1,4 +1,4 @@
-"""The harness must be able to turn red for the particle model: every planted mistake is seen by a shipped case."""
+"""The harness must be able to fail for the particle model: a shipped case detects every planted mistake."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Judge = Callable[[str], CaseRecord]
 
 @pytest.fixture(scope="module")
 def answers(solver: Solver) -> Callable[[str], tuple[prepared_case.PreparedCase, Answer]]:
-    """LAMMPS' answer to a case, asked once."""
+    """Return LAMMPS' answer to a case, computed once."""
     known: dict[str, tuple[prepared_case.PreparedCase, Answer]] = {}
 
     def answer(name: str) -> tuple[prepared_case.PreparedCase, Answer]:
@@ -73,7 +73,7 @@ def _late_gradients(self: time_step.Simulation) -> Any:
 
 
 FORCES, WALLS = "forces.all.quintic.2d", "walls.reconstructed.plain"
-# what is wrong: (where, its name there, the wrong one, the case that must see it)
+# fault: (object, attribute, wrong replacement, case that must detect it)
 FAULTS: dict[str, tuple[Any, str, Any, str]] = {
     "kernel off by 1e-9": (Model, "kernel", _kernel(shape=_times(QUINTIC.shape, 1 + 1e-9)), "density.one.2d"),
     "slope off by 1e-9": (Model, "kernel", _kernel(slope=_times(QUINTIC.slope, 1 + 1e-9)), FORCES),
@@ -157,7 +157,7 @@ def test_blame_names_the_first_step_stage_and_atom(judge: Judge, monkeypatch: py
         if self.taken == 4:  # type: ignore[attr-defined]
             self.state.v_nc[7, 1] += 1e-7
 
-    # The reference takes over LAMMPS' known fault, so that nothing else is red.
+    # The reference reproduces LAMMPS' known fault, so that nothing else is red.
     monkeypatch.setattr(array_evaluator.ArrayEvaluator, "collecting_volume", ForcePerVolume.collecting_volume)
     assert judge(FORCES).verdict == "pass"
     monkeypatch.setattr(time_step.Simulation, "step", disturbed)
@@ -176,7 +176,7 @@ def test_blame_names_the_first_step_stage_and_atom(judge: Judge, monkeypatch: py
 def test_densities_of_walls_are_blamed_on_walls(
     where: Any, name: str, wrong: Any, judge: Judge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not on the gradients and forces that follow from them, nor on what a known finding changes."""
+    """The blame is not on the gradients and forces that follow, nor on fields that a known finding changes."""
     monkeypatch.setattr(where, name, wrong)
     record = judge("walls.reconstructed.gravity")
     assert record.headline
@@ -185,7 +185,7 @@ def test_densities_of_walls_are_blamed_on_walls(
 
 
 @pytest.mark.parametrize("field", ["q.coordination", "q.grad/v", "q.viscosity", "pressure", "f", "drho", "x", "v"])
-def test_one_wrong_number_of_lammps_is_seen(
+def test_one_wrong_number_of_lammps_is_detected(
     field: str,
     answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]],
     monkeypatch: pytest.MonkeyPatch,
@@ -204,7 +204,7 @@ def test_one_wrong_number_of_lammps_is_seen(
     assert "leaves its bound at step 1 at 1 of 80 atoms, first atom 6:" in record.message
 
 
-def test_lint_names_what_a_scene_of_unit_volumes_cannot_tell(judge: Judge) -> None:
+def test_lint_names_mistakes_hidden_by_unit_volumes(judge: Judge) -> None:
     blind = judge("fluids.unit").lint
     assert {"masses ignored", "no volume in the force", "V_i for V_j", "rho0 for rho in volumes"} <= set(blind)
     assert judge(FORCES).lint == []
@@ -215,13 +215,13 @@ def test_lint_names_what_a_scene_of_unit_volumes_cannot_tell(judge: Judge) -> No
 @pytest.mark.parametrize(
     ("case", "field", "spoil"),
     [
-        ("zmin.some.rk1", "f", np.nan),  # some forces are beyond prediction there, the others are not
+        ("zmin.some.rk1", "f", np.nan),  # some forces are not predictable there, the others are
         ("zmin.some.rk1", "q.grad/v", 1e300),
         ("zmin.every.rk1", "q.coordination", 1.0),
         ("images.quintic.two", "q.coordination", 1.0),
     ],
 )
-def test_what_cannot_be_predicted_hides_nothing_else(
+def test_unpredictable_values_hide_no_other_errors(
     case: str, field: str, spoil: float, answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]]
 ) -> None:
     ready, answer = answers(case)
@@ -232,7 +232,7 @@ def test_what_cannot_be_predicted_hides_nothing_else(
     assert flow.judge(None, ready, [spoilt], ENGINE)[0].verdict == "differs"
 
 
-def test_answer_of_other_steps_differs(answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]]) -> None:
+def test_answer_at_other_steps_differs(answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]]) -> None:
     ready, answer = answers(FORCES)
     other = Answer(answer.arrays, answer.seconds, answer.snapshots, (0, 2, 10))
     record = flow.judge(None, ready, [other], ENGINE)[0]
@@ -243,7 +243,7 @@ def test_answer_of_other_steps_differs(answers: Callable[[str], tuple[prepared_c
 def test_finding_that_cannot_be_fitted_explains_nothing(
     answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Neither the shift is read, which tells the pair whose direction LAMMPS takes, nor the list that pair ends."""
+    """Missing are the shift, which identifies the pair whose direction LAMMPS uses, and the list ended by that pair."""
     ready, answer = answers("cross-type.both.2d")
     fields = tuple(field for field in ready.case.scene.compare if field != "shift/v")
     scene = ready.case.scene.model_copy(update={"compare": fields})

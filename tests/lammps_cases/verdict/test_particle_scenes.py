@@ -1,4 +1,4 @@
-"""Scenes of the whole particle model: what real LAMMPS is told and gives back, on one rank and on two."""
+"""Scenes of the whole particle model: input and output of real LAMMPS, on one rank and on two."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ Told = tuple[prepared_case.PreparedCase, Job]
 
 @pytest.fixture
 def make(case_file: Callable[..., Path]) -> Make:
-    """A case of `SCENES` with changes."""
+    """Return a case of `SCENES` with changes."""
 
     def case(name: str, **changes: Any) -> Case:
         (made,) = casefile.load_file(case_file(**{**BASE, **SCENES[name], **changes}))
@@ -135,7 +135,7 @@ def tell(case: Case, every_step: bool = False) -> Told:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_every_field_is_read_back_for_every_atom_at_every_step(name: str, make: Make, solver: Solver) -> None:
+def test_every_field_is_read_for_every_atom_at_every_step(name: str, make: Make, solver: Solver) -> None:
     case = make(name)
     ready, told = tell(case)
     answer, d, n = solver(told), case.scene.dimension, len(ready.atoms)
@@ -154,7 +154,7 @@ def test_every_field_is_read_back_for_every_atom_at_every_step(name: str, make: 
     assert not any(np.shares_memory(first["x"], arrays["x"]) for arrays in answer.snapshots[1:])
 
 
-def test_tensors_have_the_components_in_the_order_of_their_names(make: Make, solver: Solver) -> None:
+def test_tensor_components_are_in_the_order_of_their_names(make: Make, solver: Solver) -> None:
     """The gradient of a linear velocity field away from edges, within the rounding bound of a reproducing kernel."""
     case = make("static", rheo={"kernel": "RK1"}, compare=["grad/v"], rho={"constant": 1.3})
     ready, told = tell(case)
@@ -168,7 +168,7 @@ def test_tensors_have_the_components_in_the_order_of_their_names(make: Make, sol
     state = replace(given.state, v_nc=v_nc[:, :2])
     sim = Simulation(given.model, given.box, state, ("grad/v",))
     sim.setup()
-    # The velocities are rounded products, as far from the linear field as one evaluation's bound allows for.
+    # The velocities are rounded products; their distance from the linear field is within the bound of one evaluation.
     bound_ncc = 2 * sim.rounded().output("grad/v").error
     assert np.all(np.abs(got["q.grad/v"] - slope_cc)[middle_n] <= bound_ncc[middle_n])
 
@@ -192,7 +192,7 @@ def test_run_continues_without_another_setup(make: Make) -> None:
 
 
 @pytest.mark.parametrize("name", ["plain", "everything", "heat", "solid-3d"])
-def test_two_ranks_give_what_one_gives(name: str, make: Make, solver: Solver) -> None:
+def test_two_ranks_agree_with_one(name: str, make: Make, solver: Solver) -> None:
     """Each lies within the reference's bound of the exact result, so they are at most two bounds apart."""
     case = make(name)
     one, two = (solver(tell(make(name, engine={"ranks": ranks}))[1]) for ranks in (1, 2))
@@ -207,7 +207,7 @@ def test_two_ranks_give_what_one_gives(name: str, make: Make, solver: Solver) ->
             assert np.all(np.abs(other - ours[field]) <= 2 * bounds[at][field]), (field, one.steps[at])
 
 
-def test_faults_of_ranks_cost_their_case_alone(make: Make, workers: Workers, solver: Solver) -> None:
+def test_faults_of_ranks_affect_only_their_case(make: Make, workers: Workers, solver: Solver) -> None:
     told = tell(make("plain", engine={"ranks": 2}))[1]
     faults = {
         "no_such_command": ("refused", "Unknown command: no_such_command"),
@@ -228,7 +228,7 @@ def test_faults_of_ranks_cost_their_case_alone(make: Make, workers: Workers, sol
 
 
 def _ranks_left() -> list[str]:
-    """Ranks started by workers of this process: their last argument is that worker, which is no more."""
+    """Return ranks whose last argument, the worker that started them, no longer exists."""
     processes = subprocess.run(["ps", "axww", "-o", "args"], capture_output=True, text=True, check=True).stdout
     ranks = [line.split() for line in processes.splitlines() if "-m lammps_cases.engine.ranks" in line]
     return [" ".join(words) for words in ranks if not Path(f"/proc/{words[-1]}").exists()]
@@ -259,7 +259,7 @@ def test_reference_has_the_same_doubles(make: Make, solver: Solver) -> None:
             assert np.array_equal(state.rho_n, np.where(state.solid_n, 0.9, 1.3))
 
 
-def test_gravity_is_exact(make: Make, solver: Solver) -> None:
+def test_force_of_gravity_is_exact(make: Make, solver: Solver) -> None:
     """A particle alone feels mass times the scene's vector, to the last bit."""
     lonely = {"lattice": "sq", "spacing": 4.0, "cells": [4, 4]}
     case = make(
@@ -297,14 +297,14 @@ def test_velocities(make: Make) -> None:
     assert np.array_equal(moving.v_nc[~wall], atoms.v_nc[~wall])
 
 
-def test_settings_of_neighbour_lists_are_told(make: Make) -> None:
+def test_settings_of_neighbour_lists_appear_in_the_commands(make: Make) -> None:
     setup = tell(make("plain", engine={"skin": 0.6, "every": 2, "delay": 4, "check": False}))[1].setup
     assert "neighbor 0.6 bin" in setup
     assert "neigh_modify every 2 delay 4 check no" in setup
     assert not any("neigh_modify" in command for command in tell(make("plain"))[1].setup)
 
 
-def test_self_mass_is_told_as_the_manual_has_it(make: Make) -> None:
+def test_self_mass_is_written_as_in_the_manual(make: Make) -> None:
     commands = tell(make("plain", rheo={"rho_sum": True, "self_mass": True}, rho=None))[1].commands
     (rheo,) = [command for command in commands if command.startswith("fix rheo ")]
     assert "rho/sum self/mass density" in rheo

@@ -1,4 +1,4 @@
-"""A scene as the reference takes it: what its stops do to the state, and that it is made once."""
+"""The reference's problem of a scene: effects of its stops on the state; it is built only once."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def made(case_file: Write) -> Callable[..., tuple[PreparedCase, Problem]]:
         ("set", False, None, 0, False),
     ],
 )
-def test_the_state_goes_through_a_stop_as_its_route_says(
+def test_state_at_a_stop_follows_its_route(
     made: Callable[..., Any], by: str, read_back: bool, digits: int | None, new: int, minimized: bool
 ) -> None:
     _, problem = made({"at": 4, "by": by})
@@ -59,7 +59,7 @@ def test_the_state_goes_through_a_stop_as_its_route_says(
     assert stop.timestep is stop.by_nc is stop.box is None
 
 
-def test_a_run_that_goes_on_has_another_time_step_from_the_next_step_on(made: Callable[..., Any]) -> None:
+def test_continued_run_changes_its_time_step_at_the_next_step(made: Callable[..., Any]) -> None:
     _, problem = made({"at": 4, "by": "continued", "timestep": 0.001}, {"at": 6, "by": "dt/reset", "timestep": 0.004})
     assert [(stop.continued, stop.timestep) for stop in problem.stops] == [(True, 0.001), (False, 0.004)]
     assert [step for step in range(10) if problem.step_changed(step)] == [5, 6, 7, 8, 9]
@@ -80,8 +80,8 @@ def test_a_run_that_goes_on_has_another_time_step_from_the_next_step_on(made: Ca
     assert began == [0, 6], "before the first step, and at the stop by dt/reset"
 
 
-def test_a_stop_changes_time_step_places_and_box(made: Callable[..., Any]) -> None:
-    """A box that is stretched twice is stretched from what it was; one of its edges stays as it is."""
+def test_stop_changes_time_step_positions_and_box(made: Callable[..., Any]) -> None:
+    """The second stretch applies to the stretched box; one of its edges stays unchanged."""
     ready, problem = made(
         {"at": 2, "timestep": 0.001, "displace": {"x": 0.1, "y": -0.2, "types": "2"}},
         {"at": 4, "stretch": {"x": 1.5}},
@@ -98,14 +98,14 @@ def test_a_stop_changes_time_step_places_and_box(made: Callable[..., Any]) -> No
     assert second.by_nc is None
 
 
-def test_a_scene_without_runs_has_no_time_step_and_no_stops(made: Callable[..., Any]) -> None:
+def test_scene_without_runs_has_no_time_step_and_no_stops(made: Callable[..., Any]) -> None:
     _, problem = made(evolve=None)
     assert (problem.timestep, problem.stops, problem.ranks, problem.fields) == (0.0, (), 1, ("f", "v"))
     assert made()[1].timestep == 0.004
     assert made(engine={"ranks": 2})[1].ranks == 2
 
 
-def test_a_problem_is_made_once_for_the_same_steps(made: Callable[..., Any]) -> None:
+def test_problem_is_built_once_for_the_same_steps(made: Callable[..., Any]) -> None:
     ready, _ = made()
     scene, atoms, predictor = ready.case.scene, ready.atoms, Predictor()
     one, other, again = (problem_of(scene, atoms, "", steps, predictor) for steps in ((0,), (0, 9), (0,)))

@@ -21,5 +21,5 @@ def test_nothing_is_unexplained(tmp_path: Path) -> None:
     assert record.exit_code == 0 and not record.interrupted
     assert record.drawn == sum(record.verdicts.values()) == SCENES
     assert {"exact", "explained"} <= set(record.verdicts) and record.twins
-    assert sum(record.gaps.values()) <= SCENES // 4  # of what no variant reproduces
+    assert sum(record.gaps.values()) <= SCENES // 4  # limits that no variant reproduces
     assert FuzzRecord.model_validate_json((tmp_path / "fuzz.json").read_bytes()) == record

@@ -1,4 +1,4 @@
-"""A restart file written on one number of processes and read on another: the same state, and the same run from it."""
+"""A restart file written on one number of processes and read on another gives the same state and the same run."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ WRITES = {"write_restart"}
 
 
 def restarted(name: str) -> PreparedCase:
-    """A shipped case that goes through a restart file at step 5."""
+    """Return a shipped case that goes through a restart file at step 5."""
     (case,) = casefile.select(casefile.load(), [name])
     content = case.scene.model_dump(exclude_unset=True)
     content["evolve"] |= {"stops": [{"at": 5, "by": "restart"}]}
-    content["compare"] = [field for field in content["compare"] if field != "press"]  # which needs lists of neighbours
+    content["compare"] = [field for field in content["compare"] if field != "press"]  # which needs neighbour lists
     return prepare(replace(case, scene=Scene.model_validate(content), exercises=()))
 
 
 def between(job: Job, ranks: int, folder: Path, *beginnings: str) -> Job:
-    """A job on so many processes with the actions between its runs that begin so, or all others; files in a folder."""
+    """Return a job on ``ranks`` processes with the actions that begin with ``beginnings``; files are in ``folder``."""
 
     def kept(action: InterludeAction) -> bool:
         return action.text.startswith(beginnings)
@@ -47,7 +47,7 @@ def between(job: Job, ranks: int, folder: Path, *beginnings: str) -> Job:
 
 
 def judged(workers: Workers, ready: PreparedCase, ranks: tuple[int, int], folder: Path, early: int = 0) -> CaseRecord:
-    """Write on one number of processes, so many steps early, read on the other, and judge the run that goes on."""
+    """Write on one number of processes, ``early`` steps too early, read on the other, and judge the continued run."""
     (job,) = ready.jobs
     others = {action.text.split()[0] for part in job.runs if isinstance(part, Interlude) for action in part.actions}
     writing, reading = between(job, ranks[0], folder, "write_restart"), between(job, ranks[1], folder, *others - WRITES)
@@ -66,10 +66,8 @@ def judged(workers: Workers, ready: PreparedCase, ranks: tuple[int, int], folder
 
 @pytest.mark.parametrize("ranks", [(1, 2), (2, 1)])
 @pytest.mark.parametrize("name", ["stretched.fluid.once", "stretched.surface.once"])
-def test_the_number_of_processes_may_change(
-    workers: Workers, name: str, ranks: tuple[int, int], tmp_path: Path
-) -> None:
-    """Every attribute has the same bits after reading; then the run is that of the reference, as all are."""
+def test_number_of_processes_may_change(workers: Workers, name: str, ranks: tuple[int, int], tmp_path: Path) -> None:
+    """Every attribute has the same bits after reading; then the run agrees with the reference, as always."""
     record = judged(workers, restarted(name), ranks, tmp_path)
     assert record.as_expected, record.message
     carried = {field.field: field.verdict for field in record.fields if "restart at 5" in field.field}
@@ -77,6 +75,6 @@ def test_the_number_of_processes_may_change(
     assert set(carried.values()) == {"exact"} or carried.pop("x (restart at 5)") == "pass"
 
 
-def test_a_file_of_another_step_is_seen(workers: Workers, tmp_path: Path) -> None:
+def test_file_of_another_step_is_detected(workers: Workers, tmp_path: Path) -> None:
     record = judged(workers, restarted("stretched.fluid.once"), (1, 2), tmp_path, early=1)
     assert record.verdict == "differs"

@@ -1,4 +1,4 @@
-"""Why a run diverged, looked for in all particles of a deck and in those around one of them."""
+"""The cause of a divergence, determined from all particles of a deck and from those around one of them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from lammps_cases.verdict.runaway import Attempts, cut_out, likeliest
 from tests.support.vortices import EDGE, vortices
 
 ENGINE = "2025.7.22.4.0"
-FEW = 600  # of the 1024 particles: two cutoffs of rim leave some that move
+FEW = 600  # of the 1024 particles: inside a rim of two cutoffs some can still move
 
 
 @pytest.mark.parametrize("words", ["quintic 0", "RK1 0", "RK1 0 shift"])
 @pytest.mark.parametrize("around", [0, 300])
-def test_forces_in_a_cut_out_are_those_of_all(words: str, around: int) -> None:
-    """The middle of a cut-out may lie at a periodic boundary."""
+def test_forces_in_a_cut_out_equal_those_in_the_whole(words: str, around: int) -> None:
+    """The centre of a cut-out may lie at a periodic boundary."""
     problem = vortices(words=words)
     part = cut_out(problem, around, FEW)
     assert FEW <= len(part.rows_k) < FEW + 20 and 0 < (~part.held_k).sum() < len(part.rows_k)
@@ -36,7 +36,7 @@ def test_forces_in_a_cut_out_are_those_of_all(words: str, around: int) -> None:
     np.testing.assert_array_equal(forces[0][moving], forces[1][~part.held_k])
 
 
-def test_the_likeliest_is_the_fastest_fluid_or_feels_the_largest_force() -> None:
+def test_likeliest_is_the_fastest_fluid_or_has_the_largest_force() -> None:
     problem = vortices()
     state = problem.state
     fast_nc, solid_n = state.v_nc.copy(), state.solid_n.copy()
@@ -57,7 +57,7 @@ def test_the_likeliest_is_the_fastest_fluid_or_feels_the_largest_force() -> None
     ("changed", "cause"),
     [({"mass": 0.01}, "findings"), ({"timestep": 4.0}, "time step"), ({}, "not understood")],
 )
-def test_a_cut_out_has_the_cause_of_all(
+def test_cut_out_has_the_same_cause_as_the_whole(
     words: str, changed: dict[str, float], cause: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem = vortices(words=words, **changed)
@@ -72,8 +72,8 @@ def test_a_cut_out_has_the_cause_of_all(
     assert f"(in {cut.particles} of 1024 particles around atom {cut.around})" in said
 
 
-def test_forces_of_other_fixes_go_with_their_particles(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A force on a single particle, that in the middle, makes the set-up diverge, in all and in a cut-out."""
+def test_forces_of_other_fixes_stay_with_their_particles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A force on the central particle alone makes the set-up diverge, in the whole and in a cut-out."""
     monkeypatch.setattr(runaway, "MOST", FEW)
     problem = vortices()
     n, at = len(problem.state.x_nc), likeliest(problem)

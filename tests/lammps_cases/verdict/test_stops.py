@@ -1,4 +1,4 @@
-"""Stops as they are judged: what a file loses or a set-up forgets is seen, and named."""
+"""Judgement of stops: state lost by a file or forgotten by a set-up is detected, and named."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FILES, SETTINGS = "runs.summed.files", "runs.summed.settings"
 
 @pytest.fixture(scope="module")
 def judge() -> Any:
-    """Runs a case, with a fault if one is named, and judges it after a change of the answer."""
+    """Run a case, with a fault if one is named, and judge it after a change of the answer."""
     predictor = Predictor()
     with Workers(None, 1) as workers:
 
@@ -48,7 +48,7 @@ def judge() -> Any:
 
 
 def carried(name: str, update: Callable[[Any], Any], at: int = 0) -> Callable[[Answer], Answer]:
-    """Change an array as it was read right after a stop."""
+    """Return a change of an array that was read right after a stop."""
 
     def change(answer: Answer) -> Answer:
         both = answer.carried[at]
@@ -59,11 +59,11 @@ def carried(name: str, update: Callable[[Any], Any], at: int = 0) -> Callable[[A
 
 
 def outside(record: CaseRecord) -> list[str]:
-    """The fields that differ."""
+    """Return the fields that differ."""
     return [field.field for field in record.fields if field.verdict == "differs"]
 
 
-def test_what_files_carry_is_compared_right_after_reading(judge: Any) -> None:
+def test_state_in_files_is_compared_right_after_reading(judge: Any) -> None:
     right = judge(FILES)
     assert right.as_expected and not outside(right)
     exact = [field for field in right.fields if "restart at" in field.field or "data nofix at" in field.field]
@@ -74,7 +74,7 @@ def test_what_files_carry_is_compared_right_after_reading(judge: Any) -> None:
 
 
 @pytest.mark.parametrize("name", ["x", "v", "rho", "rheo_status", "type"])
-def test_one_unit_that_a_restart_loses_is_seen(judge: Any, name: str) -> None:
+def test_loss_of_one_unit_by_a_restart_is_detected(judge: Any, name: str) -> None:
     def update(array: Any) -> Any:
         changed = array.copy()
         row = changed.reshape(len(changed), -1)[3]
@@ -85,16 +85,16 @@ def test_one_unit_that_a_restart_loses_is_seen(judge: Any, name: str) -> None:
 
 
 @pytest.mark.parametrize("at", [0, 2])
-def test_what_a_stop_loses_is_the_headline_beside_known_findings(judge: Any, at: int) -> None:
-    """From a stop at step 0 on all comes from it; the findings of earlier steps are named beside it later."""
+def test_loss_at_a_stop_takes_the_headline_from_known_findings(judge: Any, at: int) -> None:
+    """A loss at step 0 precedes every finding; for later stops the findings of earlier steps are named as well."""
     record = judge(FILES, carried("v", lambda v: v * 1.5, at=at))
     assert "explained" in {field.verdict for field in record.fields}
     assert record.headline.field == f"v (restart at {at})" and record.headline.step == at
     assert record.message.startswith(f"v (restart at {at}) (stage input) leaves its bound at step {at}")
-    assert record.message.endswith("beside force-per-volume") == bool(at)
+    assert record.message.endswith("in addition to force-per-volume") == bool(at)
 
 
-def test_text_may_lose_what_lies_beyond_its_digits_and_no_more(judge: Any) -> None:
+def test_text_may_lose_only_digits_beyond_its_precision(judge: Any) -> None:
     def losing(part: float) -> Callable[[Answer], Answer]:
         return lambda answer: carried("rho", lambda _: answer.carried[1].before["rho"] * (1 + part), at=1)(answer)
 
@@ -116,7 +116,7 @@ def test_text_may_lose_what_lies_beyond_its_digits_and_no_more(judge: Any) -> No
         ("runs-walls.fluid.anew", "between-no-forces", "x"),
     ],
 )
-def test_a_fault_between_runs_is_seen(judge: Any, case: str, fault: str, first: str) -> None:
+def test_fault_between_runs_is_detected(judge: Any, case: str, fault: str, first: str) -> None:
     record = judge(case, fault=fault)
     assert record.verdict == "differs" and outside(record)[0] == first
 
@@ -126,24 +126,24 @@ EVERY = {"steps": 5, "every": 2, "compare_at": [5]}
 
 @pytest.mark.parametrize("stop", [[], [{"at": 3, "by": "set"}]])
 def test_pieces_of_a_run_begin_with_a_set_up(judge: Any, stop: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What `run N every M` does, and what is seen if the reference takes the pieces for one run."""
+    """`run N every M` does so; a difference appears if the reference treats the pieces as one run."""
     assert judge(SETTINGS, evolve=EVERY | {"stops": stop}).as_expected
     monkeypatch.setattr(Evolve, "beginnings", property(lambda evolve: evolve.stops))
     assert judge(SETTINGS, evolve=EVERY | {"stops": stop}).verdict == "differs"
 
 
-def test_atoms_created_anew_are_pushed_as_the_others(judge: Any) -> None:
+def test_recreated_atoms_feel_the_same_forces(judge: Any) -> None:
     force = {"style": "addforce", "vector": [0.3, -0.2], "types": 1}
     record = judge(SETTINGS, forces=[force], evolve={"stops": [{"at": 1, "by": "recreated"}]})
     assert record.as_expected, record.message
 
 
-def test_runs_that_are_never_set_up_anew_end_early(judge: Any) -> None:
-    """After other settings LAMMPS has no energy of the step; what it does with atoms recreated is undefined."""
+def test_runs_without_a_new_set_up_end_early(judge: Any) -> None:
+    """After a change of settings LAMMPS has no energy of the step; with recreated atoms its behaviour is undefined."""
     record = judge("runs.thermal.settings", fault="set-up-never-again")
     assert record.verdict == "refused" and "Energy was not tallied" in record.message
 
 
-def test_lammps_own_count_is_held_against_the_scene(judge: Any) -> None:
+def test_lammps_own_count_is_compared_with_the_scene(judge: Any) -> None:
     record = judge(SETTINGS, fault="between-no-count")
     assert record.verdict == "differs" and record.ended == "unusable"

@@ -1,4 +1,4 @@
-"""Which findings explain a difference, on findings made by hand: each moves some values of the reference."""
+"""Which findings explain a difference, for findings made by hand: each changes some values of the reference."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from tests.support import made_findings
 
 NAN, INF = float("nan"), float("inf")
 ID = np.array([8, 5, 3])
-FIXED = SimpleNamespace(deform=None)  # all that is asked of a model: whether its box grows
-PROBLEM = Problem(FIXED, None, None, 0.0, ("f", "coordination"), (0, 2, 5))  # coordination comes first in a step
+FIXED = SimpleNamespace(deform=None)  # the only property read from a model: whether its box grows
+PROBLEM = Problem(FIXED, None, None, 0.0, ("f", "coordination"), (0, 2, 5))  # coordination precedes f in a step
 REFERENCE = 10.0
 Bounds = tuple[float, float, float]
-Effects = Mapping[str, tuple[int, str, float]]  # step, field and distance from the reference of a finding, or of some
+Effects = Mapping[str, tuple[int, str, float]]  # step, field and distance from the reference, by findings
 
 
 class Played(Predictor):
-    """What the reference predicts where findings move it; the bounds of three values are 1, or those of ``bounds``."""
+    """Predictions of the reference changed by findings; the bounds of three values are 1, or those of ``bounds``."""
 
     def __init__(
         self, effects: Effects, bounds: Mapping[str, Bounds], without_bound: Mapping[str, Mapping[int, str]]
@@ -45,8 +45,8 @@ class Played(Predictor):
         super().__init__()
         self.effects, self.bounds, self.without_bound = effects, bounds, without_bound
         self.asked: list[tuple[str, tuple[int, ...]]] = []
-        self.widened: list[tuple[tuple[int, ...], float]] = []  # steps, and part of the bounds
-        self.told: list[Snapshot] = []  # what LAMMPS has
+        self.widened: list[tuple[tuple[int, ...], float]] = []  # steps, and fraction of the bounds
+        self.told: list[Snapshot] = []  # output of LAMMPS
 
     def fields(self, problem: Problem, names: frozenset[str]) -> tuple[Fields, ...]:
         numbers = {field: int(REFERENCE) if field == "coordination" else REFERENCE for field in problem.fields}
@@ -94,7 +94,7 @@ SEED = seed("a.case/moved runs")
 
 
 def finding(name: str, number: int, on: Finding | None = None, **variant: Any) -> Finding:
-    """A finding, maybe one that builds on another, seen on the oldest LAMMPS (capitals) or the newest."""
+    """Return a finding, optionally built on another, observed on the oldest LAMMPS (capitals) or the newest."""
     stages = type(name, (on.model_variant.stages if on else ArrayEvaluator,), {"__module__": __name__})
     engines = (KNOWN[0] if name.isupper() else NEWEST,)
     made = Variant(lambda problem: True, stages, **variant)
@@ -108,7 +108,7 @@ def mistakes(problem: Problem, prediction: Prediction) -> list[str]:
 
 @pytest.fixture
 def judge(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[ModelVerdict, Played]]:
-    """Judge a LAMMPS that has the effects of some findings, and values of its own."""
+    """Judge a LAMMPS with the effects of some findings, and other deviations."""
 
     def judged(
         has: str,
@@ -153,7 +153,7 @@ def verdicts(verdict: ModelVerdict) -> dict[str, str]:
 FORCE, COUNT = (2, "f", 4.0), (5, "coordination", 4.0)
 
 
-# --- what explains
+# --- explanations
 
 
 @pytest.mark.parametrize(
@@ -163,18 +163,18 @@ FORCE, COUNT = (2, "f", 4.0), (5, "coordination", 4.0)
         ("A+B", {"A": FORCE, "B": COUNT}, ["A", "B"]),
         ("A+B", {"A": FORCE, "B": COUNT, "C": (2, "f", 0.5)}, ["A", "B"]),
         ("A+b", {"A": FORCE, "b": COUNT}, ["A", "b"]),
-        ("A", {"A": FORCE, "B": (2, "f", 0.5)}, ["A"]),  # B is inside the bound: it is not needed
+        ("A", {"A": FORCE, "B": (2, "f", 0.5)}, ["A"]),  # B is within the bound: it is not needed
         ("b", {"A": FORCE, "b": COUNT}, ["b"]),
         ("a+b", {"a": FORCE, "b": COUNT, "c": (0, "f", 4.0)}, ["a", "b"]),
-        ("c", {"a": FORCE, "b": COUNT, "c": FORCE, "a+b": COUNT}, ["a"]),  # alike: the first of the ledger
-        ("a", {"a": FORCE, "B": FORCE, "C": COUNT}, ["B"]),  # alike: the one that the engine is known to have
-        ("a+b", {"a": (2, "f", 0.4), "b": (2, "f", 0.3), "a+b": FORCE}, ["a", "b"]),  # shown beside another alone
+        ("c", {"a": FORCE, "b": COUNT, "c": FORCE, "a+b": COUNT}, ["a"]),  # equal effects: the first of the ledger
+        ("a", {"a": FORCE, "B": FORCE, "C": COUNT}, ["B"]),  # equal effects: the one that the engine is known to have
+        ("a+b", {"a": (2, "f", 0.4), "b": (2, "f", 0.3), "a+b": FORCE}, ["a", "b"]),  # visible only in combination
         ("a", {"a": FORCE, "a+b": COUNT, "b": (0, "f", 0.5)}, ["a"]),
         ("a", {"b": COUNT, "a": FORCE, "c": (0, "f", 4.0)}, ["a"]),
         ("A", {"A": FORCE, "b": COUNT, "A+b": (2, "f", -4.0)}, ["A"]),
     ],
 )
-def test_the_smallest_set_that_reproduces_every_value_explains(
+def test_smallest_set_that_reproduces_every_value_explains(
     judge: Any, has: str, effects: Effects, explanation: list[str]
 ) -> None:
     verdict, _ = judge(has, effects)
@@ -187,7 +187,7 @@ def test_the_smallest_set_that_reproduces_every_value_explains(
     assert {field for field, of in verdicts(verdict).items() if of == "explained"} == (moved or {"f"})
 
 
-def test_without_a_difference_nothing_is_tried(judge: Any) -> None:
+def test_nothing_is_tried_without_a_difference(judge: Any) -> None:
     verdict, predictor = judge("", {"a": FORCE, "b": COUNT})
     assert verdicts(verdict) == {"coordination": "exact", "f": "exact"}
     assert (verdict.entries, verdict.first, verdict.unseen) == ([], None, [])
@@ -195,26 +195,24 @@ def test_without_a_difference_nothing_is_tried(judge: Any) -> None:
 
 
 def test_most_sets_fail_at_the_first_step(judge: Any) -> None:
-    """The other steps of a run are not predicted for them."""
+    """The later steps of a run are not predicted for them."""
     _, predictor = judge("a", {"a": FORCE, "b": COUNT}, (0, "f", 4.0))
     assert {steps for names, steps in predictor.asked if "+" in names} == {(0,)}
 
 
-def test_what_the_engine_is_known_to_have_is_tried_at_all_steps_at_once(judge: Any) -> None:
+def test_known_findings_of_the_engine_are_tried_at_all_steps_at_once(judge: Any) -> None:
     _, predictor = judge("A+B", {"A": FORCE, "B": COUNT})
     assert {steps for names, steps in predictor.asked if names == "A+B"} == {PROBLEM.steps}
 
 
 @pytest.mark.parametrize(("off", "explanation"), [(1.0, ["a"]), (1.5, [])])
-def test_a_variant_reproduces_lammps_within_its_bound(judge: Any, off: float, explanation: list[str]) -> None:
+def test_variant_reproduces_lammps_within_its_bound(judge: Any, off: float, explanation: list[str]) -> None:
     verdict, _ = judge("a", {"a": FORCE}, (2, "f", off))
     assert explained(verdict) == explanation
 
 
 @pytest.mark.parametrize(("off", "parts"), [(0.4, [0.5]), (0.6, [0.5, 1.0]), (1.5, [0.5, 1.0])])
-def test_bounds_of_all_runs_are_asked_for_where_those_of_some_are_left(
-    judge: Any, off: float, parts: list[float]
-) -> None:
+def test_full_bounds_are_computed_only_if_partial_ones_are_exceeded(judge: Any, off: float, parts: list[float]) -> None:
     _, predictor = judge("A", {"A": FORCE}, (2, "f", off))
     tried = [part for steps, part in predictor.widened if steps == PROBLEM.steps]
     assert tried[: len(parts)] == parts and (len(tried) == len(parts) or off > 1)
@@ -224,30 +222,28 @@ def test_bounds_of_all_runs_are_asked_for_where_those_of_some_are_left(
     ("effect", "moved", "explanation"),
     [
         (NAN, NAN, ["a"]),
-        (NAN, 4.0, []),  # a number where the variant has none
-        (4.0, NAN, []),  # none where the variant has one
+        (NAN, 4.0, []),  # a number where the variant has NaN
+        (4.0, NAN, []),  # NaN where the variant has a number
     ],
 )
-def test_a_number_that_is_none_is_reproduced_by_none(
-    judge: Any, effect: float, moved: float, explanation: list[str]
-) -> None:
+def test_nan_is_reproduced_only_by_nan(judge: Any, effect: float, moved: float, explanation: list[str]) -> None:
     verdict, _ = judge("", {"a": (2, "f", effect)}, (2, "f", moved))
     assert explained(verdict) == explanation
 
 
-def test_a_finding_whose_effect_is_inside_the_bound_explains_nothing(judge: Any) -> None:
-    """Although it brings the reference nearer to LAMMPS."""
+def test_finding_with_an_effect_within_the_bound_explains_nothing(judge: Any) -> None:
+    """This holds even if it brings the reference closer to LAMMPS."""
     verdict, _ = judge("", {"a": (2, "f", 0.5)}, (2, "f", 1.25))
     assert explained(verdict) == []
 
 
-def test_positions_that_lammps_has_wrapped_are_reproduced(judge: Any) -> None:
+def test_positions_wrapped_by_lammps_are_reproduced(judge: Any) -> None:
     of = replace(PROBLEM, fields=("x",), box=Box((0.0,) * 3, (40.0,) * 3, (True,) * 3))  # each value along its axis
     verdict, _ = judge("a", {"a": (2, "x", 4.0)}, (2, "x", -40.0), of=of)
     assert explained(verdict) == ["a"]
 
 
-# --- what is left
+# --- remaining differences
 
 
 @pytest.mark.parametrize(
@@ -255,18 +251,18 @@ def test_positions_that_lammps_has_wrapped_are_reproduced(judge: Any) -> None:
     [
         ("a", {"a": FORCE}, COUNT, (["a"], 5, "coordination")),
         ("a", {"a": (2, "coordination", 4.0)}, FORCE, (["a"], 2, "f")),
-        ("A", {"A": FORCE, "B": (2, "f", 0.5)}, COUNT, (["A"], 5, "coordination")),  # B is known, and does nothing
-        ("A+B", {"A": FORCE, "B": (5, "f", 4.0)}, COUNT, (["A"], 5, "coordination")),  # B comes after what is left
+        ("A", {"A": FORCE, "B": (2, "f", 0.5)}, COUNT, (["A"], 5, "coordination")),  # B is known, and has no effect
+        ("A+B", {"A": FORCE, "B": (5, "f", 4.0)}, COUNT, (["A"], 5, "coordination")),  # B follows the difference
         ("A+B", {"A": FORCE, "B": (0, "f", 4.0)}, COUNT, (["A", "B"], 5, "coordination")),
-        ("a", {"a": FORCE, "b": (5, "f", 4.0)}, COUNT, (["a"], 5, "coordination")),  # the fewest
-        ("a", {"a": FORCE, "b": FORCE}, COUNT, (["a"], 5, "coordination")),  # alike: the first of the ledger
+        ("a", {"a": FORCE, "b": (5, "f", 4.0)}, COUNT, (["a"], 5, "coordination")),  # the smallest set
+        ("a", {"a": FORCE, "b": FORCE}, COUNT, (["a"], 5, "coordination")),  # equal effects: the first of the ledger
         ("a+b", {"b": (0, "f", 4.0), "a": FORCE}, COUNT, (["b", "a"], 5, "coordination")),
-        ("a", {"a": COUNT, "b": (0, "f", 4.0)}, (2, "coordination", 4.0), None),  # none comes further than without it
-        ("A", {"A": COUNT}, (2, "coordination", 4.0), ([], 2, "coordination")),  # nor those that are known
+        ("a", {"a": COUNT, "b": (0, "f", 4.0)}, (2, "coordination", 4.0), None),  # no finding reaches a later step
+        ("A", {"A": COUNT}, (2, "coordination", 4.0), ([], 2, "coordination")),  # nor do known ones
         ("", {}, FORCE, None),
     ],
 )
-def test_what_is_left_is_named_beside_the_findings_that_come_furthest(
+def test_remaining_difference_is_named_with_the_furthest_findings(
     judge: Any, has: str, effects: Effects, own: tuple[int, str, float], beyond: tuple[list[str], int, str] | None
 ) -> None:
     verdict, _ = judge(has, effects, own)
@@ -287,10 +283,10 @@ def test_what_is_left_is_named_beside_the_findings_that_come_furthest(
         ((5, "f", 4.0), (5, "f", 1.0)),  # at a later step, too
     ],
 )
-def test_what_has_no_bound_is_blamed_if_all_that_has_one_is_inside(
+def test_unbounded_value_is_blamed_if_all_bounded_ones_are_inside(
     judge: Any, open_at: int, own: tuple[int, str, float], left: tuple[int, str, float] | None
 ) -> None:
-    """And a set that leaves only what has none outside comes further than one that leaves a bounded field."""
+    """A set that leaves only unbounded values outside reaches further than one that leaves a bounded field outside."""
     open_after = {"a": {open_at: "coordination"}}
     effects = {"a": (open_at, "coordination", 4.0), "b": (0, "f", 4.0)}
     verdict, _ = judge("a", effects, own, without_bound=open_after)
@@ -299,17 +295,17 @@ def test_what_has_no_bound_is_blamed_if_all_that_has_one_is_inside(
     assert (blame.step, blame.field, blame.bound) == (left or (open_at, "coordination", INF))
 
 
-def test_of_the_reference_itself_what_has_a_bound_is_blamed(judge: Any) -> None:
+def test_bounded_values_of_the_reference_are_blamed_first(judge: Any) -> None:
     bounds = {"": (INF, 1.0, 1.0)}
     assert judge("", {}, bounds=bounds)[0].first.bound == INF
     first = judge("", {}, (5, "f", 4.0), bounds=bounds)[0].first
     assert (first.step, first.field, first.atom, first.outside) == (5, "f", 5, 1)
 
 
-# --- variants of a special kind
+# --- special variants
 
 
-def test_a_variant_is_fitted_to_lammps_first_snapshot(judge: Any) -> None:
+def test_variant_is_fitted_to_the_first_snapshot_of_lammps(judge: Any) -> None:
     given = []
 
     def fit(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any]:
@@ -323,9 +319,7 @@ def test_a_variant_is_fitted_to_lammps_first_snapshot(judge: Any) -> None:
 
 @pytest.mark.parametrize("undefined", [True, False])
 @pytest.mark.parametrize("settings", [{}, {"fit": lambda *given: None}], ids=["runs away", "does not fit"])
-def test_a_variant_that_predicts_nothing_explains_nothing(
-    judge: Any, settings: dict[str, Any], undefined: bool
-) -> None:
+def test_variant_that_predicts_nothing_explains_nothing(judge: Any, settings: dict[str, Any], undefined: bool) -> None:
     none = {"runaway": settings | {"undefined": undefined}}
     verdict, predictor = judge("runaway", {"runaway": FORCE, "b": COUNT}, settings=none)
     assert (explained(verdict), verdict.beyond) == ([], None)
@@ -335,7 +329,7 @@ def test_a_variant_that_predicts_nothing_explains_nothing(
     assert known.beyond is None, "with it as without it"
 
 
-NO_BOUND = (1.0, INF, 1.0)  # of the particle in the middle, which findings move
+NO_BOUND = (1.0, INF, 1.0)  # for the middle particle, which findings change
 
 
 @pytest.mark.parametrize(
@@ -343,14 +337,14 @@ NO_BOUND = (1.0, INF, 1.0)  # of the particle in the middle, which findings move
     [
         (True, (1.0,) * 3, NO_BOUND, 0.0, ["a"]),
         (True, (1.0,) * 3, NO_BOUND, 1.0, ["a"]),
-        (True, (1.0,) * 3, NO_BOUND, 1.5, []),  # what has a bound is outside it
+        (True, (1.0,) * 3, NO_BOUND, 1.5, []),  # a bounded value is outside
         (False, (1.0,) * 3, NO_BOUND, 0.0, []),
-        (True, (1.0,) * 3, (INF,) * 3, 0.0, ["a"]),  # a field of which nothing is left to compare
-        (True, NO_BOUND, NO_BOUND, 0.0, []),  # the reference has none itself
+        (True, (1.0,) * 3, (INF,) * 3, 0.0, ["a"]),  # a field with nothing left to compare
+        (True, NO_BOUND, NO_BOUND, 0.0, []),  # the reference itself has no bound
         (True, (1.0,) * 3, (1.0,) * 3, 0.0, []),
     ],
 )
-def test_a_variant_may_leave_values_without_a_bound(
+def test_variant_may_leave_values_without_a_bound(
     judge: Any, undefined: bool, own: Bounds, of_variant: Bounds, beside: float, explanation: list[str]
 ) -> None:
     settings, bounds = {"a": {"undefined": undefined}}, {"": own, "a": of_variant}
@@ -364,11 +358,11 @@ def test_a_variant_may_leave_values_without_a_bound(
     ("of_variant", "off", "blamed"),
     [
         ((INF, 1.0, 1.0), 1.5, (3, 1.0, 1)),
-        ((INF, 1.0, 1.0), 1.0, (8, INF, 1)),  # what is at its bound is inside
+        ((INF, 1.0, 1.0), 1.0, (8, INF, 1)),  # a value at its bound is inside
         ((1.0,) * 3, 1.5, (3, 1.0, 1)),
     ],
 )
-def test_what_has_a_bound_is_blamed_before_what_has_none(
+def test_bounded_value_is_blamed_before_an_unbounded_one(
     judge: Any, of_variant: Bounds, off: float, blamed: tuple[int, float, int]
 ) -> None:
     settings, bounds = {"A": {"undefined": off > 1}}, {"A": of_variant}
@@ -378,7 +372,7 @@ def test_what_has_a_bound_is_blamed_before_what_has_none(
     assert (blame.atom, blame.bound, blame.outside) == blamed
 
 
-def test_a_blame_is_of_the_lowest_id_outside_with_both_sides(judge: Any) -> None:
+def test_blame_has_the_lowest_id_outside_and_both_sides(judge: Any) -> None:
     blame = judge("", {}, (2, "f", 1.0, 2), (2, "f", 4.0, 1), (2, "f", 3.0, 0))[0].first
     assert (blame.atom, blame.lammps, blame.reference, blame.bound) == (5, REFERENCE + 4.0, REFERENCE, 1.0)
     assert (blame.field, blame.stage, blame.outside, blame.of) == ("f", FIELDS["f"].stage, 2, 3)
@@ -386,7 +380,7 @@ def test_a_blame_is_of_the_lowest_id_outside_with_both_sides(judge: Any) -> None
 
 @pytest.mark.parametrize(("lists", "explanation"), [(True, ["A"]), (False, [])])
 @pytest.mark.parametrize("of", [PROBLEM, replace(PROBLEM, steps=(2,))])
-def test_findings_that_follow_neighbour_lists_need_them(
+def test_findings_that_depend_on_neighbour_lists_need_them(
     judge: Any, of: Problem, lists: bool, explanation: list[str]
 ) -> None:
     follows = {"A": {"lists": True}}
@@ -399,34 +393,34 @@ def test_findings_that_follow_neighbour_lists_need_them(
     assert explained(known) == (explanation or ["b"]), "one known of the engine comes first"
 
 
-# --- beside the explanation
+# --- other findings
 
 
 @pytest.mark.parametrize(
     ("has", "also", "names"),
     [
-        ("", (), ["A", "B", "E"]),  # all findings known of the engine are gone
+        ("", (), ["A", "B", "E"]),  # all known findings of the engine are absent
         ("A", (), ["B", "E"]),
         ("A+B+E", (), []),
         ("a", (), ["A", "B", "E"]),
-        ("", ((2, "coordination", 4.0),), []),  # of a difference without an explanation nothing is said
+        ("", ((2, "coordination", 4.0),), []),  # nothing is reported for a difference without an explanation
     ],
 )
-def test_known_findings_that_would_show_are_named(judge: Any, has: str, also: Any, names: list[str]) -> None:
-    """Not one whose effect is at the bound, nor one that runs away or cannot be fitted."""
+def test_absent_known_findings_that_would_show_are_named(judge: Any, has: str, also: Any, names: list[str]) -> None:
+    """Excluded are findings whose effect is at the bound, that diverge or that cannot be fitted."""
     effects = {"A": FORCE, "B": COUNT, "C": (2, "f", 1.0), "a": (0, "f", 4.0), "RUNAWAY": FORCE, "D": FORCE}
     effects["E"] = (5, "f", 1.5)
     verdict, _ = judge(has, effects, *also, settings={"D": {"fit": lambda *given: None}})
     assert unseen(verdict) == names
 
 
-def test_a_known_finding_that_another_builds_on_is_not_gone(judge: Any) -> None:
+def test_known_finding_that_another_builds_on_is_not_absent(judge: Any) -> None:
     verdict, _ = judge("B+c", {"B": FORCE, "c": COUNT, "D": FORCE}, settings={"c": {"on": "B"}})
     assert (explained(verdict), unseen(verdict)) == (["c"], ["D"])
 
 
-def test_digits_are_lost_in_the_first_evaluation(judge: Any) -> None:
-    """LAMMPS' only where it evaluates the same formula."""
+def test_digits_lost_are_those_of_the_first_evaluation(judge: Any) -> None:
+    """Those of LAMMPS are reported only if it evaluates the same formula."""
     lost = {
         moved: {c.record.field: c.record.digits_lost for c in judge("", {}, (0, "f", moved))[0].comparisons}
         for moved in (0.5, 4.0)
@@ -436,7 +430,7 @@ def test_digits_are_lost_in_the_first_evaluation(judge: Any) -> None:
     assert lost[4.0]["coordination"] == DigitsLost(lammps=0.0, reference=0.0)
 
 
-def test_a_run_compared_later_has_neither_digits_nor_a_lint(judge: Any) -> None:
+def test_run_compared_later_has_neither_digits_nor_a_lint(judge: Any) -> None:
     first, _ = judge("", {})
     later, _ = judge("", {}, of=replace(PROBLEM, steps=(2, 5)))
     assert (first.lint, later.lint) == (["a mistake"], [])
@@ -448,8 +442,8 @@ def test_a_run_compared_later_has_neither_digits_nor_a_lint(judge: Any) -> None:
     ("values", "exact", "lost"),
     [
         ([1.0, 2.0], [1.0, 2.0], 0.0),
-        ([1.0, 2.0 + 2e-9], [1.0, 2.0], np.log10(1e-9 / EPS)),  # the worst
-        ([[3.0, 1e-9], [5.0, 0.0]], [[3.0, 0.0], [5.0, 0.0]], np.log10(1e-9 / 3 / EPS)),  # a row by its size
+        ([1.0, 2.0 + 2e-9], [1.0, 2.0], np.log10(1e-9 / EPS)),  # the worst value
+        ([[3.0, 1e-9], [5.0, 0.0]], [[3.0, 0.0], [5.0, 0.0]], np.log10(1e-9 / 3 / EPS)),  # relative to its row
         ([1.0, 1e-300], [1.0, 0.0], 99.0),
         ([1.0, 0.0], [1.0, 0.0], 0.0),
         ([1.0 + EPS / 2], [1.0], 0.0),
@@ -462,7 +456,7 @@ def test_digits_lost_are_those_of_the_worst_row(values: Any, exact: Any, lost: f
 # --- the first difference of an answer read at every step
 
 
-def test_the_reason_is_the_first_difference_and_what_is_beyond_the_findings(judge: Any) -> None:
+def test_reason_is_the_first_difference_and_the_unexplained_rest(judge: Any) -> None:
     verdict, predictor = judge("a", {"a": FORCE}, COUNT)
     found = particle_model.reason(PROBLEM, "a.case", ID, predictor.told, KNOWN[0], predictor)
     assert found == Reason(verdict.first, verdict.beyond) and verdict.beyond is not None

@@ -1,4 +1,4 @@
-"""LAMMPS against itself, on answers made by hand: what the two runs may differ by, and what explains it."""
+"""LAMMPS against itself, on answers made by hand: allowed differences of the two runs, and their explanation."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ Make = Callable[..., PreparedCase]
 
 @pytest.fixture
 def make(case_file: Callable[..., Path]) -> Make:
-    """A small case with a twin."""
+    """Return a small case with a twin."""
 
     def ready(kind: str, **changes: Any) -> PreparedCase:
         return prepared_case.prepare(casefile.load((case_file(**SCENE | changes, twin={kind: KINDS[kind]}),))[0])
@@ -65,7 +65,7 @@ def judged(ready: PreparedCase, outcomes: Any) -> CaseRecord:
 
 
 def moved(answer: Answer, name: str, by: float, row: int, at: int = -1) -> Answer:
-    """An answer with one value changed at one of the steps read."""
+    """Return an answer with one value changed at one of the steps read."""
     snapshots = [dict(arrays) for arrays in answer.snapshots]
     snapshots[at][name] = snapshots[at][name].copy()
     snapshots[at][name].reshape(len(snapshots[at][name]), -1)[row, 0] += by
@@ -73,7 +73,7 @@ def moved(answer: Answer, name: str, by: float, row: int, at: int = -1) -> Answe
 
 
 @pytest.mark.parametrize("kind", PLAIN)
-def test_the_reference_agrees_with_its_twin(make: Make, kind: str) -> None:
+def test_reference_agrees_with_its_twin(make: Make, kind: str) -> None:
     ready = make(kind)
     record, arrays = compare_twin(ready.case, twin_of(ready), answers_of(ready), ENGINE)
     assert record.verdict in ("exact", "pass") and (record.ended, record.blame, record.twin) == ("answered", None, kind)
@@ -89,8 +89,8 @@ def test_the_reference_agrees_with_its_twin(make: Make, kind: str) -> None:
     assert record.predictions.computed == (1 if twin_of(ready).same_problem else 2 + twin_of(ready).rounds_input)
 
 
-def test_the_bounds_of_both_runs_are_added(make: Make) -> None:
-    """In the frame and the units of the original: here a force is divided by 4^-1, that of another size."""
+def test_bounds_of_both_runs_are_added(make: Make) -> None:
+    """They are added in the frame and the units of the original: here the scaled run's force is divided by 4^-1."""
     ready = make("rescale")
     twin = twin_of(ready)
     ours, theirs = answers_of(ready)
@@ -106,7 +106,7 @@ def test_the_bounds_of_both_runs_are_added(make: Make) -> None:
 
 
 @pytest.mark.parametrize(("kind", "field"), [("translate", "x"), ("boost", "v"), ("units", "f")])
-def test_what_the_way_back_and_other_units_round_is_added_too(make: Make, kind: str, field: str) -> None:
+def test_rounding_of_inverse_and_units_is_added_to_the_bounds(make: Make, kind: str, field: str) -> None:
     ready = make(kind)
     twin = twin_of(ready)
     record, arrays = compare_twin(ready.case, twin, answers_of(ready), ENGINE)
@@ -126,7 +126,7 @@ def test_what_the_way_back_and_other_units_round_is_added_too(make: Make, kind: 
 
 @pytest.mark.parametrize("kind", ["relabel", "boost", "newton"])
 @pytest.mark.parametrize("side", [0, 1])
-def test_a_difference_between_the_runs_is_blamed_on_the_original_s_atom(make: Make, kind: str, side: int) -> None:
+def test_difference_of_the_runs_is_blamed_on_the_original_atom(make: Make, kind: str, side: int) -> None:
     ready = make(kind)
     answers = answers_of(ready)
     row = 6 if side == 0 else int(twin_of(ready).row_n[6])
@@ -140,7 +140,7 @@ def test_a_difference_between_the_runs_is_blamed_on_the_original_s_atom(make: Ma
     assert record.message.startswith(f"LAMMPS against itself (twin: {kind}): f (stage twin) leaves its bound at step 2")
 
 
-def test_runs_that_pose_different_problems_are_said_to(make: Make) -> None:
+def test_runs_of_different_problems_are_reported_as_such(make: Make) -> None:
     ready = make("translate")
     twin = twin_of(ready)
     elsewhere = replace(twin.other_atoms, x_nc=twin.other_atoms.x_nc * [1.001, 1.0, 1.0])
@@ -149,8 +149,8 @@ def test_runs_that_pose_different_problems_are_said_to(make: Make) -> None:
     assert (record.verdict, record.not_same_problem) == ("differs", True)
 
 
-def test_what_has_no_bound_does_not_make_two_problems(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A field that differs is looked into although the reference leaves another one open."""
+def test_missing_bound_does_not_make_two_problems(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A field that differs is examined although the reference has no bound for another one."""
     predict = Predictor.predict
 
     def leaving_open(self: Predictor, *arguments: Any, **options: Any) -> Prediction:
@@ -173,7 +173,7 @@ def test_what_has_no_bound_does_not_make_two_problems(make: Make, monkeypatch: p
 @pytest.mark.parametrize(
     ("has", "also", "explained_by"),
     [
-        (["force-per-volume"], None, ["force-per-volume"]),  # a force over a volume has another dimension
+        (["force-per-volume"], None, ["force-per-volume"]),  # a force per volume has another dimension
         ([], None, []),
         (["force-per-volume"], 0, []),
         (["force-per-volume"], 1, []),
@@ -194,11 +194,11 @@ def test_findings_that_reproduce_both_runs_explain_their_difference(
     assert {name for field in red for name in field.explained_by} == set(explained_by)
     assert ("f" in [field.field for field in red]) == (not same)
     assert (record.blame is None) == same
-    assert (record.beyond is not None) == (also is not None), "what no finding explains of one run is said"
+    assert (record.beyond is not None) == (also is not None), "the unexplained difference of one run is reported"
 
 
-def test_each_run_is_explained_as_its_engine_and_its_processes_are(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From its own first difference."""
+def test_each_run_is_explained_by_its_own_engine_and_ranks(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The explanation starts from its own first difference."""
     explain, asked = Trial.explain, []
 
     def noted(trial: Trial, engine: str, first: Blame) -> Explanation:
@@ -213,7 +213,7 @@ def test_each_run_is_explained_as_its_engine_and_its_processes_are(make: Make, m
     assert record.beyond is not None and record.beyond.findings == ["force-per-volume"]
 
 
-def test_findings_are_made_for_each_run_with_its_own_numbers(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_findings_are_fitted_to_each_run_separately(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
 
     def noted(variants: Any, problem: Problem, snapshot: Snapshot) -> Any:
@@ -228,8 +228,8 @@ def test_findings_are_made_for_each_run_with_its_own_numbers(make: Make, monkeyp
     assert made == [(edge, answer.snapshots[0]["f"][6, 0]) for edge, answer in zip(edges, answers, strict=True)]
 
 
-def test_only_findings_that_tell_the_runs_apart_are_named(make: Make) -> None:
-    """Heat over a density is the same wrong heat in both runs, whose densities are the same; the force is not."""
+def test_only_findings_that_distinguish_the_runs_are_named(make: Make) -> None:
+    """Heat over a density is equally wrong in both runs, whose densities are the same; the force is not."""
     types = [{"mass": 1.31, "rho0": 1.2, "cs": 3.1, "conductivity": 0.7, "specific_heat": 1.5}]
     ready = make("rescale", types=types, energy={"range": [0.8, 1.9]}, compare=["f", "heatflow"], evolve=None)
     record = judged(ready, answers_of(ready, "force-per-volume", "heat-over-density"))
@@ -244,12 +244,12 @@ def test_only_findings_that_tell_the_runs_apart_are_named(make: Make) -> None:
     ("ends", "verdict", "only_twin"),
     [
         ((None, "crashed"), "crashed", True),
-        ((None, "skipped"), "skipped", False),  # nothing is known of it
+        ((None, "skipped"), "skipped", False),  # its outcome is unknown
         (("crashed", None), "crashed", False),
         (("refused", "crashed"), "refused", False),
     ],
 )
-def test_a_run_without_an_answer_ends_the_comparison(
+def test_run_without_an_answer_ends_the_comparison(
     make: Make, ends: tuple[Any, Any], verdict: str, only_twin: bool
 ) -> None:
     ready = make("newton")
@@ -262,14 +262,14 @@ def test_a_run_without_an_answer_ends_the_comparison(
     assert record.seconds.lammps == made_answers.SECONDS * ends.count(None)
 
 
-def test_an_end_of_either_run_is_foretold_by_the_scene(make: Make) -> None:
+def test_scene_predicts_an_ending_of_either_run(make: Make) -> None:
     ready = make("newton", compare=["stress/t"], evolve=None)
     record = judged(ready, [Failure("crashed", "SIGSEGV"), Failure("crashed", "SIGSEGV")])
     assert (record.verdict, record.explained_by) == ("explained", ["stress-without-pressure-segfault"])
 
 
 @pytest.mark.parametrize("side", [0, 1])
-def test_atoms_that_either_run_has_lost_end_the_comparison(make: Make, side: int) -> None:
+def test_lost_atoms_of_either_run_end_the_comparison(make: Make, side: int) -> None:
     ready = make("newton")
     answers = answers_of(ready)
     ids = answers[side].arrays["id"]

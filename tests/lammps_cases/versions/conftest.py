@@ -1,4 +1,4 @@
-"""One small run on the LAMMPS of this environment, for all tests here, and copies of it that are changed by hand."""
+"""One small run on the LAMMPS of this environment, for all tests here, and edited copies of it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.support.edited_runs import NAMES, Edit
 
 @pytest.fixture(scope="session")
 def small_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two quick cases without steps, one of the particle model that a finding explains, one that is refused."""
+    """Run two quick cases without steps, one of the particle model that a finding explains, and one that is refused."""
     folder = tmp_path_factory.mktemp("regression") / "run"
     cases = casefile.select(casefile.load(), NAMES)
     campaign.run_cases(cases, Engine(), 2, folder, campaign.Request("eos-ref run"))
@@ -26,7 +26,7 @@ def small_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def changed_run(small_run: Path, tmp_path: Path) -> Callable[..., Path]:
-    """A copy of the run whose document was edited; ``edit`` is given the record of a case, by default the first."""
+    """Copy the run and edit its document; ``edit`` gets the record of a case, by default the first."""
 
     def change(
         edit: Edit | None = None, case: str = NAMES[0], whole: Edit | None = None, name: str = "changed"

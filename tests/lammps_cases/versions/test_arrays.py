@@ -1,4 +1,4 @@
-"""A field on both sides: which side is closer to the reference, and what its arrays say where digests are missing."""
+"""A field on both sides: which side is closer to the reference, and conclusions from its arrays without digests."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ NONE = (Kept(), Kept())
         (("differs", 0.1), ("pass", 0.9), "B"),
         (("differs", 2.0), ("explained", 3.0), "A"),
         (("differs", 3.0), ("differs", 2.0), "B"),
-        (("differs", 2.0), ("differs", 2.001), "neither"),  # three digits are what a baseline keeps
+        (("differs", 2.0), ("differs", 2.001), "neither"),  # a baseline keeps three digits
         (("differs", 2.0), ("differs", 2.01), "A"),
         (("differs", None), ("differs", 2.0), "neither"),
         (("differs", math.inf), ("differs", math.inf), "neither"),
     ],
 )
-def test_the_closer_side(one: tuple[Verdict, float | None], other: tuple[Verdict, float | None], side: str) -> None:
+def test_closer_side(one: tuple[Verdict, float | None], other: tuple[Verdict, float | None], side: str) -> None:
     ours, theirs = (field(verdict=verdict, over=over) for verdict, over in (one, other))
     assert closer(ours, theirs) == side
     assert closer(theirs, ours) == {"A": "B", "B": "A"}.get(side, side)
@@ -42,17 +42,17 @@ def test_the_closer_side(one: tuple[Verdict, float | None], other: tuple[Verdict
     ("mine", "theirs", "kind", "difference"),
     [
         (sample(1.0, 2.0), sample(1.0, 2.0), "same bits", 0.0),
-        (sample(0.0), sample(-0.0), "within bounds", 0.0),  # other bits
+        (sample(0.0), sample(-0.0), "within bounds", 0.0),  # different bits
         (sample(1.0, 2.0), sample(1.0, 2.5), "within bounds", 0.5),
         (sample(1.0, 2.0), sample(1.0, 2.5, bound=0.25), "changed", 2.0),
         (sample(1.0, step=3), sample(1.0, step=4), "cannot tell", None),
         (None, sample(1.0), "cannot tell", None),
     ],
 )
-def test_arrays_stand_in_for_digests(
+def test_arrays_replace_missing_digests(
     mine: Sample | None, theirs: Sample | None, kind: ChangeKind, difference: float | None
 ) -> None:
-    """Of two runs that leave the bound alike; only what both kept of the same step says anything."""
+    """Both runs leave the bound equally; only arrays that both saved for the same step are conclusive."""
     old = field(verdict="differs", bits="", over=9.0)
     kept = [Kept(**({"f": each} if each else {})) for each in (mine, theirs)]
     change = field_change("one", old, old, (kept[0], kept[1]), Policy())
@@ -60,13 +60,13 @@ def test_arrays_stand_in_for_digests(
     assert ("bits unknown" in change.note) == (kind == "cannot tell")
 
 
-def test_a_value_that_is_no_number_is_never_within_a_bound() -> None:
+def test_nan_is_never_within_a_bound() -> None:
     old = field(verdict="differs", bits="", over=9.0)
     change = field_change("one", old, old, (Kept(f=sample(np.nan)), Kept(f=sample(1.0))), Policy())
     assert (change.kind, change.difference) == ("changed", math.inf)
 
 
-def test_what_is_taken_over_from_both_sides() -> None:
+def test_change_has_the_values_of_both_sides() -> None:
     one = replace(field(verdict="explained", findings=["a"], over=2.0), atom_type=2)
     other: FieldOutcome = replace(one, verdict="pass", explained_by=(), max_over_bound=0.5, stage="eos")
     change = field_change("case", one, other, NONE, Policy())
@@ -76,15 +76,15 @@ def test_what_is_taken_over_from_both_sides() -> None:
     assert field_change("case", one, replace(other, digest="bb"), NONE, Policy()).kind == "changed"
 
 
-def test_other_steps_are_another_comparison() -> None:
+def test_different_steps_are_a_different_comparison() -> None:
     one, other = (field(bits=bits, steps=[(step, "pass", "d")]) for bits, step in (("aa", 1), ("bb", 2)))
     change = field_change("one", one, other, NONE, Policy())
     assert (change.kind, change.step, change.note) == ("changed", None, "compared at different steps")
 
 
 @pytest.mark.parametrize("both", [True, False])
-def test_values_left_to_chance_are_not_said_to_have_a_bound(both: bool) -> None:
-    """Unless one side alone leaves them to chance: then the finding is what has changed."""
+def test_nondeterministic_values_are_reported_without_a_bound(both: bool) -> None:
+    """This holds if both sides are nondeterministic; if only one is, the finding itself has changed."""
     chance = min(left_to_chance())
     one = field(verdict="explained", bits="a", findings=[chance], steps=[(0, "explained", "a")])
     other = field(

@@ -1,4 +1,4 @@
-"""Accepted baselines: what they hold, what is held against a run, and what becomes of them when things go wrong."""
+"""Accepted baselines: their content, the check of a run, acceptance, and interruptions and damage."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.support.outcome import Outcome
 pytestmark = pytest.mark.lammps
 
 Change = Callable[..., Path]
-OTHER = "f" * 16  # a digest that nothing has
+OTHER = "f" * 16  # a digest of no array
 
 
 def accept(run: Path, baselines: Path, **more: Any) -> Accepted:
@@ -47,7 +47,7 @@ def faults(changes: Changes) -> list[tuple[str, str, str]]:
 
 @pytest.fixture
 def accepted(small_run: Path, tmp_path: Path) -> Path:
-    """A folder of baselines with that of the small run."""
+    """Return a folder of baselines with that of the small run."""
     accept(small_run, tmp_path / "accepted")
     return tmp_path / "accepted"
 
@@ -57,17 +57,17 @@ def _folder(accepted: Path) -> Path:
     return folder
 
 
-# --- what it holds
+# --- content
 
 
-def test_the_run_that_was_accepted_is_as_accepted(small_run: Path, accepted: Path) -> None:
+def test_accepted_run_agrees_with_its_baseline(small_run: Path, accepted: Path) -> None:
     found = check(small_run, accepted)
     assert (found.faults, found.notes) == ((), ())
     assert set(found.counts) == {"same bits", "same outcome"}
     assert len({change.case for change in found.fields}) == len(NAMES)
 
 
-def test_files_say_what_they_hold(small_run: Path, accepted: Path) -> None:
+def test_files_have_the_content_of_the_run(small_run: Path, accepted: Path) -> None:
     folder, run = _folder(accepted), read_run(small_run)
     assert folder.name == f"lammps-{run.engine.distribution}"
     assert {p.name for p in folder.iterdir()} == {"baseline.json", "verdicts.tsv", "arrays", "reasons.jsonl"}
@@ -91,9 +91,7 @@ def test_files_say_what_they_hold(small_run: Path, accepted: Path) -> None:
     assert all(step.digest in lines["images.quintic.two", "f"][7] for step in force.steps)
 
 
-def test_arrays_of_quick_cases_are_those_of_lammps_with_a_bound_that_is_no_smaller(
-    small_run: Path, accepted: Path
-) -> None:
+def test_quick_cases_save_lammps_arrays_and_a_bound_rounded_up(small_run: Path, accepted: Path) -> None:
     quick = {case.case for case in read_run(small_run).cases if "quick" in case.tags}
     assert 0 < len(quick) < len(NAMES)
     assert {path.stem for path in (_folder(accepted) / "arrays").iterdir()} == quick
@@ -105,20 +103,20 @@ def test_arrays_of_quick_cases_are_those_of_lammps_with_a_bound_that_is_no_small
         assert int(kept["pressure.step"]) == -1
 
 
-def test_the_same_run_accepted_elsewhere_gives_the_same_bytes(small_run: Path, accepted: Path, tmp_path: Path) -> None:
+def test_acceptance_elsewhere_gives_the_same_bytes(small_run: Path, accepted: Path, tmp_path: Path) -> None:
     accept(small_run, tmp_path / "again")
     ours, theirs = content(_folder(accepted)), content(_folder(tmp_path / "again"))
     ours.pop("reasons.jsonl"), theirs.pop("reasons.jsonl")
     assert ours == theirs
 
 
-def test_a_baseline_is_read_as_it_was_written(accepted: Path, tmp_path: Path) -> None:
+def test_baseline_round_trips(accepted: Path, tmp_path: Path) -> None:
     folder = _folder(accepted)
     read = baseline.read(folder)
     assert baseline.lines(read.cases) == (folder / "verdicts.tsv").read_text()
 
 
-def test_text_with_tabs_and_quotes_comes_back(small_run: Path, changed_run: Change, tmp_path: Path) -> None:
+def test_text_with_tabs_and_quotes_round_trips(small_run: Path, changed_run: Change, tmp_path: Path) -> None:
     hostile = 'a\tb "c" # d\\e'
     run = changed_run(lambda record: record.update(expects=hostile), "refused.type-zero")
     accept(run, tmp_path / "accepted")
@@ -138,7 +136,7 @@ def test_names_of_engines_are_safe_as_folders(engine: EngineRecord, name: str) -
     assert "/" not in name
 
 
-# --- what is held against a run
+# --- check of a run
 
 
 @pytest.mark.parametrize(
@@ -152,7 +150,7 @@ def test_names_of_engines_are_safe_as_folders(engine: EngineRecord, name: str) -
         ("images.quintic.two", "f", {"verdict": "pass", "explained_by": [], "digest": OTHER}, "changed"),
     ],
 )
-def test_a_change_of_bits_verdict_or_finding_fails(
+def test_change_of_bits_verdict_or_finding_fails(
     changed_run: Change, accepted: Path, case: str, field: str, changes: dict[str, Any], kind: str
 ) -> None:
     run = changed_run(of_field(field, **changes), case)
@@ -162,12 +160,12 @@ def test_a_change_of_bits_verdict_or_finding_fails(
 @pytest.mark.parametrize(
     "change", [{"verdict": "differs"}, {"verdict": "crashed", "ended": "crashed", "message": "killed"}]
 )
-def test_a_change_of_how_a_case_ends_fails(changed_run: Change, accepted: Path, change: dict[str, Any]) -> None:
+def test_change_of_the_ending_of_a_case_fails(changed_run: Change, accepted: Path, change: dict[str, Any]) -> None:
     run = changed_run(lambda record: record.update(change), "refused.type-zero")
     assert [case for case, _, _ in faults(check(run, accepted))] == ["refused.type-zero"]
 
 
-def test_on_another_machine_kind_other_bits_within_bounds_are_told_only(changed_run: Change, accepted: Path) -> None:
+def test_other_bits_on_another_kind_of_machine_are_only_reported(changed_run: Change, accepted: Path) -> None:
     def elsewhere(document: dict[str, Any]) -> None:
         document["machine"]["kind"] = "another processor"
 
@@ -181,7 +179,7 @@ def test_on_another_machine_kind_other_bits_within_bounds_are_told_only(changed_
     assert faults(check(worse, accepted)) == [("defaults.linear", "pressure", "changed")]
 
 
-def test_a_run_that_notes_no_machine_is_of_this_one(
+def test_run_without_a_machine_counts_as_from_this_one(
     changed_run: Change, accepted: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     old = changed_run(of_field("pressure", digest=OTHER, verdict="pass"), whole=lambda run: run["machine"].pop("kind"))
@@ -190,13 +188,13 @@ def test_a_run_that_notes_no_machine_is_of_this_one(
     assert check(old, accepted).faults == ()
 
 
-def test_a_renamed_field_is_missing_under_its_old_name(changed_run: Change, accepted: Path) -> None:
+def test_renamed_field_is_missing_under_its_old_name(changed_run: Change, accepted: Path) -> None:
     found = check(changed_run(of_field("pressure", field="p")), accepted)
     assert faults(found) == [("defaults.linear", "pressure", "missing field")]
     assert [c.field for c in found.fields if c.kind == "new field"] == ["p"]
 
 
-def test_only_the_cases_of_the_run_are_looked_at_and_new_ones_are_told(changed_run: Change, accepted: Path) -> None:
+def test_only_cases_of_the_run_are_checked_and_new_ones_reported(changed_run: Change, accepted: Path) -> None:
     def fewer(document: dict[str, Any]) -> None:
         document["cases"] = document["cases"][:1]
         document["cases"].append({**document["cases"][0], "case": "defaults.new"})
@@ -206,7 +204,7 @@ def test_only_the_cases_of_the_run_are_looked_at_and_new_ones_are_told(changed_r
     assert found.counts["new case"] == 1
 
 
-def test_a_case_that_no_file_makes_any_more_is_told(changed_run: Change, accepted: Path) -> None:
+def test_case_removed_from_the_files_is_reported(changed_run: Change, accepted: Path) -> None:
     def fewer(document: dict[str, Any]) -> None:
         document["cases"] = document["cases"][:1]
 
@@ -216,9 +214,7 @@ def test_a_case_that_no_file_makes_any_more_is_told(changed_run: Change, accepte
     assert any("refused.type-zero" in note and NAMES[1] not in note for note in found.notes)
 
 
-def test_an_engine_without_a_baseline_is_bad_input_and_one_may_be_named(
-    small_run: Path, changed_run: Change, accepted: Path
-) -> None:
+def test_engine_without_a_baseline_needs_a_named_one(small_run: Path, changed_run: Change, accepted: Path) -> None:
     other = changed_run(whole=lambda document: document["engine"].update(distribution="1.2.3"))
     with pytest.raises(InputError, match=r"none is accepted for this engine .*accepted are: lammps-2025"):
         check(other, accepted)
@@ -228,7 +224,7 @@ def test_an_engine_without_a_baseline_is_bad_input_and_one_may_be_named(
 # --- accepting
 
 
-def test_reasons_are_kept(small_run: Path, changed_run: Change, accepted: Path) -> None:
+def test_reasons_are_saved(small_run: Path, changed_run: Change, accepted: Path) -> None:
     other = changed_run(of_field("pressure", digest=OTHER))
     done = acceptance.accept(other, "  the law\nis better ", accepted, "eos-ref accept changed")
     assert done.changes is not None
@@ -241,13 +237,13 @@ def test_reasons_are_kept(small_run: Path, changed_run: Change, accepted: Path) 
     assert faults(check(small_run, accepted)) == [("defaults.linear", "pressure", "within bounds")]
 
 
-def test_what_is_accepted_already_is_not_written_again(small_run: Path, accepted: Path) -> None:
+def test_accepted_run_is_not_written_again(small_run: Path, accepted: Path) -> None:
     before = content(_folder(accepted))
     assert not accept(small_run, accepted).written
     assert content(_folder(accepted)) == before
 
 
-def test_a_run_of_some_cases_replaces_these_alone(changed_run: Change, accepted: Path) -> None:
+def test_run_of_some_cases_replaces_only_these(changed_run: Change, accepted: Path) -> None:
     def one(document: dict[str, Any]) -> None:
         document["cases"] = [c for c in document["cases"] if c["case"] == "defaults.linear"]
 
@@ -280,7 +276,7 @@ def test_cases_of_two_libraries_or_machines_do_not_mix(changed_run: Change, acce
         accept(changed_run(whole=elsewhere), accepted)
 
 
-def test_unexpected_failures_are_refused_unless_they_are_meant(changed_run: Change, tmp_path: Path) -> None:
+def test_unexpected_failures_are_refused_unless_requested(changed_run: Change, tmp_path: Path) -> None:
     run = changed_run(lambda record: record.update(verdict="differs"))
     with pytest.raises(InputError, match=r"1 unexpected failures: defaults\.linear"):
         accept(run, tmp_path / "accepted")
@@ -300,8 +296,8 @@ def test_parts_audits_and_empty_runs_are_refused(changed_run: Change, tmp_path: 
             accept(changed_run(whole=edit, name=name), tmp_path / "accepted")
 
 
-def test_a_kill_at_any_moment_leaves_the_old_baseline_or_the_new(changed_run: Change, accepted: Path) -> None:
-    """The program dies at every write and rename in turn, in a process of its own."""
+def test_kill_at_any_moment_leaves_the_old_or_the_new_baseline(changed_run: Change, accepted: Path) -> None:
+    """The program dies at each write and rename in turn, in a separate process."""
     run = changed_run(of_field("pressure", digest=OTHER))
     old = baseline.read(_folder(accepted)).cases
     untouched = accepted.with_name("untouched")
@@ -326,7 +322,7 @@ _died: list[int] = []
 
 
 def _killed(moment: int, task: Callable[[], object]) -> bool:
-    """Run a task in a fork that exits at its n-th file operation; whether it did."""
+    """Run a task in a fork that exits at its n-th file operation; return whether it did."""
     child = os.fork()
     if child == 0:
         left = moment
@@ -376,7 +372,7 @@ def test_two_programs_do_not_replace_one_baseline(small_run: Path, changed_run: 
         ("verdicts.tsv", lambda text: "", "columns|must hold 4 cases"),
     ],
 )
-def test_damage_is_said_in_one_line_with_its_place(
+def test_damage_is_reported_in_one_line_with_its_location(
     small_run: Path, accepted: Path, file: str, damage: Callable[[str], str], said: str
 ) -> None:
     path = _folder(accepted) / file
@@ -388,7 +384,7 @@ def test_damage_is_said_in_one_line_with_its_place(
     assert file in str(found.value)
 
 
-def test_damaged_arrays_are_said(changed_run: Change, accepted: Path) -> None:
+def test_damaged_arrays_are_reported(changed_run: Change, accepted: Path) -> None:
     path = _folder(accepted) / "arrays" / "defaults.linear.npz"
     run = changed_run(of_field("pressure", digest=OTHER))
     whole = path.read_bytes()
@@ -423,7 +419,7 @@ def test_accept_on_the_command_line(
         assert (code, out, err.count("\n"), said in err) == (2, "", 1, True), err
 
 
-def test_lines_of_a_check_say_what_to_do(changed_run: Change, accepted: Path) -> None:
+def test_lines_of_a_check_include_the_next_command(changed_run: Change, accepted: Path) -> None:
     run = changed_run(of_field("f", digest=OTHER, verdict="differs", explained_by=[]), "images.quintic.two")
     said = list(pairs.checked(check(run, accepted), "eos-ref accept reports/latest"))
     assert said[0].startswith(f"baseline {_folder(accepted)}: ")
@@ -442,5 +438,5 @@ def test_lines_of_a_check_say_what_to_do(changed_run: Change, accepted: Path) ->
         ("eos-ref run --launcher '/usr/bin/mpirun -n {n}' ../mine", "eos-ref run --launcher 'mpirun -n {n}' ../mine"),
     ],
 )
-def test_baselines_keep_no_folder_of_a_machine(given: str, kept: str | None) -> None:
+def test_baselines_contain_no_machine_paths(given: str, kept: str | None) -> None:
     assert portable(given) == (kept or given)

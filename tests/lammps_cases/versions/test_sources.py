@@ -1,4 +1,4 @@
-"""What a user may compare: which words name a side, what of a side is taken, what a folder of output may hold."""
+"""Sides of a comparison: words that name a side, selection of its cases, and allowed content of the output folder."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def test_words_that_name_a_side(word: str, is_one: bool) -> None:
     assert sources.is_side(word) == is_one
 
 
-def test_a_folder_is_a_side_without_a_slash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder_is_a_side_without_a_slash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("one").mkdir()
     assert sources.is_side("one") and not sources.is_side("two")
 
 
-def test_what_a_name_denotes(tmp_path: Path) -> None:
+def test_names_of_sides_are_resolved(tmp_path: Path) -> None:
     assert sources.source("env") == Engine()
     accepted = next(path.parent for path in sorted(ACCEPTED.glob("*/baseline.json")))
     assert getattr(sources.source(str(accepted)), "name", "") == str(accepted)
@@ -41,7 +41,7 @@ def test_what_a_name_denotes(tmp_path: Path) -> None:
         sources.source(str(tmp_path))
 
 
-def test_a_side_is_narrowed_by_name_and_tag() -> None:
+def test_side_is_narrowed_by_name_and_tag() -> None:
     whole = side(*(case(name) for name in ("walls.one", "walls.two", "shift")))
 
     def left(names: list[str], tagged: set[str] | None = None) -> list[str]:
@@ -56,13 +56,13 @@ def test_a_side_is_narrowed_by_name_and_tag() -> None:
         left(["shift"], {"walls.one"})
 
 
-def test_a_folder_of_output_holds_comparisons_alone(tmp_path: Path) -> None:
+def test_output_folder_may_hold_only_comparisons(tmp_path: Path) -> None:
     assert sources.output(tmp_path / "new") == tmp_path / "new" and not (tmp_path / "new").exists()
     for name in ("compare.json", "compare.html", "bisect.json", ".A.lock"):
         (tmp_path / name).write_text("")
     (tmp_path / "B").mkdir()
     assert sources.output(tmp_path) == tmp_path
-    assert sorted(path.name for path in tmp_path.iterdir()) == [".A.lock", "B"], "runs stay until they are made anew"
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".A.lock", "B"], "runs stay until they are repeated"
     (tmp_path / "thesis.tex").write_text("mine")
     (tmp_path / "compare.json").write_text("")
     with pytest.raises(
@@ -74,7 +74,7 @@ def test_a_folder_of_output_holds_comparisons_alone(tmp_path: Path) -> None:
         sources.output(tmp_path / "thesis.tex")
 
 
-def test_saved_sides_are_taken_as_they_are(tmp_path: Path) -> None:
+def test_saved_sides_are_used_unchanged(tmp_path: Path) -> None:
     accepted = str(next(path.parent for path in sorted(ACCEPTED.glob("*/baseline.json"))))
     both = sources.select([accepted] * 2, ["density"], None, [], tmp_path / "out", RunTerms(1))
     assert not both.cases, "no engine, nothing to run"

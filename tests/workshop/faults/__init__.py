@@ -1,1 +1,1 @@
-"""How much the harness can see: planted faults, the smallest change that shows, false alarms."""
+"""Sensitivity of the harness: planted faults, the smallest detectable change, false alarms."""

@@ -45,7 +45,7 @@ from tests.workshop.faults.perturbed import (
 
 Kind = str
 WHAT: dict[Kind, str] = {
-    "as given": "the control: asked as every run asks",
+    "as given": "the control: run as in every run",
     "relabelled": "other ids, dealt out at random, and with them another order of creation",
     "renamed": "other ids, dealt out at random, in the same order of creation",
     "reordered": "the same ids, created in another order",
@@ -55,7 +55,7 @@ WHAT: dict[Kind, str] = {
     "rebuilt": "neighbour lists built in every step, without a check",
     "ranks": "two MPI ranks",
     "seed": "another scene of the same description, on both sides: disorder, order of values, velocities",
-    "machine": "newer instructions switched off in the C library, numpy, numba and OpenBLAS; predictions made anew",
+    "machine": "newer instructions switched off in the C library, numpy, numba and OpenBLAS; predictions recomputed",
 }
 KINDS = tuple(WHAT)
 AHEAD = 40  # cases prepared before they are judged
@@ -64,11 +64,11 @@ Records = dict[str, CaseRecord]
 
 @dataclass(frozen=True)
 class Alarm:
-    """A case that turned red although nothing was changed that matters.
+    """A case that turned red although nothing relevant was changed.
 
     Attributes
     ----------
-    finding, why : the fault of LAMMPS that it is; empty: a false alarm, or a fault not known yet
+    finding, why : the fault of LAMMPS behind it; empty: a false alarm, or an unknown fault
     """
 
     case: str
@@ -85,13 +85,13 @@ class AlarmRun:
 
     Attributes
     ----------
-    what : what was different, in words
+    what : the difference, in words
     cases : how many ran
-    same_bits : how many of them gave every field compared bit for bit as they do as given
+    same_bits : how many of them gave every compared field with the bits of `as given`
     within : how many gave other bits and the verdict expected
-    verdicts : how many ended how
-    alarms : those that are red here and not as given
-    reference_moved : in how many the reference has other bits; None where nothing could move it
+    verdicts : number of cases by verdict
+    alarms : those that are red here and not in `as given`
+    reference_moved : in how many the reference has other bits; None if nothing could change it
     """
 
     kind: str
@@ -141,7 +141,7 @@ def prepared_anew(case: Case) -> PreparedCase:
 
 
 def _with_settings(kind: Kind, ready: PreparedCase) -> PreparedCase:
-    """Return a case with other settings of LAMMPS, in the original and the twin alike."""
+    """Return a case with other settings of LAMMPS, in both the original and the twin."""
 
     def other(scene: Scene) -> Scene:
         settings: dict[Kind, dict[str, Any]] = {
@@ -168,7 +168,7 @@ def measure(
     store: Store | None = None,
     progress: Progress = SILENT,
 ) -> list[AlarmRun]:
-    """Run some cases restated in some ways; as given is always the first.
+    """Run some cases restated in some ways; `as given` is always the first.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def measure(
             if kind != "machine":
                 records = plain if kind == "as given" else _records(workers, kind, cases, progress)
                 runs.append(_run(kind, cases, plain, records, workers))
-    if "machine" in kinds:  # by processes of its own: the workers are gone by then
+    if "machine" in kinds:  # by separate processes: the workers have ended by then
         here = run_apart(cases, engine, {}, jobs, progress)
         there = run_apart(cases, engine, older(), jobs, progress)
         moved = sum(there.references[name] != here.references[name] for name in here.references)
@@ -199,7 +199,7 @@ def _records(workers: JudgingWorkers, kind: Kind, cases: Sequence[Case], progres
         perturbed, future = queue.popleft()
         queue.extend(islice(waiting, 1))
         record = workers.outcome(future)
-        if isinstance(record, Failure):  # LAMMPS took the worker with it: the failure is judged here
+        if isinstance(record, Failure):  # LAMMPS terminated the worker: the failure is judged here
             record = workers.judge.verdict(perturbed, [record for _ in perturbed.jobs])
         name = perturbed.ready.case.name
         records[name] = record
@@ -208,7 +208,7 @@ def _records(workers: JudgingWorkers, kind: Kind, cases: Sequence[Case], progres
 
 
 def _reason(workers: JudgingWorkers, kind: Kind, case: Case) -> Reason | None:
-    """Find what is wrong first, in a run read after every step; None where there is none."""
+    """Find the first difference, in a run read after every step; None without any."""
     scene = case.scene
     if not scene.whole_model or scene.twin or scene.snapshots[-1] < 1 or kind == "ranks":
         return None
@@ -244,7 +244,7 @@ def _run(
 
 
 def _bits(record: CaseRecord) -> tuple[str, list[tuple[str, str]]]:
-    """Return how a case ended, with the bits of every field."""
+    """Return the ending of a case, with the bits of every field."""
     return record.verdict, [(field.field, field.digest) for field in record.fields]
 
 
@@ -276,10 +276,10 @@ class MachineRun:
 
 
 def older() -> dict[str, str]:
-    """Return environment variables that switch off what newer processors have; other libraries ignore them.
+    """Return environment variables that disable features of newer processors; other libraries ignore them.
 
-    The C library takes other code for pow, exp and log, which LAMMPS and the reference call, numpy and OpenBLAS take
-    other loops, and numba compiles for a plain processor. Every prediction is made in a store of its own.
+    The C library uses other code for pow, exp and log, which LAMMPS and the reference call, numpy and OpenBLAS use
+    other loops, and numba compiles for a generic processor. Predictions are made in a separate store.
     """
     simd: Any = np.show_config(mode="dicts")
     extensions = simd["SIMD Extensions"].get("found", [])
@@ -308,7 +308,7 @@ def run_apart(
     with tempfile.TemporaryDirectory(prefix="eos-ref-machine-") as folder:
         report = Path(folder) / "report"
         own = {VARIABLE: str(Path(folder) / "store")} if settings else {}
-        own["EOS_REF_HISTORY"] = "off"  # a run that serves a purpose of its own
+        own["EOS_REF_HISTORY"] = "off"  # a run for a separate purpose
         here = os.pathsep.join([str(Path(__file__).parents[3]), *filter(None, [os.environ.get("PYTHONPATH")])])
         sources = sorted({str(case.source) for case in cases})
         program = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--engine", engine.name, "--jobs", str(jobs)]

@@ -1,4 +1,4 @@
-"""The campaign of `make power`: faults planted, resolution measured, false alarms looked for."""
+"""The campaign of `make power`: plant faults, measure the resolution, look for false alarms."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def select(
 
 
 def collect(given: Namespace, sections: Sequence[str], names: Sequence[str], progress: Progress) -> Power:
-    """Run the sections, with the faults of some names; those planted before in the folder, by the same sources, stay.
+    """Run the sections, with the named faults; results in the folder from the same sources are kept.
 
     ``given`` has the options of `make power`.
 

@@ -20,8 +20,8 @@ class Fault:
 
     Attributes
     ----------
-    id : family and name, as in ``told.cs-doubled``
-    what : what it changes, in words
+    id : family and name, as in `told.cs-doubled`
+    what : the change, in words
     """
 
     id: str
@@ -30,7 +30,7 @@ class Fault:
 
     @property
     def family(self) -> Family:
-        """Return how it is planted: the first part of the id."""
+        """Return the way in which it is planted: the first part of the id."""
         return next(family for family in FAMILIES if self.id.startswith(f"{family}."))
 
 
@@ -47,11 +47,11 @@ def by_id(faults: Iterable[F]) -> dict[str, F]:
 
 @dataclass(frozen=True)
 class Detection:
-    """A case that detects a fault: its verdict, which is as expected without the fault, and the field that shows it.
+    """A case that detects a fault: its verdict (as expected without the fault), and the field that shows it.
 
     Attributes
     ----------
-    field : first field outside its bound; empty where LAMMPS gave no numbers
+    field : first field outside its bound; empty if LAMMPS gave no numbers
     manual : whether the mistaken reference stood in for a LAMMPS without the engine's findings, which hide the fault
     """
 
@@ -63,5 +63,5 @@ class Detection:
 
 
 def files(detections: Sequence[Detection]) -> set[str]:
-    """Return the case files whose cases detect a fault: what counts as different scenes."""
+    """Return the case files whose cases detect a fault: cases of one file count as one scene."""
     return {detection.case.partition(".")[0] for detection in detections}

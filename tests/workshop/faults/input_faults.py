@@ -1,7 +1,7 @@
-"""Faults in what real LAMMPS is given: its input says something else than the scene that judges it.
+"""Faults in the input of real LAMMPS: it differs from the scene that judges the answer.
 
-A change of the scene goes through `lammps_cases.setup.commands` as any other scene; what no scene can say (a fix
-dropped, an atom moved) is changed in the job itself. A change that leaves a job as it was does not apply to its case.
+A change of the scene goes through `lammps_cases.setup.commands` as any other scene; what no scene can express (a fix
+dropped, an atom moved) is changed in the job itself. A change without effect on a job does not apply to its case.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def jobs(fault: InputFault, ready: PreparedCase, lists: bool = False) -> list[Jo
 
 
 def _job(changed: Scene, atoms: Atoms, scene: Scene, lists: bool) -> Job:
-    """Return the job of a changed scene; it may ask for what it no longer has, which is LAMMPS' to refuse."""
+    """Return the job of a changed scene; it may request missing fields, which LAMMPS has to refuse."""
     try:
         items = plan(changed)
     except InputError:
@@ -77,12 +77,12 @@ def _lines(change: Callable[[str], str]) -> JobChange:
 
 
 def _replaced(old: str, new: str) -> JobChange:
-    """Replace text of commands, wherever it stands."""
+    """Replace text in all commands."""
     return _lines(lambda line: line.replace(old, new))
 
 
 def _number(begins: str, at: int, change: Callable[[float], float]) -> JobChange:
-    """Change the word of index ``at``, a number, of commands that begin so."""
+    """Change the word of index ``at``, a number, in commands with this beginning."""
 
     def change_line(line: str) -> str:
         words = line.split()
@@ -92,7 +92,7 @@ def _number(begins: str, at: int, change: Callable[[float], float]) -> JobChange
 
 
 def _without(*beginnings: str) -> JobChange:
-    """Leave out commands that begin with some words."""
+    """Leave out commands with these beginnings."""
 
     def kept(lines: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(line for line in lines if not line.startswith(beginnings))
@@ -101,7 +101,7 @@ def _without(*beginnings: str) -> JobChange:
 
 
 def _last(begins: str) -> JobChange:
-    """Move commands that begin so behind all others."""
+    """Move commands with this beginning after all others."""
     return lambda of: replace(of, commands=tuple(sorted(of.commands, key=lambda line: line.startswith(begins))))
 
 
@@ -154,13 +154,13 @@ def _fewer(of: Job) -> Job:
 
 
 def _exchange_atoms(of: Job) -> Job:
-    """Give the first and the last atom each other's place and values, but not ids."""
+    """Exchange positions and values of the first and the last atom, but not ids."""
     row_n = ends_exchanged(np.arange(len(of.id_n)))
     return rearranged(of, row_n, of.id_n)
 
 
 def _energy_per_mass(of: Job) -> Job:
-    """Divide energies by the masses, as if the scene's were those of particles."""
+    """Divide energies by the masses, as if the scene gave energies per particle."""
     masses = {int(line.split()[1]): float(line.split()[2]) for line in of.commands if line.startswith("mass ")}
     return _array("esph", lambda e_n: e_n / np.array([masses[int(t)] for t in of.type_n]))(of)
 
@@ -177,14 +177,14 @@ def _exclude_pairs(of: Job) -> Job:
 
 
 def _newton_apart(of: Job) -> Job:
-    """Set newton off for pairs and on for bonds, with which LAMMPS adds to particles what their images collect."""
+    """Set newton off for pairs and on for bonds, so that LAMMPS adds the sums of images to their particles."""
     setup = [line for line in of.setup if not line.startswith("newton ")]
     at = next(k for k, line in enumerate(setup) if line.startswith("atom_style")) + 1
     return replace(of, setup=(*setup[:at], "newton off on", *setup[at:]))
 
 
 def _first_run_again(of: Job) -> Job:
-    """Set every run up anew, where it should be continued."""
+    """Set up every run again, where it should be continued."""
     return _commands_of_runs(lambda command: command.replace(" pre no", ""))(of)
 
 
@@ -196,7 +196,7 @@ def _commands_of_runs(change: Callable[[str], str]) -> JobChange:
 
 
 def _between(before: str, *commands: str) -> JobChange:
-    """Give LAMMPS further commands between runs, before those that begin so; at the end if ``before`` is empty."""
+    """Add commands between runs, before those that begin with ``before``; at the end if that is empty."""
 
     def change(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
         if isinstance(stretch, RunCommand):
@@ -210,7 +210,7 @@ def _between(before: str, *commands: str) -> JobChange:
 
 
 def _not_between(*beginnings: str) -> JobChange:
-    """Leave out commands between runs that begin with some words."""
+    """Leave out commands between runs with these beginnings."""
 
     def change(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
         if isinstance(stretch, RunCommand):
@@ -234,7 +234,7 @@ def _between_without(words: str) -> JobChange:
 
 
 def _never_again(of: Job) -> Job:
-    """Continue where a run should begin with a set-up of its own."""
+    """Continue where a run should start with its own set-up."""
     first, *others = of.runs
     if not any(isinstance(stretch, Interlude) for stretch in others):
         return of
@@ -264,13 +264,13 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
         _number("pair_style rheo", 2, lambda cut: cut * 0.9),
     ),
     ("dimension-3", "constant", "dimension 3 in place of 2", _replaced("dimension 2", "dimension 3")),
-    ("not-periodic", "neighbours", "periodic axes told to be fixed", _replaced("boundary p", "boundary f")),
+    ("not-periodic", "neighbours", "periodic axes made fixed", _replaced("boundary p", "boundary f")),
     ("box-longer", "neighbours", "box longer by 1e-6", _number("region box", 4, lambda high: high * (1 + 1e-6))),
     ("box-twice", "neighbours", "box twice as long", _number("region box", 4, lambda high: high * 2)),
     (
         "lists-never-rebuilt",
         "stale",
-        "neighbour lists never built anew, with hardly any skin",
+        "neighbour lists never rebuilt, with hardly any skin",
         _neighbours("neighbor 1e-9 bin", "neigh_modify every 10000 delay 10000 check no"),
     ),
     (
@@ -282,7 +282,7 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
     ("pairs-left-out", "neighbours", "pairs of different types left out of the lists", _exclude_pairs),
     ("velocities-of-images", "stale", "velocities of periodic images not communicated", _without("comm_modify")),
     ("images-collect-twice", "neighbours", "pairs across boundaries counted twice in some sums", _newton_apart),
-    ("set-up-again", "order of operations", "every run set up anew where it goes on", _first_run_again),
+    ("set-up-again", "order of operations", "every run set up again where it is continued", _first_run_again),
     ("no-deform", "missing term", "fix deform left out", _without("fix deform")),
     ("deform-alone", "missing term", "positions not changed with a box that grows", _replaced("remap x", "remap none")),
     (
@@ -294,7 +294,7 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
     ("images-at-rest", "missing term", "images that do not move with the box", _replaced("remap v", "remap none")),
     ("deform-later", "stale", "the box growing in every second step", _replaced(" deform 1 ", " deform 2 ")),
     # --- between runs
-    ("set-up-never-again", "stale", "runs continued where they should be set up anew", _never_again),
+    ("set-up-never-again", "stale", "runs continued where they should be set up again", _never_again),
     ("nothing-between", "missing term", "nothing done between runs", _without_interludes),
     (
         "restart-loses-rho",
@@ -322,11 +322,11 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
     ),
     ("between-no-timestep", "unset", "time step not set between runs", _not_between("timestep")),
     ("between-no-reset", "unset", "fix dt/reset left out", _not_between("fix reset")),
-    ("between-no-forces", "missing term", "forces of other fixes not defined anew", _not_between("fix force")),
+    ("between-no-forces", "missing term", "forces of other fixes not defined again", _not_between("fix force")),
     ("between-no-displacement", "missing term", "atoms not displaced", _not_between("displace_atoms")),
     ("between-no-stretch", "missing term", "the box as it was", _not_between("change_box")),
     ("stretch-without-atoms", "missing term", "positions not changed with the box", _between_without(" remap")),
-    ("between-no-velocities", "unset", "velocities of atoms created anew not set", _not_between("set atom")),
+    ("between-no-velocities", "unset", "velocities of recreated atoms not set", _not_between("set atom")),
     ("between-no-count", "unset", "steps counted on where the count is set", _not_between("reset_timestep")),
     # --- what atoms are given
     ("atom-lost", "missing term", "last atom not created", _fewer),

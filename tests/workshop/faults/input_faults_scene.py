@@ -234,7 +234,7 @@ _TABLE: tuple[tuple[str, Kind, str, SceneChange], ...] = (
     ("phase-fluid", "option", "solid types taken for fluid", types(put(phase="fluid"))),
     ("phase-exchanged", "exchanged", "phases of the types exchanged", rotated("phase")),
     (
-        *("refusal-not-asked", "option", "a scene to be refused told without the broken rule"),
+        *("refusal-not-asked", "option", "a scene to be refused without the broken rule"),
         altered("violate", lambda _: None),
     ),
 )

@@ -1,4 +1,4 @@
-"""Faults in what is read from real LAMMPS: the arrays, changed at every step read."""
+"""Faults in the output read from real LAMMPS: arrays changed at every step read."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PER_TYPE = {key: q.about for key, q in _FIELDS if key not in REAL and key not in
 
 @dataclass(frozen=True)
 class OutputFault(Fault):
-    """A fault in what is read back: the arrays of all steps, changed."""
+    """A fault in the output: the arrays of all steps, changed."""
 
     change: ArraysChange
 
@@ -61,12 +61,12 @@ def _all(change: Callable[[Any], Any], keep: tuple[str, ...] = ()) -> ArraysChan
 
 
 def _late(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
-    """Replace all arrays by those of the reading before."""
+    """Replace all arrays by those of the previous step read."""
     return [snapshots[0], *snapshots[:-1]]
 
 
 def _stale(name: str) -> ArraysChange:
-    """Replace one array by that of the reading before."""
+    """Replace one array by that of the previous step read."""
     return lambda snapshots: [
         s | {name: before[name]} if name in s else s for s, before in zip(snapshots, _late(snapshots), strict=True)
     ]
@@ -85,7 +85,7 @@ def ends_exchanged(array_n: Any) -> Any:
 
 
 def middle(update: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Replace the row of the middle atom by what is made of it, in place."""
+    """Transform the row of the middle atom, in place."""
 
     def change(array_n: Any) -> Any:
         array_n[len(array_n) // 2] = update(array_n[len(array_n) // 2])

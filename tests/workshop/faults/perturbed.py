@@ -1,4 +1,4 @@
-"""Cases with another input than their own, run by LAMMPS and judged as they always are."""
+"""Cases whose input differs from their own, run by LAMMPS and judged as usual."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class PerturbedCase:
     ----------
     ready : the case that judges
     jobs : one, or those of the original and its twin
-    row_n : row of every particle of the case in the answers; None: the same
+    row_n : row of every particle of the case in the answers; None: the same order
     """
 
     ready: PreparedCase
@@ -57,7 +57,7 @@ class PerturbedCase:
 
 @dataclass(frozen=True)
 class PerturbedJudge:
-    """What every verdict needs: the engine that answers, and where predictions are kept."""
+    """The context of every verdict: the engine that answers, and the store of predictions."""
 
     engine: EngineRecord
     store: Store | None = None
@@ -68,7 +68,7 @@ class PerturbedJudge:
         return Predictor(self.store if self.store and current(self.store) else None)
 
     def verdict(self, case: PerturbedCase, outcomes: Sequence[Answer | Failure]) -> CaseRecord:
-        """Return the ordinary verdict on what LAMMPS answered."""
+        """Return the ordinary verdict on LAMMPS' answer."""
         ready = case.ready
         ordered = [in_order(o, case.row_n) if isinstance(o, Answer) else o for o in outcomes]
         if ready.twin is not None:
@@ -77,7 +77,7 @@ class PerturbedJudge:
 
 
 class JudgingWorkers(Workers):
-    """Workers, and the judge of what their LAMMPS answers.
+    """Workers, and the judge of their LAMMPS' answers.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def run_and_judge(site: str | None, judge: PerturbedJudge, case: PerturbedCase) 
 
 
 def outcome(site: str | None, job: Job) -> Answer | Failure:
-    """Return what LAMMPS answers in this process, or how it refuses."""
+    """Return LAMMPS' answer in this process, or its refusal."""
     try:
         return solve(site, job)
     except EngineRefused as error:
@@ -128,7 +128,7 @@ def first_difference(site: str | None, judge: PerturbedJudge, case: PerturbedCas
 
 
 def stepwise(runs: Sequence[RunCommand | Interlude]) -> Iterator[RunCommand | Interlude]:
-    """Yield the runs of a job step by step, each read, but for what an interlude follows, which is read after it."""
+    """Yield the runs of a job step by step, each read at its end, or after the interlude that follows it."""
     for stretch, following in zip(runs, (*runs[1:], None), strict=True):
         if isinstance(stretch, Interlude):
             yield stretch

@@ -18,7 +18,7 @@ from tests.workshop.faults.fault import FAMILIES, Detection, Family, Fault, file
 from tests.workshop.faults.resolution import Resolution
 from tests.workshop.faults.tasks import Control
 
-ALL_RATE, QUICK_RATE = 0.99, 0.90  # of all faults, that some case and that a quick case has to catch
+ALL_RATE, QUICK_RATE = 0.99, 0.90  # shares of all faults that some case and a quick case must catch
 ARGUED = Path(__file__).with_name("argued.yaml")
 
 
@@ -38,7 +38,7 @@ class FaultRecord:
 
     Attributes
     ----------
-    caught_by : cases that see it: until they are of two files, or all
+    caught_by : cases that detect it: until they are of two files, or all
     quick : whether a quick case is among them
     seen : their verdicts, and the field that each names
     argued : why no case can see it; empty if a case does, or if nothing is known
@@ -56,7 +56,7 @@ class FaultRecord:
 
 @dataclass(frozen=True)
 class ControlRecord:
-    """A family without a fault: its cases, and those that are red although nothing is wrong."""
+    """A family without a fault: its cases, and those that are red nevertheless."""
 
     family: Family
     cases: int
@@ -102,7 +102,7 @@ class Power:
 
     @property
     def hidden(self) -> list[FaultRecord]:
-        """Return the faults in what findings of the engine replace: seen only in place of a LAMMPS without these."""
+        """Return the faults in code that findings of the engine replace: detected only for a LAMMPS without these."""
         return [fault for fault in self.faults if fault.seen and all(one.manual for one in fault.seen)]
 
     @property
@@ -123,7 +123,7 @@ class Power:
 
 
 def arguments(path: Path = ARGUED) -> dict[tuple[str, str], str]:
-    """Return the reasons why faults go unseen, by id and what they change."""
+    """Return the reasons why faults are undetected, by id and change."""
     entries = TypeAdapter(list[FaultArgument]).validate_python(read_yaml(path, "arguments"))
     return {(argument.id, argument.what): argument.reason for argument in entries}
 
@@ -135,7 +135,7 @@ def fault_record(fault: Fault, detections: tuple[Detection, ...], quick: set[str
 
 
 def with_arguments(records: Sequence[FaultRecord]) -> tuple[FaultRecord, ...]:
-    """Return the records of faults, with the reasons why those that no case sees go unseen."""
+    """Return the records of faults, with the reasons why some are undetected."""
     reasons = arguments()
     return tuple(
         replace(fault, argued="" if fault.caught_by else reasons.get((fault.id, fault.what), "")) for fault in records
@@ -163,7 +163,7 @@ def write(power: Power, folder: Path) -> None:
 
 
 def sources() -> str:
-    """Return the SHA-256 of all that decides which faults are planted and detected: sources and cases."""
+    """Return the SHA-256 of the sources and cases that determine which faults are planted and detected."""
     digest = hashlib.sha256()
     root = Path(__file__).parents[3]
     for package in ("eos_ref", "lammps_cases", "tests/workshop/faults"):

@@ -1,8 +1,8 @@
 """Resolution: the smallest change of every parameter that turns a case red.
 
-Real LAMMPS is given another value; its answer is judged, as always, against the scene as it is. Every number of every
-case is tried once; from how far LAMMPS' fields move, in units of their bounds, follows where the cases would turn red.
-The best few are then bisected by the ordinary verdict. Twins are left out: both of their runs are given the same.
+Real LAMMPS is given another value; its answer is judged, as always, against the unchanged scene. Every number of every
+case is tried once; the change of LAMMPS' fields, in units of their bounds, predicts where the cases turn red.
+The best few are then bisected by the ordinary verdict. Twins are left out: both of their runs get the same input.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from lammps_cases.scene.casefile import Case
 from tests.workshop.faults.perturbed import JudgingWorkers, PerturbedJudge, RepeatedCase
 from tests.workshop.faults.scene_numbers import SceneNumber, numbers
 
-PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one shows
-WHOLE = (1, 2, 3, 4, 6, 8, 12, 16)  # changes of a number that counts something
-FLOOR = 2.0**-53  # a smaller relative change is none
-LARGEST = 1.0  # relative change that is the last one tried
-CLOSE = 1.1  # factor between seen and unseen at which a bisection ends
+PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one is detected
+WHOLE = (1, 2, 3, 4, 6, 8, 12, 16)  # changes of a count
+FLOOR = 2.0**-53  # a smaller relative change is no change
+LARGEST = 1.0  # largest relative change tried
+CLOSE = 1.1  # factor between detected and undetected changes at which a bisection ends
 BEST = 3  # cases bisected per parameter, of all and of the quick ones
 
 R = TypeVar("R")
@@ -34,14 +34,14 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class VisibleChange:
-    """The smallest change of a number that a case sees.
+    """The smallest change of a number that a case detects.
 
     Attributes
     ----------
     value : the number as the scene has it
     change : added to it
     relative_change : size of the change over that of the number
-    unseen : largest relative change below it that was tried and not seen; 0: one unit of the last place is seen
+    unseen : largest relative change below it that was tried and not detected; 0: one unit of the last place is detected
     field : the field that leaves its bound by most
     """
 
@@ -56,14 +56,14 @@ class VisibleChange:
 
 @dataclass(frozen=True)
 class Resolution:
-    """How finely a parameter is seen.
+    """How finely changes of a parameter are detected.
 
     Attributes
     ----------
-    case, relative_change : of the best; empty and None if no case sees it
+    case, relative_change : of the best; empty and None if no case detects it
     candidates : cases that have the parameter
-    sensitive : of these, how many see it change by a tenth, or by less
-    best, quick : of all cases, of the quick ones; None: none sees it
+    sensitive : of these, how many detect a change by a tenth or less
+    best, quick : of all cases, of the quick ones; None: undetected
     note : what kind of change it is
     """
 
@@ -79,7 +79,7 @@ class Resolution:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Where a case will see a number change: the estimate of the relative change; infinite: nowhere."""
+    """Estimate of the relative change of a number that a case detects; infinite: none."""
 
     parameter: str
     place: str
@@ -130,7 +130,7 @@ def _estimate(case: RepeatedCase, number: SceneNumber) -> float:
 def smallest(
     site: str | None, judge: PerturbedJudge, ready: PreparedCase, places: Sequence[Sensitivity]
 ) -> list[tuple[str, VisibleChange]]:
-    """Task: return the smallest change seen of some numbers of a case, up or down."""
+    """Task: return the smallest detected changes of some numbers of a case, up or down."""
     case = RepeatedCase(site, judge, ready)
     by_place = {(n.parameter, n.place): n for n in numbers(ready)}
     pairs = []
@@ -178,7 +178,7 @@ def _bisected(case: RepeatedCase, number: SceneNumber, sign: int, probe: Sensiti
 
 
 def _bracket(sees: Callable[[float], bool], start: float) -> tuple[float, float] | None:
-    """Return a change that is seen and a smaller one that is not, from a first guess; None: none is seen."""
+    """Return a detected change and a smaller undetected one, from a first guess; None: no change is detected."""
     size = start
     if not sees(size):
         while size < LARGEST:

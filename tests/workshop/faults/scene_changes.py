@@ -1,4 +1,4 @@
-"""Changes of a scene, composed of what is changed (types, laws, options) and how (a factor, other values)."""
+"""Changes of a scene, composed of a target (types, laws, options) and an operation (a factor, other values)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PartChange = Callable[[Any], Updates | None]  # None: the part is left out
 
 @dataclass(frozen=True)
 class InputFault(Fault):
-    """A fault in what LAMMPS is given: a change of the scene, or of the job made from it."""
+    """A fault in LAMMPS' input: a change of the scene, or of the job made from it."""
 
     change_scene: SceneChange | None = None
     change_job: JobChange | None = None
@@ -41,7 +41,7 @@ def plus(name: str, amount: float) -> PartChange:
 
 
 def put(**values: Any) -> PartChange:
-    """Set values, whatever they were."""
+    """Set values."""
     return lambda part: values
 
 
@@ -73,12 +73,12 @@ def vector(change: Callable[[float], float]) -> PartChange:
 
 
 def altered(name: str, change: Callable[[Any], Any]) -> SceneChange:
-    """Replace one part of a scene by what is made of it."""
+    """Transform one part of a scene."""
     return lambda scene: scene.model_copy(update={name: change(getattr(scene, name))})
 
 
 def updated(change: PartChange) -> Callable[[Any], Any]:
-    """Change keys of a part, where there is one."""
+    """Change keys of a part, if present."""
     return lambda part: part and part.model_copy(update=change(part))
 
 
@@ -139,7 +139,7 @@ def entry(style: str, change: PartChange) -> SceneChange:
 
 
 def type_range(change: Callable[[str, str], tuple[str, str]]) -> SceneChange:
-    """Give ranges m*n of types other ends, which are empty where there is none."""
+    """Change the ends of ranges m*n of types; a missing end is empty."""
 
     def change_law(law: Any) -> Updates:
         low, star, high = law.types.partition("*")
@@ -157,12 +157,12 @@ rheo, pair, evolve = (partial(option, name) for name in ("rheo", "pair", "evolve
 
 
 def kernel(old: str, new: str) -> SceneChange:
-    """Take one kernel for another."""
+    """Replace one kernel by another."""
     return rheo(lambda r: {"kernel": new} if r.kernel == old else {})
 
 
 def surface(change: PartChange) -> SceneChange:
-    """Change settings of surface/detection, where it is on."""
+    """Change settings of surface/detection, if on."""
     return rheo(lambda r: {"surface_detection": updated(change)(r.surface_detection)})
 
 

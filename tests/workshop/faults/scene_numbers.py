@@ -36,9 +36,9 @@ class SceneNumber:
     Attributes
     ----------
     parameter : what it is, the same for all cases
-    place : which one of its kind, as in ``type 2``
+    place : where it occurs, as in ``type 2``
     whole : whether it counts something
-    decides : whether it is compared with something, so that a small change may do nothing
+    decides : whether it is a threshold, so that a small change may have no effect
     job_with : the job with another value in its place, everything else as it was
     """
 
@@ -54,7 +54,7 @@ DECIDES = ("T_freeze", "cmin", "wmin", "surface limit", "splash", "zmin", "gd0")
 
 
 def numbers(ready: PreparedCase) -> list[SceneNumber]:
-    """Return all numbers of a case but zeros, which have no relative change; none for refusals and twins."""
+    """Return all nonzero numbers of a case, as zeros have no relative change; none for refusals and twins."""
     scene = ready.case.scene
     if scene.expect or scene.twin:
         return []

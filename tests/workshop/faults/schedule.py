@@ -1,4 +1,4 @@
-"""Faults planted one by one, several at a time, each until cases of two files see it."""
+"""Faults planted one by one, several in parallel, each until cases of two files detect it."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from tests.workshop.faults.perturbed import JudgingWorkers
 from tests.workshop.faults.substitute import Substitution
 from tests.workshop.faults.tasks import Control
 
-WITNESSES = 2  # case files that a fault is looked for in, unless all cases are put to it
+WITNESSES = 2  # case files that detect a fault before the rest is skipped, unless all cases are run
 LIMIT = 300.0  # seconds that some cases with one fault may take
 CASE_LIMIT = 30.0  # seconds of the processor that a mistaken reference may take for a case
 TOGETHER = 12  # cases given to a worker at a time
-ENOUGH = 3  # answers that a mistaken reference changes, judged before it goes on
+ENOUGH = 3  # answers that a mistaken reference changes, judged before it continues
 EXCLUDED_TAGS = {"long", "open", "crash"}  # of cases that are not used
 
 T = TypeVar("T")
@@ -36,7 +36,7 @@ Detecting = Generator[Future[Any], Any, list[Detection]]
 
 
 def in_order(cases: Sequence[Case]) -> list[Case]:
-    """Return the cases that can see faults: quick ones first, small ones first, one of every file in turn."""
+    """Return the cases that can detect faults: quick ones first, small ones first, one of every file in turn."""
     turn: dict[str, int] = {}
 
     def place(case: Case) -> tuple[bool, bool, int, int, str]:
@@ -49,13 +49,13 @@ def in_order(cases: Sequence[Case]) -> list[Case]:
 
 
 def _cost(case: Case) -> int:
-    """Return the particles times evaluations, as far as the scene says."""
+    """Return the particles times evaluations, as far as the scene specifies them."""
     n = math.prod(getattr(case.scene.positions, "cells", (10, 10)))
     return n * (1 + (case.scene.evolve.steps if case.scene.evolve else 0)) * (10 if case.scene.whole_model else 1)
 
 
 class MutationPool:
-    """Workers, and the answers without a fault in a folder of their own; a context manager."""
+    """Workers, and a folder with the answers without a fault; a context manager."""
 
     def __init__(self, engine: Engine, jobs: int, store: Store | None, every: bool = False) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-power-")
@@ -92,7 +92,7 @@ class MutationPool:
     # --- without a fault
 
     def prepare(self, cases: Sequence[Case], progress: Progress) -> list[Control]:
-        """Have every case answered by both sides without a fault; only those as expected are used for faults."""
+        """Run every case on both sides without a fault; only those as expected are used for faults."""
         controls: list[Control] = []
         for control in self._together([self._control(case) for case in cases]):
             controls.append(control)
@@ -154,7 +154,7 @@ class MutationPool:
         return [part[k : k + TOGETHER] for part in (quick, others) for k in range(0, len(part), TOGETHER)]
 
     def _ask_lammps(self, fault: Fault) -> Detecting:
-        """Put cases to a fault in what LAMMPS is given, or in what is read from it."""
+        """Run cases with a fault in LAMMPS' input or output."""
         detections: list[Detection] = []
         ahead = self._groups(self.answered)
         while ahead and not self._enough(detections):
@@ -164,24 +164,24 @@ class MutationPool:
             if not isinstance(outcome, Failure):
                 detections += outcome
             elif len(names) > 1:
-                ahead[:0] = [[name] for name in names]  # which of them took the worker with it?
+                ahead[:0] = [[name] for name in names]  # which of them terminated the worker?
             else:
                 detections += yield from self._ended(names[0], outcome)
         return detections
 
     def _enough(self, detections: Sequence[Detection]) -> bool:
-        """Return whether no further case has to be put to a fault."""
+        """Return whether no further case needs to be run with a fault."""
         return not self.every and len(files(detections)) >= WITNESSES
 
     def _ended(self, name: str, failure: Failure) -> Detecting:
-        """Judge that LAMMPS, or what stands in for it, did not answer; any other failure is this program's."""
+        """Judge that LAMMPS, or its substitute, did not answer; any other failure is a fault of this program."""
         if failure.verdict == "error":
             raise RuntimeError(f"{name}: {failure.message}")
         outcome = yield self._judging(tasks.judge_failure, name, failure)
         return [outcome] if isinstance(outcome, Detection) else []
 
     def _ask_substitute(self, fault: Fault) -> Detecting:
-        """Have the mistaken reference answer in place of LAMMPS; then of one without findings, which hide mistakes."""
+        """Let the mistaken reference answer for LAMMPS, then for a LAMMPS without findings, which hide mistakes."""
         detections = yield from self._ask_in_place(fault, self.played, self.engine.distribution, [])
         if not self._enough(detections):
             detecting = {one.case for one in detections}
@@ -190,7 +190,7 @@ class MutationPool:
         return detections
 
     def _ask_in_place(self, fault: Fault, cases: list[str], engine: str | None, before: list[Detection]) -> Detecting:
-        """Have the mistaken reference answer cases, judge the answers that differ; return what is detected by now."""
+        """Let the mistaken reference answer cases, judge the answers that differ; return the detections so far."""
         enough = len(cases) if self.every else ENOUGH
         detections = list(before)
         quick = [name for name in cases if name in self.quick]

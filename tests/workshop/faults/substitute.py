@@ -1,6 +1,6 @@
-"""The reference in place of LAMMPS, with the findings that the engine shows or without any: an answer to be judged.
+"""The reference in place of LAMMPS, with the findings that the engine shows or without any.
 
-A mistaken reference answers in a process of its own, of which nothing remains: what it computes may be kept in caches.
+A mistaken reference answers in a separate process that ends afterwards, as its results may stay in caches.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Mistake = Change | None
 
 @dataclass(frozen=True)
 class AnsweredCase:
-    """A case, and how LAMMPS answered its one or two jobs."""
+    """A case, and LAMMPS' answers to its one or two jobs."""
 
     ready: PreparedCase
     outcomes: tuple[Outcome, ...]
@@ -58,25 +58,25 @@ class AnsweredCase:
 
 
 def keep(path: Path, content: AnsweredCase | tuple[Answer, ...]) -> None:
-    """Write a case or answers to it, for as long as faults are planted."""
+    """Write a case or answers to it, for the time of the campaign."""
     write_atomically(path, pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL))
 
 
 @lru_cache(maxsize=128)
 def recall(folder: Path, name: str) -> AnsweredCase:
-    """Return what the folder holds of a case: the same arrays each time, which nobody may change."""
+    """Return the data of a case in the folder: the same arrays each time, which callers must not change."""
     case: AnsweredCase = pickle.loads((folder / f"{name}.known").read_bytes())
     return case
 
 
 @dataclass(frozen=True)
 class Substitution:
-    """The reference's answers to the one or two jobs of a case, or how it failed, as LAMMPS would.
+    """The reference's answers to the one or two jobs of a case, or its failure, as of LAMMPS.
 
     Attributes
     ----------
-    verdict : crashed or timeout, where there are no answers
-    manual : whether it stands in for a LAMMPS that does what its manual says, without findings
+    verdict : crashed or timeout, if there are no answers
+    manual : whether it stands in for a LAMMPS that follows its manual, without findings
     """
 
     case: str
@@ -97,11 +97,11 @@ def played_name(case: str, manual: bool) -> str:
 
 
 class TimeLimitExceeded(Exception):
-    """A case that a mistake keeps from ending."""
+    """A mistake keeps a case from ending."""
 
 
 def answer_apart(site: str | None, time_limit: float, *given: Any) -> list[Substitution]:
-    """Task: do `answer_cases` in a fork of this process, of which nothing remains."""
+    """Task: run `answer_cases` in a fork of this process."""
     return apart.call(answer_cases, *given, time_limit=time_limit)
 
 
@@ -113,8 +113,8 @@ def answer_cases(
     Parameters
     ----------
     folder : of the run without a fault: cases, and both sides' answers
-    engine : whose findings the reference shows; None: none
-    enough : number of differing answers after which the rest of the cases is left
+    engine : whose findings the reference shows; None: no findings
+    enough : number of differing answers after which the remaining cases are skipped
     limit : seconds of the processor that a case may take
 
     Returns
@@ -135,7 +135,7 @@ def answer_cases(
 
 
 def _within(limit: float, mistake: Mistake, folder: Path, name: str, engine: str | None) -> Substitution:
-    """Answer a case within some seconds of the processor, or return how it failed."""
+    """Answer a case within some seconds of the processor, or return the failure."""
     manual = engine is None
     signal.setitimer(signal.ITIMER_VIRTUAL, limit)
     try:
@@ -183,7 +183,7 @@ Side = tuple[Scene, Atoms, Answer]
 
 
 def _answer_side(mistake: Mistake, where: str, side: Side, engine: str | None, fit: Side) -> Answer:
-    """Return LAMMPS' answer with the reference in its place; what no law or stage gives stays LAMMPS'.
+    """Return LAMMPS' answer with fields of the reference; those that no law or stage gives stay LAMMPS'.
 
     ``fit`` is the scene, particles and answer that findings are fitted to.
     """
@@ -195,7 +195,7 @@ def _answer_side(mistake: Mistake, where: str, side: Side, engine: str | None, f
 
 
 def _answer_law(mistake: Mistake, where: str, scene: Scene, atoms: Atoms, answer: Answer) -> Answer:
-    """Return the pressures of LAMMPS' own densities."""
+    """Return the pressures at LAMMPS' densities."""
     got = answer.arrays
     state = EosState(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
     eos, p_n = scene.eos(where), None

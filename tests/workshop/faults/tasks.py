@@ -1,7 +1,7 @@
 """Tasks of the workers: cases without a fault, then with one fault at a time.
 
 Answers without a fault, LAMMPS' and the reference's in its place, are kept in a folder, one file per case, so that any
-worker finds what it needs.
+worker finds them.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from tests.workshop.faults.substitute import AnsweredCase, Outcome, keep, recall
 
 @dataclass(frozen=True)
 class Control:
-    """A case without a fault: whether it is as expected as LAMMPS answers it, and as the reference does.
+    """A case without a fault: whether LAMMPS' answer and the reference's are as expected.
 
     Attributes
     ----------
-    played : None where the reference cannot stand in: refusals
-    manual : the same, the reference without the engine's findings; None where these change nothing either
+    played : None if the reference cannot stand in: refusals
+    manual : the same for the reference without the engine's findings; None also if these change nothing
     red : what is wrong, if it is not as expected
     """
 
@@ -45,9 +45,9 @@ class Control:
 def answer_case(
     site: str | None, judge: PerturbedJudge, folder: Path, ready: PreparedCase, failure: str = ""
 ) -> Control:
-    """Task: have LAMMPS and the reference answer a case, judge both, and keep the answers.
+    """Task: let LAMMPS and the reference answer a case, judge both, and keep the answers.
 
-    ``failure`` says how LAMMPS' process ended, where an earlier attempt took its worker with it.
+    ``failure`` is the end of LAMMPS' process, if an earlier attempt terminated its worker.
     """
     name = ready.case.name
     outcomes: list[Outcome] = [Failure("crashed", failure) if failure else outcome(site, job) for job in ready.jobs]
@@ -73,7 +73,7 @@ def answer_case(
 
 
 def _plays(judge: PerturbedJudge, folder: Path, case: AnsweredCase, engine: str | None, red: list[str]) -> bool:
-    """Keep the reference's answers in place of an engine's, or of one without findings; return whether all is well."""
+    """Keep the reference's answers for an engine, or for one without findings; return whether they are as expected."""
     name = case.ready.case.name
     answers = substitute.answer_case(None, folder, name, engine).answers
     keep(folder / substitute.played_name(name, engine is None), answers)
@@ -106,9 +106,9 @@ def detect(
 
 
 def _of_input(site: str | None, fault: str, case: AnsweredCase) -> list[Outcome]:
-    """Return LAMMPS' answers to the faulty input; none if the fault does not apply, or lists that decide are others'.
+    """Return LAMMPS' answers to the faulty input; none if the fault does not apply or deciding lists are missing.
 
-    Where lists decide the verdict, those of the faulty run are read: without any it would be red for want of them.
+    If lists decide the verdict, those of the faulty run are read: without them it would be red.
     """
     planted = input_faults.faults()[fault]
     outcomes = [outcome(site, job) for job in input_faults.jobs(planted, case.ready) or ()]
@@ -133,7 +133,7 @@ def _of_output(fault: str, case: AnsweredCase) -> list[Outcome]:
 def judge_failure(
     site: str | None, judge: PerturbedJudge, folder: Path, name: str, failure: Failure
 ) -> Detection | None:
-    """Task: judge that LAMMPS, or what stands in for it, did not answer."""
+    """Task: judge that LAMMPS, or its substitute, did not answer."""
     case = recall(folder, name)
     return _detection(judge, case, [failure for _ in case.ready.sides])
 
@@ -141,7 +141,7 @@ def judge_failure(
 def judge_substitution(
     site: str | None, judge: PerturbedJudge, folder: Path, substitution: substitute.Substitution
 ) -> Detection | None:
-    """Task: judge what a mistaken reference answered."""
+    """Task: judge the answer of a mistaken reference."""
     if substitution.verdict:
         failure = Failure(substitution.verdict, substitution.message)
         detection = judge_failure(site, judge, folder, substitution.case, failure)
@@ -151,7 +151,7 @@ def judge_substitution(
 
 
 def _detection(judge: PerturbedJudge, case: AnsweredCase, outcomes: Sequence[Outcome]) -> Detection | None:
-    """Return what a case shows of a fault; None if it is as expected.
+    """Return how a case detects a fault; None if it is as expected.
 
     A fault that looks like a finding of another LAMMPS is detected too: in a run it is a regression.
     """

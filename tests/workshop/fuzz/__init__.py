@@ -1,1 +1,1 @@
-"""Random scenes: drawn over the whole schema of case files, judged as cases are, made small where they are red."""
+"""Random scenes: drawn over the whole schema of case files, judged as cases are, and shrunk if red."""

@@ -1,7 +1,7 @@
-"""Random numbers with names: every key of a scene has a stream of its own, which no other key shifts.
+"""Named random numbers: every key of a scene has its own stream, independent of all other keys.
 
-A stream follows from the seed, the number of the draw and the place of the key alone, and numbers are rounded to few
-digits. So a draw is the same on any machine, in any order, and a key that is new leaves the others as they are.
+A stream depends on the seed, the number of the draw and the place of the key alone, and numbers are rounded to few
+digits. So a draw is the same on any machine, in any order, and a new key leaves the others unchanged.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class Chance:
     Parameters
     ----------
     name : str
-        What the stream follows from: seed, draw and place.
+        Determines the stream: seed, draw and place.
     """
 
     def __init__(self, name: str) -> None:
         self.name = name
-        # Only its doubles are used, which follow from the bits in one way; see NEP 19 of numpy on its other methods.
+        # Only its doubles are used, which depend on the bits alone; see NEP 19 of numpy on its other methods.
         self._stream = np.random.Generator(np.random.PCG64(seed(name)))
 
     def at(self, place: object) -> Chance:
@@ -54,7 +54,7 @@ class Chance:
         return low + int(self.share() * (high - low + 1))
 
     def choice(self, values: Sequence[T]) -> T:
-        """Return one of some values, all alike."""
+        """Return one of some values, with equal probability."""
         return values[self.whole(0, len(values) - 1)]
 
     def weighted(self, weights: Mapping[T, float]) -> T:
@@ -71,11 +71,11 @@ class Chance:
         return [value for value in values if self.coin(probability)]
 
     def number(self, low: float, high: float) -> float:
-        """Return a positive number, spread evenly in its logarithm."""
+        """Return a positive number, distributed uniformly in its logarithm."""
         return rounded(low * math.exp(self.share() * math.log(high / low)))
 
     def between(self, low: float, high: float) -> float:
-        """Return a number, spread evenly."""
+        """Return a number, distributed uniformly."""
         return rounded(low + self.share() * (high - low))
 
     def vector(self, axes: int, size: float) -> list[float]:

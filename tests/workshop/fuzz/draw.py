@@ -1,4 +1,4 @@
-"""Draw scenes over the whole schema: by rules where these know more than it, else from the schema itself."""
+"""Draw scenes over the whole schema: by rules if there are any, else from the schema itself."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.workshop.fuzz.fit import fitted
 from tests.workshop.fuzz.rules import GIVEN, HANDLED, LEFT_OUT, NEVER, RULES, type_range
 from tests.workshop.fuzz.scope import Content, Scope
 
-OPTIONAL = 0.35  # probability of a key that nothing is said of
+OPTIONAL = 0.35  # probability of a key without a rule
 ATTEMPTS = 50
 SOURCE = Path("drawn.yaml")
 
@@ -35,7 +35,7 @@ class DrawnScene:
     ----------
     content : the scene as a case file has it
     ready : its case, with particles
-    rejected : why earlier attempts were no scene
+    rejected : why earlier attempts were invalid
     """
 
     seed: int
@@ -60,12 +60,12 @@ class DrawnScene:
 
 
 def draw(seed: int, number: int) -> DrawnScene:
-    """Return a scene, the same for ever for a seed and a number.
+    """Return a scene, always the same for a seed and a number.
 
     Raises
     ------
     InputError
-        No attempt of many was a scene: a rule contradicts the schema.
+        All of many attempts were invalid: a rule contradicts the schema.
     """
     rejected: list[str] = []
     for attempt in range(ATTEMPTS):
@@ -84,7 +84,7 @@ def draw(seed: int, number: int) -> DrawnScene:
 
 
 def draws(seed: int, first: int = 0) -> Iterator[DrawnScene]:
-    """Yield the draws of a seed without end."""
+    """Yield the draws of a seed endlessly."""
     for number in itertools.count(first):
         yield draw(seed, number)
 
@@ -95,7 +95,7 @@ def _prepared(seed: int, number: int, content: Content) -> PreparedCase:
     Raises
     ------
     InputError, ValidationError
-        It is no scene.
+        It is not a valid scene.
     """
     about = f"Drawn at random: make fuzz FUZZ='--seed {seed} --draw {number}'."
     case = Case(f"drawn-{seed}-{number}", about, ("drawn",), Scene.model_validate(content), SOURCE, shipped=False)
@@ -103,7 +103,7 @@ def _prepared(seed: int, number: int, content: Content) -> PreparedCase:
 
 
 def content_of(chance: Chance) -> Content:
-    """Return the content of a scene; it may break rules that the schema does not hold."""
+    """Return the content of a scene; it may break rules that the schema does not contain."""
     scope = Scope(chance)
     for key in schema.root()["properties"]:
         value = drawn_property(scope, chance, schema.root(), key, "")
@@ -139,7 +139,7 @@ def drawn_value(scope: Scope, chance: Chance, node: schema.Node, place: str) -> 
             return chance.whole(*_whole_limits(branch))
         case "number":
             return chance.number(*_limits(branch))
-    return LEFT_OUT  # text, or whatever a rule has to know
+    return LEFT_OUT  # text, or anything that needs a rule
 
 
 def _possible(node: schema.Node, place: str) -> list[Any] | None:
@@ -172,7 +172,7 @@ def _limits(node: schema.Node) -> tuple[float, float]:
 
 
 def _completed(scope: Scope, chance: Chance, value: Any, node: schema.Node, place: str) -> Any:
-    """Return the value of a rule with those keys that the schema has and the rule says nothing of."""
+    """Return the value of a rule, completed by the keys of the schema that the rule does not set."""
     if place not in HANDLED or value is LEFT_OUT:
         return value
     if isinstance(value, list):

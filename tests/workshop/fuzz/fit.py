@@ -1,4 +1,4 @@
-"""What follows from a scene that is drawn: a time step within its limits, lists that miss no neighbour, room."""
+"""Adjust a drawn scene: a time step within its limits, lists that miss no neighbour, enough room."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def fitted(content: Content, chance: Chance, prepare: Prepare) -> tuple[Content,
     Raises
     ------
     InputError, ValidationError
-        It is no scene.
+        It is not a valid scene.
     """
     content = in_own_units(content)
     ready = prepare(content)
@@ -56,7 +56,7 @@ def fitted(content: Content, chance: Chance, prepare: Prepare) -> tuple[Content,
 
 
 def _with_time_step(evolve: Content, step: float, lacking: float) -> Content:
-    """Return time steps of a length, half of it from stops on that change it.
+    """Return time steps of a length, halved after stops that change it.
 
     Forces between images that move with the box lack factors as well (`_lacking`), so that these move more slowly.
     """
@@ -76,7 +76,7 @@ def _problem(scene: Scene, atoms: Atoms) -> tuple[Model, State]:
 
 
 def _has_gradients(ready: PreparedCase) -> bool:
-    """Return whether a reproducing kernel has gradients at all particles: the reference defines none without."""
+    """Return whether a reproducing kernel has gradients at all particles: otherwise the reference defines none."""
     model, state = _problem(ready.case.scene, ready.atoms)
     if not model.corrects_gradients:
         return True
@@ -90,7 +90,7 @@ def _has_gradients(ready: PreparedCase) -> bool:
 
 
 def _with_enough_neighbours(content: Content, ready: PreparedCase, chance: Chance) -> Content:
-    """Return a content whose reproducing kernel is used by all particles, mostly; without, few values are defined."""
+    """Return a content whose reproducing kernel is used by all particles, mostly; otherwise few values are defined."""
     scene = ready.case.scene
     model, state = _problem(scene, ready.atoms)
     if not (scene.whole_model and model.corrects_gradients and scene.rheo.zmin) or chance.coin(0.2):
@@ -135,10 +135,10 @@ def _smallest_volume(scene: Scene, atoms: Atoms) -> float:
 
 
 def _without_lost_walls(content: Content, ready: PreparedCase) -> Content:
-    """Return a content without a twin in whose units forces that lack a volume leave walls no digit.
+    """Return a content without a twin in whose units forces that lack a volume leave densities of walls without digits.
 
-    Walls take accelerations as they are, whatever the time step: those of volumes below the rounding of 1 exceed what
-    is right by more than all digits of a density.
+    Walls use accelerations independent of the time step: for volumes below the rounding of 1 they exceed the correct
+    ones by more than all digits of a density.
     """
     units = content.get("twin", {}).get("units") and ready.case.scene.rheo.interface_reconstruct
     if not units or min(_smallest_volume(*side) for side in ready.sides) > EPS:
@@ -161,7 +161,7 @@ def _with_room(content: Content, travel: float) -> Content:
 
 
 def _without_old_lists(content: Content, travel: float) -> Content:
-    """Return a content without settings by which lists could miss a neighbour: not LAMMPS' fault, then."""
+    """Return a content without settings by which lists could miss a neighbour, which would not be LAMMPS' fault."""
     spacing = content["positions"].get("spacing", 1.0)
     engine, twin = content.get("engine", {}), content.get("twin", {})
     skin = min(engine.get("skin", DEFAULT_SKIN), twin.get("skin", np.inf))

@@ -1,4 +1,4 @@
-"""Random scenes put to LAMMPS and judged, one after another through the workers, until time is up."""
+"""Random scenes run by LAMMPS and judged, one after another by the workers, until time is up."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 BINS = 2**31 - 1
 WRITTEN_EVERY = 5.0  # seconds
 JUDGING = 300.0  # seconds that judging a scene may take
-SHRINKING = 60.0  # seconds for making one scene small
+SHRINKING = 60.0  # seconds for shrinking one scene
 
 
 def argued(choice: str) -> str:
@@ -56,7 +56,7 @@ def argued(choice: str) -> str:
 
 
 class ChoiceCounts:
-    """How often every choice of the schema was drawn, and together with which others."""
+    """How often every choice of the schema, and every pair of choices, was drawn."""
 
     def __init__(self) -> None:
         self.choices = [choice for choice in schema.choices() if not argued(choice)]
@@ -71,7 +71,7 @@ class ChoiceCounts:
         self._together[np.ix_(rows, rows)] += 1
 
     def counts(self) -> dict[str, int]:
-        """Return of every choice how many scenes take it."""
+        """Return the number of scenes with every choice."""
         return dict(zip(self.choices, np.diag(self._together).tolist(), strict=True))
 
     def pairs(self) -> tuple[int, int]:
@@ -85,9 +85,9 @@ class Hunt:
 
     Attributes
     ----------
-    seconds : time for drawing and judging; making small what is red comes on top
-    first, scenes : the first draw, and most scenes to draw (None: as many as there is time for)
-    shrinks : whether what is red is made small
+    seconds : time for drawing and judging, without the time for shrinking
+    first, scenes : the first draw, and the largest number of scenes (None: as many as there is time for)
+    shrinks : whether red scenes are shrunk
     """
 
     engine: Engine
@@ -105,7 +105,7 @@ class Hunt:
     _cases: dict[int, Case] = field(default_factory=dict)
 
     def run(self) -> FuzzRecord:
-        """Draw, judge, make small, and return what was found; Ctrl-C ends it with what there is.
+        """Draw, judge, shrink, and return the results; after Ctrl-C those so far.
 
         Raises
         ------
@@ -145,7 +145,7 @@ class Hunt:
                 written = now
 
     def _judged(self, workers: Workers, judge: WorkerJudge, begin: float) -> Iterator[tuple[DrawnScene, CaseRecord]]:
-        """Yield scenes with their verdicts in the order of their draws, some of them under way at a time."""
+        """Yield scenes with their verdicts in the order of their draws, several in progress at a time."""
         source = draws(self.seed, self.first)
         running: deque[tuple[DrawnScene, list[Future[Answer]]]] = deque()
         judging: deque[tuple[DrawnScene, Future[tuple[CaseRecord, Arrays]]]] = deque()
@@ -207,7 +207,7 @@ class Hunt:
         )
 
     def _make_small(self, judge: WorkerJudge, record: FuzzRecord) -> None:
-        """Make the scene with fewest particles small, of all those that fail the same way."""
+        """Shrink the scene with fewest particles of all those that fail the same way."""
         groups: dict[str, list[Red]] = {}
         for red in record.red:
             groups.setdefault(repr(self._modes[red.draw]), []).append(red)
@@ -229,7 +229,7 @@ class Hunt:
 
 
 def record_of(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, engine: EngineRecord) -> CaseRecord:
-    """Return the record of a scene that was judged, or whose judging failed."""
+    """Return the record of a scene that was judged or could not be judged."""
     return flow.faulty(drawn.ready, engine, outcome) if isinstance(outcome, Failure) else outcome[0]
 
 
@@ -241,12 +241,12 @@ def _lost(drawn: DrawnScene, record: CaseRecord, engine: str) -> bool:
 
 
 def is_lost(record: CaseRecord) -> bool:
-    """Return whether LAMMPS ended as it does where particles are lost."""
+    """Return whether LAMMPS ended as it does if particles are lost."""
     return record.verdict == "refused" and LOST.search(record.engine_error) is not None
 
 
 def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:
-    """Return the finding that the engine is known to have and of which no variant reproduces such a scene, or ""."""
+    """Return the known finding of the engine whose variant does not reproduce such a scene, or ""."""
     if not (is_lost(record) or (record.verdict == "differs" and record.ended == "answered")):
         return ""
     gaps = with_gap(scene, engine)
@@ -256,9 +256,9 @@ def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:
 
 
 def is_unbounded(record: CaseRecord, engine: str) -> bool:
-    """Return whether findings that the engine is known to have reproduce all that has a bound, at all steps.
+    """Return whether known findings of the engine reproduce all values that have a bound, at all steps.
 
-    What has none cannot be judged, by neither verdict.
+    Values without a bound cannot be judged by either verdict.
     """
     left = record.beyond.blame if record.beyond else record.blame
     findings = record.beyond.findings if record.beyond else []
@@ -268,7 +268,7 @@ def is_unbounded(record: CaseRecord, engine: str) -> bool:
 
 
 class _UntilLate:
-    """The ordinary verdict, and after some time that of a case in which nothing is wrong: shrinking then ends."""
+    """The ordinary verdict, and after some time a passing one, which ends the shrinking."""
 
     def __init__(self, judge: WorkerJudge, end: float) -> None:
         self._judge, self._end = judge, end
@@ -284,11 +284,11 @@ class _UntilLate:
 
 
 def loses(ready: PreparedCase, engine: str = "") -> bool:
-    """Return whether particles leave the box, or are nowhere.
+    """Return whether particles leave the box, or have no position.
 
-    By the reference, with the findings that the engine has, if one is named, and that need none of its numbers. They
-    leave it through faces that are not periodic; through periodic ones where a step takes them further than to the next
-    image; and with faces that follow them (shrink-wrapped) where the box has more bins than LAMMPS can count.
+    By the reference, with the findings of the engine, if one is named, that need none of its numbers. Particles
+    leave the box through faces that are not periodic; through periodic ones where a step takes them further than to the
+    next image; and with faces that follow them (shrink-wrapped) where the box has more bins than LAMMPS can count.
     """
     scene = ready.case.scene
     if scene.evolve is None:

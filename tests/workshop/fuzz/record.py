@@ -1,4 +1,4 @@
-"""What random scenes leave behind: the document fuzz.json."""
+"""The record of random scenes: the document fuzz.json."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from lammps_cases.records.run_record import EngineRecord
 
 
 class Red(Record):
-    """A scene that is not as expected, and that no finding explains."""
+    """A scene that is not as expected and not explained by a finding."""
 
     draw: int
     verdict: str
@@ -58,6 +58,6 @@ class FuzzRecord(Record):
 
     @property
     def rejection(self) -> float:
-        """Share of the attempts that were no scene."""
+        """Share of invalid attempts."""
         failed = sum(self.rejected.values())
         return failed / max(failed + self.drawn, 1)

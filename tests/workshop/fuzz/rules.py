@@ -1,7 +1,7 @@
-"""How keys are drawn whose values the schema alone does not determine: sizes of numbers, and what fits together.
+"""Rules for drawing keys whose values the schema alone does not determine: magnitudes, and consistent combinations.
 
-A key without a rule is drawn from the schema: a listed value, a number about 1, an object of some of its keys. A rule
-returns the value, or `LEFT_OUT`.
+A key without a rule is drawn from the schema: a listed value, a number about 1, an object with some of its keys. A
+rule returns the value, or `LEFT_OUT`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def type_range(scope: Scope, chance: Chance) -> str | int:
 
 
 def units(scope: Scope, chance: Chance) -> str:
-    """Return a system of units; real and metal, in which numbers have factors, for the whole model in 3D."""
+    """Return a system of units; real and metal, which have conversion factors, only for the whole model in 3D."""
     return chance.choice(UNITS_OF_OWN if scope.whole and scope.spatial and chance.coin(0.4) else CONSISTENT)
 
 
@@ -40,7 +40,7 @@ def units(scope: Scope, chance: Chance) -> str:
 
 
 def pressure(scope: Scope, chance: Chance) -> list[Content]:
-    """Return the law of every type, one for all or one each, then other ones over them, and backgrounds."""
+    """Return the laws of all types, one for all or one each, then entries that override them, and backgrounds."""
     n = scope.count
     own: list[str | int] = [str(t) for t in range(1, n + 1)]
     entries = [_law(scope, chance.at(k), types) for k, types in enumerate(["*"] if chance.coin() else own)]
@@ -62,7 +62,7 @@ def _law(scope: Scope, chance: Chance, types: str | int) -> Content:
         entry["A3"] = rounded(size) if chance.coin(0.7) else rounded(-0.1 * size)
     elif style == "tait/general":
         solids = scope.solids or any("T_freeze" in each for each in scope.content["types"])
-        # With a negative exponent pressures have an upper limit, beyond which no density of a wall makes them.
+        # With a negative exponent pressures have an upper limit, above which no density of a wall gives them.
         bounded = [] if solids else [-1.5]
         entry["gamma"] = chance.choice([1.0, 2.0, 7.0, 0.5, *bounded, 1.4, chance.number(0.3, 12.0)])
     elif style == "ideal/gas":
@@ -74,7 +74,7 @@ def _law(scope: Scope, chance: Chance, types: str | int) -> Content:
 
 
 def zmin(scope: Scope, chance: Chance) -> int:
-    """Return a number of neighbours that all, some or no particles have."""
+    """Return a threshold that all, some or no particles reach."""
     return 0 if chance.coin(0.4) else chance.whole(1, int(1.2 * scope.neighbours))
 
 
@@ -115,7 +115,7 @@ def cut(scope: Scope, chance: Chance) -> Any:
 
 
 def self_mass(scope: Scope, chance: Chance) -> Any:
-    """Return the argument of rho_sum, seldom, as most releases of LAMMPS refuse it."""
+    """Return the argument of rho_sum; rarely, as most releases of LAMMPS refuse it."""
     return chance.coin(0.15) if scope.sums else LEFT_OUT
 
 
@@ -158,7 +158,7 @@ RULES: Mapping[str, Rule] = {
     "forces": forces,
 }
 
-# Probability that an optional key is given; a third of the scenes have one without a mention here.
+# Probability that an optional key is given; keys not listed here are in a third of the scenes.
 GIVEN: Mapping[str, float] = {
     "units": 0.8,
     "mass": 0.2,
@@ -183,7 +183,7 @@ GIVEN: Mapping[str, float] = {
     "twin": 0.45,
 }
 
-# Keys of objects that a rule draws as a whole; those that it says nothing of are drawn from the schema beside them.
+# Keys of objects that a rule draws as a whole; the keys that it does not set are drawn from the schema.
 HANDLED: Mapping[str, frozenset[str]] = {
     "types": frozenset(
         [
@@ -230,19 +230,19 @@ HANDLED: Mapping[str, frozenset[str]] = {
     "rheo.surface_detection": frozenset(["style", "limit", "splash"]),
 }
 
-# Keys that no draw has, each with the reason.
+# Keys that are never drawn, each with the reason.
 NEVER: Mapping[str, str] = {
     "engine.ghosts": "copies that no particle meets; what grows with them has cases of its own (edges-growth)",
     "manual": "set by the engine, not by a scene",
     "example": "three lines of each page, which the cases `examples` give as they stand",
     "violate": "a scene that is to be refused; bad input has a table of its own (eos-ref stability)",
     "expect": "a scene that is to be refused; bad input has a table of its own (eos-ref stability)",
-    "positions.extxyz": "a scene that is drawn has no files beside it; the same numbers come one by one",
-    "positions.data": "a scene that is drawn has no files beside it; the same numbers come one by one",
-    "positions.dump": "a scene that is drawn has no files beside it; the same numbers come one by one",
-    "positions.step": "a scene that is drawn has no files beside it; the same numbers come one by one",
-    "positions.columns": "a scene that is drawn has no files beside it; the same numbers come one by one",
-    "mass.table": "a scene that is drawn has no files beside it; the same numbers come one by one",
-    "rho.table": "a scene that is drawn has no files beside it; the same numbers come one by one",
-    "energy.table": "a scene that is drawn has no files beside it; the same numbers come one by one",
+    "positions.extxyz": "a drawn scene has no other files; the same numbers are given one by one",
+    "positions.data": "a drawn scene has no other files; the same numbers are given one by one",
+    "positions.dump": "a drawn scene has no other files; the same numbers are given one by one",
+    "positions.step": "a drawn scene has no other files; the same numbers are given one by one",
+    "positions.columns": "a drawn scene has no other files; the same numbers are given one by one",
+    "mass.table": "a drawn scene has no other files; the same numbers are given one by one",
+    "rho.table": "a drawn scene has no other files; the same numbers are given one by one",
+    "energy.table": "a drawn scene has no other files; the same numbers are given one by one",
 }

@@ -1,4 +1,4 @@
-"""How it is drawn what is compared: time steps, fields, settings of LAMMPS, twins."""
+"""Rules for drawing comparisons: time steps, fields, settings of LAMMPS, twins."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TO_BE_SET = 1.0  # time step, which follows from the scene when it is complete; 
 
 
 def evolve(scope: Scope, chance: Chance) -> Any:
-    """Return few time steps, seldom none, compared at some of them."""
+    """Return few time steps, rarely none, compared at some of them."""
     if not scope.evolves:
         return LEFT_OUT
     steps = chance.weighted({1: 0.3, 2: 0.2, 3: 0.15, 6: 0.2, 12: 0.15})
@@ -53,17 +53,17 @@ def _edges(scope: Scope) -> list[float]:
 def _leans_far(scope: Scope) -> bool:
     """Return whether the box leans so far that fix deform may lean it back by an edge.
 
-    An edge of which no rate is given then stays where it was put, and does not go on as it would have gone.
+    An edge without a rate then stays flipped, and does not continue as it was.
     """
     tilt, edges = scope.content["positions"].get("tilt", ()), _edges(scope)
     return any(abs(lean) > 0.2 * edges[one] for lean, (one, _) in zip(tilt, TILTED, strict=False))
 
 
 def _deform(scope: Scope, chance: Chance) -> Content:
-    """Return by what share the edges of a box grow and lean in all steps, from which rates follow with the time step.
+    """Return the shares by which the edges of a box grow and lean in all steps; rates follow with the time step.
 
-    Where positions stay, faces that are not periodic move outwards alone. So do periodic ones where velocities stay,
-    too: a particle that such a face has passed comes back by the edge of the step at which LAMMPS sees it.
+    If positions are not remapped, faces that are not periodic only move outwards. So do periodic ones if velocities are
+    not remapped, too: a particle passed by such a face returns by the edge of the step at which LAMMPS detects it.
     """
     periodic = scope.content["positions"].get("periodic") or [True] * scope.d
     shifts = scope.content["rheo"].get("shift", False) is not False
@@ -80,12 +80,12 @@ def _deform(scope: Scope, chance: Chance) -> Content:
 
 
 def _stops(scope: Scope, chance: Chance, steps: int, grows: bool) -> list[Content]:
-    """Return one or two steps at which the state goes somewhere and comes back."""
+    """Return one or two steps at which the state is written and read back."""
     at = sorted({chance.whole(0, steps) for _ in range(chance.whole(1, 2))})
     stops = [_stop(scope, chance.at(k), step, grows) for k, step in enumerate(at)]
     if any(stop.get("by") == "by hand" for stop in stops):  # it writes the box of the scene
         stops = [{key: value for key, value in stop.items() if key != "stretch"} for stop in stops]
-    if any(stop.get("by") == "dt/reset" for stop in stops):  # beside it LAMMPS sets no count
+    if any(stop.get("by") == "dt/reset" for stop in stops):  # LAMMPS then does not set the step count
         stops = [{key: value for key, value in stop.items() if key != "count"} for stop in stops]
     return stops
 
@@ -103,7 +103,7 @@ def _stop(scope: Scope, chance: Chance, at: int, grows: bool) -> Content:
     kept = (walls or "mass" in scope.content) and stop.get("by") in ("restart", "other scene")
     if stop.get("by") == "continued":  # nothing is set up for
         return stop
-    if kept:  # what a restart file holds of walls and masses keeps displace_atoms and change_box from working
+    if kept:  # the data of walls and masses in a restart file prevent displace_atoms and change_box
         return stop
     if chance.coin(0.25):
         axes = "xy" if scope.planar else "xyz"
@@ -117,7 +117,7 @@ def _stop(scope: Scope, chance: Chance, at: int, grows: bool) -> Content:
 
 
 def _refused(scope: Scope) -> set[str]:
-    """Return routes that LAMMPS' own commands refuse (fixes that keep values, forces other than 0) or no scene has."""
+    """Return routes that LAMMPS' commands refuse (fixes that store values, forces other than 0) or no scene allows."""
     given = [each for each in scope.content.get("forces", ()) if each["style"] == "setforce"]
     kept = scope.content["rheo"].get("interface_reconstruct", False)
     pushed = any(any(each["vector"]) for each in given)
@@ -125,7 +125,7 @@ def _refused(scope: Scope) -> set[str]:
     places = scope.content["positions"]
     alone = scope.planar and (len(places["x"]) if "x" in places else math.prod(places["cells"])) == 1
     plain = not all("rho0" in of and "cs" in of for of in scope.content["types"])
-    made = kept or scope.content["rheo"].get("rho_sum", False)  # densities that an evaluation makes
+    made = kept or scope.content["rheo"].get("rho_sum", False)  # densities computed by an evaluation
     possible = {"replicated": kept, "minimize": pushed, "restart": alone, "other scene": alone}
     possible |= {"by hand": "tilt" in places, "replaced": made or plain}
     refused = {route for route, refuses in possible.items() if refuses}
@@ -140,7 +140,7 @@ def compare(scope: Scope, chance: Chance) -> Any:
     if "stress/t" in fields and "pressure" not in fields and chance.coin(0.9):
         fields.append("pressure")  # without it most releases of LAMMPS crash
     if _crosses(scope) and "v" in fields and "x" not in fields:
-        fields.append("x")  # tells of which image the velocity is
+        fields.append("x")  # decides to which image the velocity belongs
     return [*fields, chance.choice(["f", "rho", "grad/v", "x"])] if set(fields) <= {"pressure"} else fields
 
 
@@ -159,7 +159,7 @@ def _has(scope: Scope, field: str) -> bool:
 
 
 def _crosses(scope: Scope) -> bool:
-    """Return whether particles that cross a boundary take on another velocity."""
+    """Return whether particles that cross a boundary change their velocity."""
     return scope.content.get("evolve", {}).get("deform", {}).get("remap") == "v"  # type: ignore[no-any-return]
 
 
@@ -176,7 +176,7 @@ def skin(scope: Scope, chance: Chance) -> float:
 
 
 def engine(scope: Scope, chance: Chance) -> Content:
-    """Return settings that change nothing that is documented."""
+    """Return settings without a documented effect on the results."""
     content = _rebuild(chance.at("rebuild")) if chance.coin(0.4) else {}
     if chance.coin(0.5):
         content["newton"] = chance.coin(0.3)
@@ -187,7 +187,7 @@ def engine(scope: Scope, chance: Chance) -> Content:
         content["ranks"] = 2 if chance.coin(0.8) and not alone else 1
     if content.get("ranks") == 2 and chance.coin(0.4):
         content["processors"] = chance.choice([[2, 1, 1], [1, 2, 1]])
-    if chance.coin(0.25):  # tiled takes no box that is periodic and shorter than the cutoff
+    if chance.coin(0.25):  # tiled accepts no periodic box shorter than the cutoff
         open_box = not any(scope.content["positions"].get("periodic", [True]))
         content["communication"] = "tiled" if open_box and chance.coin(0.8) else "brick"
         content |= {"balance": chance.whole(1, 3)} if content["communication"] == "tiled" and chance.coin() else {}
@@ -195,7 +195,7 @@ def engine(scope: Scope, chance: Chance) -> Content:
 
 
 def boundary(scope: Scope, chance: Chance) -> str:
-    """Return a style of faces; none that shrinks to nothing or where its volume shows, fixed ones if it changes."""
+    """Return a style of faces; none that shrinks to nothing or whose volume matters, fixed ones if the box changes."""
     evolves = scope.content.get("evolve", {})
     if "deform" in evolves or any("stretch" in stop for stop in evolves.get("stops", ())):
         return "f"
@@ -213,7 +213,7 @@ def _is_flat(scope: Scope) -> bool:
 
 
 def twin(scope: Scope, chance: Chance) -> Any:
-    """Return a second run of any kind that the scene can have."""
+    """Return a second run of any kind that the scene allows."""
     content = scope.content
     if not scope.whole or scope.stops:
         return LEFT_OUT

@@ -1,4 +1,4 @@
-"""How particles are drawn: types, places, densities, energies, velocities."""
+"""Rules for drawing particles: types, positions, densities, energies, velocities."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CELLS = {"sq": (3, 9), "hex": (3, 6), "sc": (2, 4), "bcc": (2, 3), "fcc": (2, 2)
 
 
 def types(scope: Scope, chance: Chance) -> list[Content]:
-    """Return one to four types, alike or as different as they can be."""
+    """Return one to four types, equal or as different as possible."""
     alike = chance.coin(0.3)
     return [_type(scope, chance.at(t), alike) for t in range(chance.weighted({1: 0.25, 2: 0.4, 3: 0.2, 4: 0.15}))]
 
@@ -128,7 +128,7 @@ def _regions(scope: Scope, chance: Chance) -> list[Content]:
 
 
 def _listed(scope: Scope, chance: Chance) -> Content:
-    """Return few particles about the sites of a lattice: alone, in a row, in a plane or anyhow."""
+    """Return few particles about the sites of a lattice: alone, in a row, in a plane or in any arrangement."""
     n = chance.weighted({1: 0.05, 2: 0.15, 3: 0.15, 5: 0.25, 12: 0.4})
     per_axis = math.ceil(n ** (1 / scope.d))
     flat = chance.choice([0.0, 1.0, 1.0, 1.0])  # in a row, exactly
@@ -153,7 +153,7 @@ def _listed(scope: Scope, chance: Chance) -> Content:
 
 
 def density(scope: Scope, chance: Chance) -> Any:
-    """Return densities about those of equilibrium, in every form; none where they are summed, mostly."""
+    """Return densities about those of equilibrium, in every form; mostly none if they are summed."""
     if scope.sums and chance.coin(0.8):
         return LEFT_OUT
     rho0, width = scope.rho0, chance.number(1e-5, 0.12)

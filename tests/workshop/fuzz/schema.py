@@ -78,7 +78,7 @@ def choices() -> list[str]:
 def _choices(node: Node, place: str, optional: bool) -> Iterator[str]:
     for branch in branches(resolved(node)):
         if branch.get("type") == "null":
-            if not optional:  # else it says that the key is not given
+            if not optional:  # otherwise the key is not given
                 yield f"{place}=null"
         elif (listed := values_of(branch)) is not None:
             yield from (f"{place}={_word(value)}" for value in listed)
@@ -114,7 +114,7 @@ def taken(content: Any, node: Node | None = None, place: str = "", optional: boo
 
 
 def branch_of(content: Any, node: Node) -> Node:
-    """Return the alternative of a node that a content is of."""
+    """Return the alternative of a node that matches a content."""
     return next((each for each in branches(node) if _fits(content, each)), node)
 
 

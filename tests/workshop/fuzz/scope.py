@@ -1,4 +1,4 @@
-"""What the parts of one scene that is drawn have to agree on: scales, dimension, types, which keys may be given."""
+"""Properties shared by all parts of a drawn scene: scales, dimension, types, keys that may be given."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Content = dict[str, Any]
 
 @dataclass
 class Scope:
-    """One draw: what is drawn so far, and what all its parts follow.
+    """One draw: its content so far, and the properties shared by its parts.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Example decks: where they are found, what LAMMPS and the reference make of them, and the page."""
+"""Example decks: how they are found, how LAMMPS and the reference run them, and the page."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Loop time of 1.5 on 4 procs for 100 steps with 9 atoms
 
 
 def examples_of(folder: Path, *names: str) -> Path:
-    """A folder of decks, as LAMMPS has it: each in a folder of its own."""
+    """A folder of decks laid out as LAMMPS' examples are: one folder per deck."""
     for name in names:
         (folder / name).mkdir(parents=True)
         shutil.copy(DECKS / f"in.{name}", folder / name / f"in.{name}")
@@ -42,7 +42,7 @@ def examples_of(folder: Path, *names: str) -> Path:
 # --- decks
 
 
-def test_decks_go_by_the_names_of_their_folders(tmp_path: Path) -> None:
+def test_decks_are_named_by_their_folders(tmp_path: Path) -> None:
     folder = examples_of(tmp_path, "vortices", "plates")
     (folder / "vortices" / "log.17Apr2024.vortices.g++.4").write_text(LOG)
     (folder / "in.loose").write_text("run 0\n")
@@ -52,7 +52,7 @@ def test_decks_go_by_the_names_of_their_folders(tmp_path: Path) -> None:
     assert [deck.name for deck in examples.decks(Engine(), folder, ["plates"])] == ["plates"]
 
 
-def test_decks_that_are_not_there(tmp_path: Path) -> None:
+def test_missing_decks_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"not installed with this LAMMPS.*--from DIR"):
         examples.decks(Engine(), None)
     with pytest.raises(InputError, match="must lie as in"):
@@ -61,7 +61,7 @@ def test_decks_that_are_not_there(tmp_path: Path) -> None:
         examples.decks(Engine(), examples_of(tmp_path, "plates"), ["plate"])
 
 
-def test_examples_lie_in_the_tree_of_a_build(tmp_path: Path) -> None:
+def test_examples_are_found_in_the_build_tree(tmp_path: Path) -> None:
     library = tmp_path / "build" / "liblammps.so"
     library.parent.mkdir()
     library.touch()
@@ -74,7 +74,7 @@ def test_examples_lie_in_the_tree_of_a_build(tmp_path: Path) -> None:
     assert installations.examples(engine) == tmp_path / "examples" / "rheo"
 
 
-def test_a_log_is_read_past_warnings(tmp_path: Path) -> None:
+def test_log_with_warnings_is_read(tmp_path: Path) -> None:
     path = tmp_path / "log.17Apr2024.x.g++.4"
     path.write_text(LOG)
     log = examples.shipped_log(path)
@@ -96,7 +96,7 @@ def budget(momentum: float, finding: float, bound: float = 1e-12) -> BudgetRecor
     )  # fmt: skip
 
 
-def test_what_is_conserved_is_told_by_its_bound() -> None:
+def test_bound_decides_what_is_conserved() -> None:
     (kept,) = budgets.conserved([budget(5e-13, 5e-13), budget(0.0, 0.5e-12)])
     assert kept.kept and kept.broken_by == {}
     (broken,) = budgets.conserved([budget(5e-13, 2.0), budget(0.0, 1.0)])
@@ -107,12 +107,12 @@ def test_what_is_conserved_is_told_by_its_bound() -> None:
 
 
 @pytest.mark.parametrize(("of", "words"), [(-0.00001, "0.00 %"), (-0.0255, "−2.55 %"), (0.0255, "+2.55 %"), (None, "")])
-def test_nothing_has_no_sign(of: float | None, words: str) -> None:
+def test_zero_has_no_sign(of: float | None, words: str) -> None:
     assert budgets.percent(of) == words
 
 
 @pytest.mark.parametrize(("power", "shown"), [(-4e-23, 0.0), (-2e-12, -2e-12)])
-def test_a_power_of_pressure_within_its_rounding_is_none(power: float, shown: float) -> None:
+def test_power_within_its_rounding_counts_as_zero(power: float, shown: float) -> None:
     bound = {"energy of pressure": 1e-12}
     of = budget(0.0, 0.0).model_copy(update={"bound": bound, "parts": [BudgetPart(name="pressure", power=power)]})
     case = CaseRecord(case="made", verdict="pass", budgets=[of])
@@ -129,7 +129,7 @@ def case_of(name: str) -> CaseRecord:
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("name", ["vortices", "plates"])
-def test_lammps_is_nearer_to_the_reference_than_any_change_takes_that(name: str) -> None:
+def test_lammps_deviates_less_than_any_change_of_the_reference(name: str) -> None:
     case = case_of(name)
     own, right, *changed = budgets.parts(case)
     assert own.name == budgets.LAMMPS and own.deviation is not None and right.deviation is not None
@@ -157,7 +157,9 @@ def test_lammps_is_nearer_to_the_reference_than_any_change_takes_that(name: str)
         ("fix 5 all gravity 0.1 vector 0 -1 0\nrun 20", "rheo 3.0", None),
     ],
 )
-def test_what_budgets_leave_out_is_said(tmp_path: Path, line: str, pairs: str, why: str | None) -> None:
+def test_contributions_missing_from_budgets_are_reported(
+    tmp_path: Path, line: str, pairs: str, why: str | None
+) -> None:
     text = (DECKS / "in.vortices").read_text().replace("run             200", line)
     text = text.replace("pair_style      rheo 3.0", f"pair_style {pairs}")
     if "hybrid" in pairs:
@@ -170,7 +172,7 @@ def test_what_budgets_leave_out_is_said(tmp_path: Path, line: str, pairs: str, w
 
 
 @pytest.mark.lammps
-def test_of_several_runs_the_last_one_is_run_again(tmp_path: Path) -> None:
+def test_last_of_several_runs_is_repeated(tmp_path: Path) -> None:
     text = (DECKS / "in.plates").read_text().replace("run             200", "run 20\nrun 40")
     (tmp_path / "in.deck").write_text(text)
     case = audit_deck(tmp_path / "in.deck", AuditOptions(every=20, budgets=True, trust=True)).record.cases[0]
@@ -180,8 +182,8 @@ def test_of_several_runs_the_last_one_is_run_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.lammps
-def test_the_pressure_depends_on_ranks_where_newton_is_off(tmp_path: Path) -> None:
-    """Known as virials-cancel; on one rank with newton on the reference's is met but for the origin's part."""
+def test_pressure_depends_on_ranks_with_newton_off(tmp_path: Path) -> None:
+    """Finding virials-cancel; on one rank with newton on, it is the reference's except for the part of the origin."""
     shutil.copy(DECKS / "in.vortices", tmp_path)
     deck = tmp_path / "in.vortices"
     one, two = (first_pressure(None, deck, count) for count in (1, 2))
@@ -194,11 +196,11 @@ def test_the_pressure_depends_on_ranks_where_newton_is_off(tmp_path: Path) -> No
 
 
 @pytest.mark.lammps
-def test_the_command_leaves_a_page(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
+def test_command_writes_a_page(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
     folder = examples_of(tmp_path / "decks", "plates")
     (folder / "plates" / "log.17Apr2024.plates.g++.2").write_text(LOG.replace("4 procs", "2 procs"))
     (folder / "bonds").mkdir()
-    others = "fix 7 water spring/self 0.1\nrun 20"  # whose forces nobody here knows
+    others = "fix 7 water spring/self 0.1\nrun 20"  # the harness does not know its forces
     (folder / "bonds" / "in.bonds").write_text((DECKS / "in.basin").read_text().replace("run             20", others))
     out = tmp_path / "out"
     outcome = eos_ref_command("examples", "--from", str(folder), "--trust", "--out", str(out))
@@ -225,6 +227,6 @@ def test_the_command_leaves_a_page(tmp_path: Path, eos_ref_command: Callable[...
     }
 
 
-def test_a_command_without_decks(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
+def test_command_without_decks(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
     outcome = eos_ref_command("examples", "--from", str(tmp_path), "--out", str(tmp_path / "out"))
     assert outcome.code == 2 and not (tmp_path / "out").exists()

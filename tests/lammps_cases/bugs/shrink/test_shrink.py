@@ -1,4 +1,4 @@
-"""Red cases made small: planted faults, findings, crashes; what cannot be shrunk is said in one line."""
+"""Shrinking of red cases: planted faults, findings, crashes; a one-line message for what cannot be shrunk."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from tests.workshop.faults.perturbed import PerturbedCase, PerturbedJudge
 Run = Callable[..., Outcome]
 Write = Callable[..., Path]
 CASES = {case.name: case for case in casefile.load()}
-# Faults of input (told) and output (read), and a case that each turns red.
+# Faults of input and of output, and a case that each turns red.
 PLANTED = {
     "told.x-of-one": "cross-type.both.2d",
     "told.eta-exchanged": "cross-type.both.2d",
@@ -59,7 +59,7 @@ PLANTED = {
 
 
 class FaultyJudge(WorkerJudge):
-    """The ordinary verdict on a LAMMPS with a fault in its input or output; without one if it has no name."""
+    """The ordinary verdict on a LAMMPS with a fault in its input or output; an empty name means no fault."""
 
     def __init__(self, workers: Workers, fault: str = "") -> None:
         super().__init__(workers, Engine())
@@ -75,7 +75,7 @@ class FaultyJudge(WorkerJudge):
 
 
 def loaded(shrunk: Shrunk, folder: Path) -> Case:
-    """The case of the file that was written."""
+    """The case in the file written."""
     file = folder / f"{shrunk.case.name}.yaml"
     file.write_text(shrunk.text)
     (case,) = casefile.load((file,))
@@ -84,7 +84,7 @@ def loaded(shrunk: Shrunk, folder: Path) -> Case:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_planted_faults_end_with_few_particles_and_steps(workers: Workers, tmp_path: Path) -> None:
+def test_planted_faults_shrink_to_few_particles_and_steps(workers: Workers, tmp_path: Path) -> None:
     assert len(PLANTED) >= 10
     sizes = {}
     for fault, name in PLANTED.items():
@@ -93,7 +93,7 @@ def test_planted_faults_end_with_few_particles_and_steps(workers: Workers, tmp_p
         small = loaded(shrunk, tmp_path)
         assert small.name == name
         assert failure_mode(judge(small)) == shrunk.failure, fault
-        assert FaultyJudge(workers)(small).as_expected, fault  # of the fault, not of what was taken away
+        assert FaultyJudge(workers)(small).as_expected, fault  # of the fault, not of the removed parts
         assert shrunk.complete
         sizes[fault] = shrunk.after
         assert shrunk.after.particles <= shrunk.before.particles and shrunk.after.steps <= shrunk.before.steps
@@ -104,7 +104,7 @@ def test_planted_faults_end_with_few_particles_and_steps(workers: Workers, tmp_p
 
 
 @pytest.mark.lammps
-def test_it_is_the_same_each_time_and_nothing_more_can_go(workers: Workers, tmp_path: Path) -> None:
+def test_shrinking_is_deterministic_and_minimal(workers: Workers, tmp_path: Path) -> None:
     judge = FaultyJudge(workers, "told.gamma-of-seven")
     shrunk = shrink(CASES["density.two.2d"], judge)
     assert shrink(CASES["density.two.2d"], judge).text == shrunk.text
@@ -114,7 +114,7 @@ def test_it_is_the_same_each_time_and_nothing_more_can_go(workers: Workers, tmp_
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_command_follows_a_finding_to_a_file_that_shows_it(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_command_writes_a_file_that_shows_the_finding(eos_ref_command: Run, tmp_path: Path) -> None:
     file = tmp_path / "small" / "force.yaml"
     left = eos_ref_command("shrink", "forces.all.rk1.2d", "--finding", "force-per-volume", "--out", file, "--json")
     assert left.code == 0, left.err
@@ -133,7 +133,7 @@ def test_command_follows_a_finding_to_a_file_that_shows_it(eos_ref_command: Run,
 
 
 @pytest.mark.lammps
-def test_what_lammps_should_refuse_still_breaks_the_rule(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_shrunk_refusal_still_breaks_the_rule(eos_ref_command: Run, tmp_path: Path) -> None:
     file = tmp_path / "small.yaml"
     left = eos_ref_command("shrink", "refused.range-hyphen", "--out", file, "--json")
     assert left.code == 0, left.err
@@ -157,7 +157,7 @@ def test_what_lammps_should_refuse_still_breaks_the_rule(eos_ref_command: Run, t
         (("near-rho0.linear.2d", "--out", "."), ("must be a file",)),
     ],
 )
-def test_what_cannot_be_shrunk_is_said_in_one_line(
+def test_unshrinkable_case_gives_a_one_line_message(
     arguments: tuple[str, ...], parts: tuple[str, ...], eos_ref_command: Run, tmp_path: Path
 ) -> None:
     out = () if "--out" in arguments else ("--out", tmp_path / "small.yaml")
@@ -171,7 +171,7 @@ def test_what_cannot_be_shrunk_is_said_in_one_line(
 # --- without LAMMPS
 
 
-def test_particles_written_out_are_the_same_particles(tmp_path: Path) -> None:
+def test_listed_particles_equal_the_generated_ones(tmp_path: Path) -> None:
     for name in ("cross-type.both.2d", "ideal-gas.beside-tait", "thermal.freezing.2d"):
         case = CASES[name]
         content = written_out(case)
@@ -188,7 +188,7 @@ def test_particles_written_out_are_the_same_particles(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_small_case_has_the_name_and_the_seeds_of_the_large_one(tmp_path: Path) -> None:
+def test_shrunk_case_keeps_name_and_seeds(tmp_path: Path) -> None:
     content = line_of(1, types=[{"mass": 1.0}], pressure=[{"types": "*", "style": "linear"}])
     names = (*CASES, "a.1e-5.2.true.null")
     for name in names:
@@ -198,7 +198,7 @@ def test_a_small_case_has_the_name_and_the_seeds_of_the_large_one(tmp_path: Path
 
 
 def line_of(n: int, **more: Any) -> Content:
-    """Particles in a row, of two types in turn."""
+    """Particles in a row, of two alternating types."""
     return {
         "dimension": 2,
         "types": [{"mass": 1.0}, {"mass": 2.5}],
@@ -222,7 +222,7 @@ def failing_if(rule: Callable[[Content], bool], atom: int | None = None, step: i
     return fails
 
 
-def test_particles_that_are_needed_stay() -> None:
+def test_needed_particles_stay() -> None:
     needed = {1.03, 1.17, 1.3}
 
     def rule(content: Content) -> bool:
@@ -235,13 +235,13 @@ def test_particles_that_are_needed_stay() -> None:
 
 
 @pytest.mark.parametrize(("fails_from", "first", "left"), [(0, 0, 0), (1, 1, 1), (7, 7, 7), (7, None, 7), (40, 40, 40)])
-def test_steps_end_at_the_first_that_fails(fails_from: int, first: int | None, left: int) -> None:
+def test_steps_end_at_the_first_failure(fails_from: int, first: int | None, left: int) -> None:
     evolve = {"steps": 40, "timestep": 0.1}
     fails = failing_if(lambda content: content.get("evolve", {}).get("steps", 0) >= fails_from, step=first)
     assert fewer_steps(line_of(3, evolve=evolve), fails).get("evolve", {}).get("steps", 0) == left
 
 
-def test_types_take_their_laws_and_ranges_along() -> None:
+def test_removed_types_take_their_laws_and_ranges_along() -> None:
     forces = [{"style": "gravity", "vector": [0.0, 1.0], "types": "2"}, {"style": "gravity", "vector": [1.0, 0.0]}]
     content = line_of(4, forces=forces, rheo={"shift": {"exclude": ["1"]}})
 
@@ -258,7 +258,7 @@ def test_types_take_their_laws_and_ranges_along() -> None:
     assert small["rheo"]["shift"]["exclude"] == []
 
 
-def test_numbers_keep_the_digits_that_matter() -> None:
+def test_numbers_keep_significant_digits() -> None:
     content = line_of(2)
     small = fewer_digits(content, failing_if(lambda c: abs(c["pressure"][1]["A3"] - 0.7) < 0.05))
     assert small["pressure"][1]["A3"] == 0.7
@@ -275,7 +275,7 @@ def replaced_value(content: Content, value: float) -> Content:
     return candidate.replaced(content, ("pressure", 1, "A3"), value)
 
 
-def test_same_way_is_field_and_verdict_not_atom_and_step() -> None:
+def test_same_failure_means_same_field_and_verdict() -> None:
     def record(field: str, atom: int, **more: Any) -> CaseRecord:
         blame = Blame(field=field, stage="pair", atom=atom, step=atom, outside=1, of=2)
         return CaseRecord.model_validate({"case": "x", "verdict": "differs", "blame": blame, **more})
@@ -302,13 +302,13 @@ def test_same_way_is_field_and_verdict_not_atom_and_step() -> None:
     assert one == other != another
 
 
-def test_several_findings_ask_for_one() -> None:
+def test_several_findings_require_a_choice() -> None:
     explained = CaseRecord(case="x", verdict="explained", ended="refused", explained_by=["a", "b"])
     with pytest.raises(InputError, match=r"choose one by --finding \(a, b\)"):
         shrink(CASES["density.two.2d"], lambda case: explained)
 
 
-def test_rules_that_a_scene_breaks() -> None:
+def test_rules_broken_by_a_scene() -> None:
     assert rule_broken(CASES["density.two.2d"].scene) == ()
     assert rule_broken(CASES["refused.no-fix-rheo"].scene) == ("no-fix-rheo",)
     assert rule_broken(CASES["refused.range-hyphen"].scene) != rule_broken(CASES["refused.range-beyond"].scene) != ()

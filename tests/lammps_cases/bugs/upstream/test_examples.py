@@ -1,4 +1,4 @@
-"""Decks in the style of LAMMPS' examples: what they print, by LAMMPS' own program, and their logs."""
+"""Decks in the style of LAMMPS' examples: their output from LAMMPS' executable, and their logs."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from lammps_cases.run import campaign
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
-SHOWN = {"rheo-fall": "PASS", "rheo-mix": "FAIL", "rheo-heat": "FAIL"}  # nothing acts in the first but gravity
+SHOWN = {"rheo-fall": "PASS", "rheo-mix": "FAIL", "rheo-heat": "FAIL"}  # only gravity acts in the first
 
 
 @pytest.mark.slow
-def test_decks_say_what_their_cases_do() -> None:
+def test_decks_match_their_cases() -> None:
     flows = yaml.safe_load(CASES.read_text())["matrix"]["flow"]
     assert {f"rheo-{flow}" for flow in flows} == {example.name for example in files.examples()} == set(SHOWN)
     for example in files.examples():
@@ -33,7 +33,7 @@ def test_decks_say_what_their_cases_do() -> None:
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("name", SHOWN)
-def test_a_log_ends_with_both_numbers_and_the_verdict(name: str) -> None:
+def test_log_ends_with_both_numbers_and_the_verdict(name: str) -> None:
     example = next(example for example in files.examples() if example.name == name)
     log_name, log = log_of(example, installations.resolve("env"))
     assert re.fullmatch(rf"log\.\d+[A-Z][a-z]{{2}}\d{{4}}\.{name}\.g\+\+\.1", log_name)
@@ -52,7 +52,7 @@ def _expected(log: str) -> tuple[str, str]:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_flows_that_fail_are_explained_by_findings(tmp_path: Path) -> None:
+def test_failing_flows_are_explained_by_findings(tmp_path: Path) -> None:
     """The same cases, judged by a run."""
     cases = files.example_cases()
     record = campaign.run_cases(cases, installations.resolve("env"), 1, tmp_path / "report")
@@ -67,7 +67,7 @@ def test_without_lammps_the_decks_come_without_logs(
         raise EngineMissing("there is no LAMMPS")
 
     monkeypatch.setattr(installations, "resolve", missing)
-    monkeypatch.setattr(files, "kit_files", list)  # whose numbers take seconds
+    monkeypatch.setattr(files, "kit_files", list)  # its numbers take seconds
     done = eos_ref_command("kit", "unittest", "--repository", "me/eos-ref", "--out", tmp_path)
     assert done.code == 0 and "the decks come without logs: there is no LAMMPS" in done.err
     names = {path.name for path in (tmp_path / FOLDER).iterdir()}
@@ -75,7 +75,7 @@ def test_without_lammps_the_decks_come_without_logs(
     assert names == {f"{kind}.{name}" for name in SHOWN for kind in ("in", "data")}
 
 
-def test_a_lammps_that_does_not_run_a_deck_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lammps_that_cannot_run_a_deck_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     broken = tmp_path / "lmp"
     broken.write_text("#!/bin/sh\nexit 1\n")
     broken.chmod(0o755)

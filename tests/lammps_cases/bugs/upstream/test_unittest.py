@@ -1,4 +1,4 @@
-"""The kit for LAMMPS' test programs: form, numbers, epsilon, and what LAMMPS and the programs themselves say of it."""
+"""The kit for LAMMPS' test programs: form, numbers, epsilon, and results from LAMMPS and the programs."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def columns(text: str) -> Any:
 # --- form
 
 
-def test_every_law_kernel_and_option_has_tests_in_2d_and_3d_with_and_without_unit_volumes() -> None:
+def test_every_option_is_tested_in_2d_and_3d_with_and_without_unit_volumes() -> None:
     pair = [test for test in shipped() if test.case.name.startswith(("pair.", "walls."))]
     of = {tuple(test.name.partition("_")[2].rsplit("_", 2)) for test in pair}
     options = {option for option, _, _ in of}
@@ -84,7 +84,7 @@ def test_every_law_kernel_and_option_has_tests_in_2d_and_3d_with_and_without_uni
         assert set(test.atoms.type_n) == {1, 2} and not np.any(test.atoms.mass_n == 1)
 
 
-def test_every_fix_is_tested_by_its_name() -> None:
+def test_every_fix_has_a_test_of_its_name() -> None:
     fixes = {line for test in shipped() for line in test.post_commands if line.startswith("fix test ")}
     styles = {line.split()[3] for line in fixes}
     assert styles == {"rheo", "rheo/pressure", "rheo/viscosity", "rheo/thermal", "ave/time"}
@@ -95,8 +95,8 @@ def test_every_fix_is_tested_by_its_name() -> None:
 
 
 @pytest.mark.parametrize("name", ["rheo", "rheo_3d", "property_heat"])
-def test_the_yaml_of_a_fix_holds_the_references_numbers(name: str, predictor: Predictor) -> None:
-    """After eight steps in two runs, from a simulation made here; the columns of the compute reduced by hand."""
+def test_yaml_of_a_fix_holds_the_numbers_of_the_reference(name: str, predictor: Predictor) -> None:
+    """After eight steps in two runs, from a simulation made here; columns of the compute are reduced independently."""
     test = ALL[name]
     found = yaml.safe_load(yaml_text(test, expected(test, predictor)))
     fields = (*test.scene.compare, *needed_to_step(reference_side.model(test.scene, test.atoms, "")))
@@ -116,8 +116,8 @@ def test_the_yaml_of_a_fix_holds_the_references_numbers(name: str, predictor: Pr
         np.testing.assert_allclose(values, by_hand, rtol=len(test.atoms) * EPS)  # sums of squares
 
 
-def test_a_particle_that_leaves_the_box_is_refused() -> None:
-    """LAMMPS wraps it, or not, when it builds its lists. All move to the right by 0.06 and more."""
+def test_particle_leaving_the_box_is_refused() -> None:
+    """LAMMPS may wrap it when it builds its lists. All move to the right by at least 0.06."""
     test = ALL["rheo_fall"]
     atoms = replace(test.atoms, high_c=test.atoms.x_nc.max(axis=0) + np.array([0.05, 1.0, 1.0]))
     with pytest.raises(InputError, match="keep its particles in the box"):
@@ -125,7 +125,7 @@ def test_a_particle_that_leaves_the_box_is_refused() -> None:
 
 
 @pytest.mark.parametrize("name", PAIR)
-def test_the_yaml_holds_the_references_numbers(folder: Path, name: str) -> None:
+def test_yaml_holds_the_numbers_of_the_reference(folder: Path, name: str) -> None:
     """To the last bit: those of a simulation made here."""
     test = ALL[name]
     found = yaml.safe_load((folder / f"{test.name}.yaml").read_text())
@@ -142,7 +142,7 @@ def test_the_yaml_holds_the_references_numbers(folder: Path, name: str) -> None:
     assert [found[f"{when}_{of}"] for when in ("init", "run") for of in ("vdwl", "coul")] == [0, 0, 0, 0]
 
 
-def test_the_template_has_every_variable_that_tests_set() -> None:
+def test_template_has_every_variable_set_by_tests() -> None:
     given = set(re.findall(r"^variable +(\S+) ", template(), re.M))
     used = set(re.findall(r"\$\{(\w+)\}", template()))
     set_by_tests = {line.split()[1] for test in shipped() for line in test.pre_commands}
@@ -151,7 +151,7 @@ def test_the_template_has_every_variable_that_tests_set() -> None:
 
 
 def test_particles_of_tests_named_phases_melt_and_freeze() -> None:
-    """Which ones, and that the walls of other tests stay what they are."""
+    """The listed ones do, and walls of other tests stay solid."""
     seen = {}
     for name in ("property_phases", "thermal_phases", "thermal_phases_3d", "rheo_reconstructed"):
         test = ALL[name]
@@ -168,7 +168,7 @@ def test_particles_of_tests_named_phases_melt_and_freeze() -> None:
 
 
 @pytest.mark.lammps
-def test_walls_are_read_back_only_as_their_tests_write_them(tmp_path: Path, workers: Workers) -> None:
+def test_walls_are_read_back_as_written(tmp_path: Path, workers: Workers) -> None:
     test = ALL["reconstructed_unit_2d"]
     (tmp_path / "in.rheo").write_text(template())
     (tmp_path / test.data_name).write_text(test.data)
@@ -186,24 +186,22 @@ def test_walls_are_read_back_only_as_their_tests_write_them(tmp_path: Path, work
 
 
 @given(st.floats(1e-3, 1e3), st.floats(0, 1e-4), st.floats(-1, 1), st.sampled_from([-1, 1]))
-def test_what_lies_within_a_bound_has_no_more_than_its_relative_error(
-    b: float, bound: float, at: float, s: int
-) -> None:
+def test_value_within_its_bound_is_within_the_relative_error(b: float, bound: float, at: float, s: int) -> None:
     most = relative(np.array([s * b]), np.array([bound]))
     # What is obtained is rounded to half EPS of b, and b is at most 1.2 times what the difference is divided by.
     assert error(np.array([s * b + at * bound]), np.array([s * b])) <= most * (1 + 4 * EPS) + 2 * EPS
     np.testing.assert_allclose(error(np.array([s * (b - bound)]), np.array([s * b])), most, rtol=4 * EPS, atol=2 * EPS)
 
 
-def test_what_is_expected_to_be_0_is_compared_as_it_is() -> None:
+def test_expected_zero_is_compared_absolutely() -> None:
     assert relative(np.array([0.0]), np.array([1e-9])) == 1e-9
     assert error(np.array([1e-9]), np.array([0.0])) == 1e-9
     assert np.isinf(error(np.array([np.nan]), np.array([1.0])))
 
 
 @pytest.mark.parametrize("name", FEW)
-def test_epsilon_is_the_largest_ratio_of_a_bound_to_its_number(name: str, predictor: Predictor) -> None:
-    """It is attained, but for the rounding to two digits, and the comment names the number that does."""
+def test_epsilon_is_the_largest_relative_bound(name: str, predictor: Predictor) -> None:
+    """It is attained, up to the rounding to two digits, by the number that the comment names."""
     numbers = expected(ALL[name], predictor)
     component, key, value, bound, factor = re.match(
         r"component (\d+) of (\w+)(?: of atom \d+)? \(.*\) is (\S+) within ([\d.e-]+)(?:, compared with (\d) epsilon)?",
@@ -216,8 +214,8 @@ def test_epsilon_is_the_largest_ratio_of_a_bound_to_its_number(name: str, predic
     assert f"epsilon: {numbers.epsilon:g}\n" in yaml_text(ALL[name], numbers)
 
 
-def test_a_component_that_rounding_alone_could_make_0_is_refused() -> None:
-    """A fluid at rest on a lattice: what pushes its particles is rounding."""
+def test_component_of_pure_rounding_is_refused() -> None:
+    """A fluid at rest on a lattice: the forces on its particles are pure rounding."""
     test = ALL["quintic_unit_2d"]
     x_nc = 0.9 * np.array([(i + 0.4, k + 0.3, 0.0) for i in range(6) for k in range(5)])
     one_n = np.ones(len(x_nc), dtype=int)
@@ -231,10 +229,8 @@ def test_a_component_that_rounding_alone_could_make_0_is_refused() -> None:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_lammps_fails_where_the_test_programs_did_and_by_the_same_findings(
-    folder: Path, workers: Workers, predictor: Predictor
-) -> None:
-    """The commands of the YAML files, stage by stage; the findings are looked for anew."""
+def test_lammps_fails_as_the_test_programs_did(folder: Path, workers: Workers, predictor: Predictor) -> None:
+    """The commands of the YAML files, stage by stage; the findings are determined again."""
     engine = workers.outcome(workers.identify())["distribution"]
     chosen = [ALL[name] for name in (*FEW, "reconstructed_unit_2d")]
     write_folder(folder, kit_files(predictor, chosen[-1:]))
@@ -243,9 +239,7 @@ def test_lammps_fails_where_the_test_programs_did_and_by_the_same_findings(
 
 
 @pytest.mark.lammps
-def test_a_number_that_is_wrong_by_more_than_epsilon_is_seen(
-    folder: Path, workers: Workers, predictor: Predictor
-) -> None:
+def test_error_above_epsilon_is_detected(folder: Path, workers: Workers, predictor: Predictor) -> None:
     test = ALL["quintic_unit_2d"]
     seen = workers.outcome(workers.call(replay, Commands.of(test), str(folder), time_limit=60))
     numbers = expected(test, predictor)
@@ -269,7 +263,7 @@ def test_a_number_that_is_wrong_by_more_than_epsilon_is_seen(
 # --- what was measured, and the command
 
 
-def test_the_page_shows_what_was_measured_of_every_test() -> None:
+def test_page_shows_the_measurement_of_every_test() -> None:
     result = programs.measured()
     assert set(result.tests) == {test.name for test in shipped()}
     assert all(by for failed in result.tests.values() for by in failed.values()), "a failure without a finding"
@@ -279,7 +273,7 @@ def test_the_page_shows_what_was_measured_of_every_test() -> None:
 
 
 @pytest.mark.lammps
-def test_the_kit_is_written_as_lammps_tree_has_it(
+def test_kit_follows_the_layout_of_the_lammps_tree(
     tmp_path: Path, eos_ref_command: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     few = [ALL[name] for name in FEW]
@@ -296,7 +290,7 @@ def test_the_kit_is_written_as_lammps_tree_has_it(
     assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
 
 
-def test_the_kit_is_not_printed(eos_ref_command: Run) -> None:
+def test_kit_is_not_printed(eos_ref_command: Run) -> None:
     done = eos_ref_command("kit", "unittest")
     assert done.code == 2 and "--out: is needed" in done.err and not done.out
 
@@ -306,13 +300,13 @@ def test_the_kit_is_not_printed(eos_ref_command: Run) -> None:
 
 @pytest.mark.unittest
 @pytest.mark.lammps
-def test_the_programs_say_what_was_measured() -> None:
+def test_programs_reproduce_the_measurement() -> None:
     assert TREE, "make unittest LAMMPS=TREE names a source tree with a serial build of LAMMPS in its folder build"
     assert programs.measure(Path(TREE).resolve()) == programs.measured()
 
 
 @pytest.mark.unittest
-def test_the_files_fit_the_schema_of_the_tree(tmp_path: Path) -> None:
+def test_files_satisfy_the_schema_of_the_tree(tmp_path: Path) -> None:
     """Of LAMMPS' own tree: tools/json/force-style-test-schema.json."""
     write_folder(tmp_path, kit_files())
     schema = Path(TREE) / "tools" / "json" / "force-style-test-schema.json"

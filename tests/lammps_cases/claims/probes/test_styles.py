@@ -1,4 +1,4 @@
-"""Which styles and keywords LAMMPS takes: many words are put to it, and none but those known may be accepted."""
+"""The styles and keywords that LAMMPS accepts: of many words tried, only the known ones."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def lammps() -> Iterator[Engine]:
 
 @pytest.mark.parametrize("what", ASKED)
 def test_no_other_word_is_accepted(lammps: Engine, what: str) -> None:
-    """All others are refused, none ends LAMMPS."""
+    """All others are refused, and none terminates LAMMPS."""
     base, asked, known = ASKED[what]
     replies = lammps.replies(*(edited(base, (*edits, ("run 3", "run 0"))) for edits in asked.values()))
     ended = {word: reply.ended for word, reply in zip(asked, replies, strict=True)}
@@ -126,6 +126,6 @@ def test_latent_heat_alone_is_refused_by_name(lammps: Engine) -> None:
     assert lammps.reply("warm-deck", ("constant 0.9", pair), ("run 3", "run 0")).ended == "answered"
 
 
-def test_the_finding_speaks_of_more_words_than_these() -> None:
+def test_finding_lists_more_words_than_these() -> None:
     (entry,) = [entry for entry in LEDGER if entry.id == "kernel-wendland-c4"]
     assert "2000 other names" in entry.argument and len(KERNELS) == len(set(KERNELS))

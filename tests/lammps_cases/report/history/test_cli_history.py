@@ -21,7 +21,7 @@ from tests.support.outcome import Outcome
 def command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Callable[..., Outcome]
 ) -> Callable[..., Outcome]:
-    """Run ``eos-ref history ARGUMENTS`` on a history of its own."""
+    """Run ``eos-ref history ARGUMENTS`` on a separate history."""
     monkeypatch.setenv(store.VARIABLE, str(tmp_path / "h.sqlite"))
     return lambda *given: eos_ref_command("history", "--out", tmp_path / "out", *given)
 
@@ -36,7 +36,7 @@ def filled(tmp_path: Path) -> None:
         )
 
 
-def test_without_runs_it_says_so(command: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_empty_history_is_reported(command: Callable[..., Outcome], tmp_path: Path) -> None:
     ended = command()
     assert ended.code == 0
     assert ended.out.startswith(f"no run is kept yet in {tmp_path / 'h.sqlite'}")
@@ -55,7 +55,7 @@ def test_the_runs_are_listed_with_what_changed(command: Callable[..., Outcome], 
 
 
 @pytest.mark.usefixtures("filled")
-def test_one_case_is_told_at_length(command: Callable[..., Outcome]) -> None:
+def test_one_case_is_listed_in_detail(command: Callable[..., Outcome]) -> None:
     out = command("walls.a").out
     assert "walls.a   error ▁×   LAMMPS ▁▁" in out
     assert "first changed in 10.0, from 9.0: pass to differs; different bits of f; verdict of f" in out
@@ -89,7 +89,7 @@ def test_json_is_one_document(command: Callable[..., Outcome]) -> None:
     assert ended.out == command("walls", "--json").out
 
 
-def test_reports_of_before_are_added_once(command: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_earlier_reports_are_added_once(command: Callable[..., Outcome], tmp_path: Path) -> None:
     record = made_runs.run()
     write_atomically(tmp_path / "run" / "run.json", record.to_json())
     for given in (tmp_path / "run", tmp_path / "run" / "run.json"):
@@ -103,7 +103,7 @@ def test_reports_of_before_are_added_once(command: Callable[..., Outcome], tmp_p
 
 
 @pytest.mark.usefixtures("filled")
-def test_runs_before_a_day_are_forgotten(command: Callable[..., Outcome]) -> None:
+def test_runs_before_a_day_are_deleted(command: Callable[..., Outcome]) -> None:
     assert command("--forget", "2026-11-02").out == "1 run before 2026-11-02 forgotten, 1 left\n"
     assert len(json.loads(command("--json").out)["runs"]) == 1
 
@@ -129,7 +129,7 @@ def test_bad_input_is_one_line(command: Callable[..., Outcome], given: tuple[str
     assert (ended.code, ended.out, ended.err.splitlines()) == (2, "", [said])
 
 
-def test_a_history_that_is_off_needs_a_file(
+def test_disabled_history_needs_a_file(
     command: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv(store.VARIABLE, "off")

@@ -1,4 +1,4 @@
-"""What is drawn of a history: the line of the terminal, the page, the part of a run's report."""
+"""Views of a history: the line of the terminal, the page, the part of a run's report."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _path(svg: str, name: str) -> list[float]:
     return [float(y) for _, y in re.findall(r"[ML] ([\d.]+) ([\d.]+)", next(group.iter(f"{SVG}path")).attrib["d"])]
 
 
-def test_errors_lie_by_their_decade_with_the_bound_as_a_line() -> None:
+def test_errors_are_drawn_by_decade_with_the_bound_as_a_line() -> None:
     ratios = [
         ("exact", 0.0),
         ("pass", 0.1),
@@ -144,7 +144,7 @@ def _page(history: History, folder: Path, pictured: bool) -> str:
 
 
 @pytest.mark.parametrize("pictured", [True, False])
-def test_the_page_is_whole_and_the_same_on_a_second_run(history: History, tmp_path: Path, pictured: bool) -> None:
+def test_page_is_well_formed_and_reproducible(history: History, tmp_path: Path, pictured: bool) -> None:
     html = _page(history, tmp_path / "out", pictured)
     parsed = _Parsed(html)
     assert parsed.open == []
@@ -158,7 +158,7 @@ def test_the_page_is_whole_and_the_same_on_a_second_run(history: History, tmp_pa
     assert html == _page(history, tmp_path / "again", pictured)
 
 
-def test_the_page_says_what_changed(history: History, tmp_path: Path) -> None:
+def test_page_lists_changes(history: History, tmp_path: Path) -> None:
     text = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", "", _page(history, tmp_path, pictured=False)))
     assert "1.0 to 2.0: 1 case (verdict of 1, bits of 1)" in text
     assert "pass to differs" in text
@@ -166,7 +166,7 @@ def test_the_page_says_what_changed(history: History, tmp_path: Path) -> None:
     assert "1.0: other verdict in 1, other bits in 1, other finding in 1" in text  # the run of the second day
 
 
-def test_the_page_of_runs_that_are_alike_says_so(tmp_path: Path) -> None:
+def test_page_of_identical_runs_lists_no_changes(tmp_path: Path) -> None:
     with History(tmp_path / "alike.sqlite") as history:
         for day in (1, 2):
             history.add(made_runs.run("1.0", f"2026-11-0{day}", [made_runs.case("one")]))
@@ -201,7 +201,7 @@ def test_a_report_knows_the_runs_before_it(history: History) -> None:
     assert set(past.marks) == {"two"}
 
 
-def test_a_report_is_the_same_when_its_run_and_later_ones_are_kept(history: History) -> None:
+def test_report_is_unaffected_by_its_own_and_later_runs(history: History) -> None:
     own = made_runs.run("1.5", "2026-11-02", [made_runs.case("two")])
     past = _past(history, own)
     assert [line.run.date[-1] for line in past.runs] == ["2", "2", "1"]
@@ -218,7 +218,7 @@ def test_the_table_of_a_report_is_short(history: History) -> None:
     assert len(_past(history, made_runs.run("2.0", "2026-12-01")).runs) == TABLE
 
 
-def test_a_report_has_a_part_on_its_history_or_none(history: History, tmp_path: Path) -> None:
+def test_report_with_and_without_history(history: History, tmp_path: Path) -> None:
     own = made_runs.run("1.5", "2026-11-04", [made_runs.case("two", "pass", 0.5), made_runs.case("new")])
     plain = unpacked(write_report(own, tmp_path).read_text())
     assert "#history" not in plain
@@ -229,13 +229,13 @@ def test_a_report_has_a_part_on_its_history_or_none(history: History, tmp_path: 
     assert parsed.open == []
     assert "history" in parsed.ids
     assert "#history" in parsed.links
-    assert html.count("By version: ") == 1  # of the case that runs before had too
+    assert html.count("By version: ") == 1  # of the case that earlier runs had too
     assert html == unpacked(write_report(own, tmp_path, history=past).read_text())
 
 
-def test_an_empty_history_is_no_part_of_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_empty_history_is_left_out_of_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(store.VARIABLE, str(tmp_path / "h.sqlite"))
     own = made_runs.run()
     assert kept.past(own) is None
     kept.collect(own)
-    assert kept.past(own) is None  # nothing but itself
+    assert kept.past(own) is None  # only the run itself

@@ -1,4 +1,4 @@
-"""The file of runs: what is kept comes back, whatever else happens to the file."""
+"""The file of runs: stored runs are read back, whatever happens to the file."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "deep" / "history.sqlite"
 
 
-def test_what_is_kept_comes_back(file: Path) -> None:
+def test_stored_run_is_read_back(file: Path) -> None:
     record = made_runs.run()
     record.cases[1].fields[0].explained_by = ["force-per-volume"]
     record.cases[1].message = "a word"
@@ -52,7 +52,7 @@ def test_what_is_kept_comes_back(file: Path) -> None:
     assert field.explained_by == ("force-per-volume",)
 
 
-def test_the_same_run_twice_is_one(file: Path) -> None:
+def test_same_run_is_stored_once(file: Path) -> None:
     with History(file) as history:
         assert history.add(made_runs.run())
         assert not history.add(made_runs.run())
@@ -60,7 +60,7 @@ def test_the_same_run_twice_is_one(file: Path) -> None:
         assert len(history.runs()) == 2
 
 
-def test_runs_that_end_the_same_share_their_outcomes(file: Path) -> None:
+def test_equal_outcomes_are_stored_once(file: Path) -> None:
     many = [made_runs.case(f"case-{k}") for k in range(400)]
     with History(file) as history:
         history.add(made_runs.run(cases=many))
@@ -73,7 +73,7 @@ def test_runs_that_end_the_same_share_their_outcomes(file: Path) -> None:
 
 
 @pytest.mark.parametrize("ratio", [math.nan, math.inf, -math.inf, None, 0.0, 5e-324, 1.7976931348623157e308])
-def test_every_number_comes_back_as_it_was(file: Path, ratio: float | None) -> None:
+def test_every_number_is_read_back_unchanged(file: Path, ratio: float | None) -> None:
     record = made_runs.run(cases=[made_runs.case("one", "differs", ratio)])
     record.cases[0].fields[0].max_abs = ratio
     with History(file) as history:
@@ -95,7 +95,7 @@ def test_not_a_number_is_the_worst_field(file: Path) -> None:
     assert ended.worst_field == "v"
 
 
-def test_an_expected_refusal_is_kept_apart(file: Path) -> None:
+def test_expected_refusal_is_a_kind_of_its_own(file: Path) -> None:
     cases = [CaseRecord(case="one", verdict="refused", expects="bad"), CaseRecord(case="two", verdict="refused")]
     with History(file) as history:
         history.add(made_runs.run(cases=cases))
@@ -111,7 +111,7 @@ def _add_some(file: Path, first: int, together: Barrier) -> None:
 
 
 @pytest.mark.parametrize("again", range(6))
-def test_processes_that_add_at_once_wait_for_each_other(file: Path, again: int) -> None:
+def test_concurrent_processes_wait_for_each_other(file: Path, again: int) -> None:
     context = multiprocessing.get_context("fork")
     together = context.Barrier(4)
     writers = [context.Process(target=_add_some, args=(file, first, together)) for first in (0, 10, 20, 30)]
@@ -154,7 +154,7 @@ def test_a_kill_while_a_run_is_added_leaves_the_runs_before_it(file: Path, first
         [sys.executable, "-c", _KILLED, str(file)], env={**os.environ, "PYTHONPATH": here}, check=False
     )
     assert ended.returncode == -signal.SIGKILL
-    assert file.with_name(f"{file.name}-journal").stat().st_size > 0  # it died in the midst
+    assert file.with_name(f"{file.name}-journal").stat().st_size > 0  # killed in the middle
     with History(file) as history:
         assert [run.seconds for run in history.runs()] == [] if first else [2.0]
         assert history.cases() == [] if first else ["one", "two.a"]
@@ -163,7 +163,7 @@ def test_a_kill_while_a_run_is_added_leaves_the_runs_before_it(file: Path, first
 
 
 def _refused(file: Path) -> str:
-    """What is said of a file that cannot be used, by every way to use it; it stays as it is."""
+    """Return the error that every use of an unusable file raises; the file stays as it is."""
     content = file.read_bytes()
     said = set()
     for use in (lambda h: h.add(made_runs.run(seconds=99.0)), lambda h: h.runs(), lambda h: h.forget("2030")):
@@ -240,7 +240,7 @@ def test_reading_a_file_does_not_change_it(file: Path) -> None:
     assert [path.name for path in file.parent.iterdir()] == [file.name]
 
 
-def test_forgetting_drops_runs_and_what_only_they_had(file: Path) -> None:
+def test_forget_deletes_runs_and_data_that_only_they_had(file: Path) -> None:
     with History(file) as history:
         history.add(made_runs.run(date="2026-10-01", cases=[made_runs.case(f"old-{k}") for k in range(500)]))
         history.add(made_runs.run(date="2026-11-01"))
@@ -261,7 +261,7 @@ def _collected(record: RunRecord, capfd: pytest.CaptureFixture[str]) -> list[str
     return err.splitlines()
 
 
-def test_a_run_is_collected_where_the_variable_says(
+def test_run_is_collected_in_the_file_of_the_variable(
     file: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(store.VARIABLE, str(file))
@@ -280,7 +280,7 @@ def test_collecting_can_be_switched_off(monkeypatch: pytest.MonkeyPatch, capfd: 
 
 
 @pytest.mark.parametrize("below", ["/proc/nowhere", "a file"])
-def test_a_place_that_cannot_be_written_costs_a_line_and_no_run(
+def test_unwritable_history_costs_a_line_and_no_run(
     below: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     folder = Path(below)

@@ -1,4 +1,4 @@
-"""What a history says: the order of engines, what changed, how a case went."""
+"""Views of a history: the order of engines, changes, the course of a case."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _labels(*records: RunRecord, tmp_path: Path) -> list[str]:
         return [line.label for line in engines(history.runs())]
 
 
-def test_versions_sort_as_people_count() -> None:
+def test_versions_sort_numerically() -> None:
     rising = ["2024.8.29", "2025.7.22.1.0", "2025.7.22.2.0.dev1", "2025.7.22.2.0rc1", "2025.7.22.2.0"]
     rising += ["2025.7.22.2.0.post1", "2025.7.22.2.1", "2025.7.22.10.0", "2025.12.1"]
     shuffled = rising[:]
@@ -35,13 +35,13 @@ def test_versions_sort_as_people_count() -> None:
         assert natural(one) < natural(other)
 
 
-def test_labels_that_are_no_versions_sort_as_people_count_before_all_versions() -> None:
+def test_other_labels_sort_numerically_before_all_versions() -> None:
     rising = ["patch-9", "patch-10", "stable-2", "22Jul2025", "29Aug2024", "0.1", "1!0.1"]
     falling = rising[::-1]
     assert sorted(falling, key=natural) == rising
 
 
-def test_releases_come_by_version_and_own_builds_by_date(tmp_path: Path) -> None:
+def test_releases_are_sorted_by_version_and_builds_by_date(tmp_path: Path) -> None:
     made = made_runs.run
     records = [
         made("", "2026-11-05", name="path:/b/alpha", sha256="b" * 64),
@@ -53,7 +53,7 @@ def test_releases_come_by_version_and_own_builds_by_date(tmp_path: Path) -> None
     assert _labels(*records, tmp_path=tmp_path) == expected
 
 
-def test_one_library_by_two_names_is_one_engine_and_two_of_one_version_are_two(tmp_path: Path) -> None:
+def test_engines_are_identified_by_library(tmp_path: Path) -> None:
     records = [
         made_runs.run("1.0", name="env", sha256="a" * 64),
         made_runs.run("1.0", name="path:/venv", sha256="a" * 64, seconds=3.0),
@@ -85,7 +85,7 @@ def _views(history: History, *cases: str, field: str = "") -> list[views.CaseVie
         return views.case_views(history, history.runs(), cases or history.cases(), field)
 
 
-def test_the_first_engine_that_changed_a_case_is_named(history: History) -> None:
+def test_first_engine_that_changed_a_case_is_named(history: History) -> None:
     bits, same, verdict = _views(history)
     assert same.changes == ()
     (change,) = bits.changes
@@ -101,7 +101,7 @@ def test_the_first_engine_that_changed_a_case_is_named(history: History) -> None
     assert {(c.before, c.engine) for c in verdict.changes} == {(NEW, LATE)}
 
 
-def test_only_the_first_change_is_the_first(tmp_path: Path) -> None:
+def test_only_one_change_is_marked_first(tmp_path: Path) -> None:
     with History(tmp_path / "h.sqlite") as history:
         for k in range(3):
             history.add(made_runs.run(f"{k}.0", cases=[made_runs.case("one", digest=str(k))]))
@@ -109,7 +109,7 @@ def test_only_the_first_change_is_the_first(tmp_path: Path) -> None:
     assert [(c.engine, c.first) for c in view.changes] == [("1.0", True), ("2.0", False)]
 
 
-def test_runs_that_end_the_same_are_one_span_with_the_median_time(history: History) -> None:
+def test_runs_with_equal_outcomes_are_one_span_with_the_median_time(history: History) -> None:
     (view,) = _views(history, "bits")
     assert [(s.label, s.since, s.until, s.lammps.count) for s in view.spans] == [
         (OLD, "2026-11-02", "2026-11-02", 1),
@@ -121,7 +121,7 @@ def test_runs_that_end_the_same_are_one_span_with_the_median_time(history: Histo
     assert new.median == rounded(0.45, 3)
 
 
-def test_an_engine_that_wavers_makes_a_span_each_time(tmp_path: Path) -> None:
+def test_alternating_outcomes_of_an_engine_are_separate_spans(tmp_path: Path) -> None:
     with History(tmp_path / "h.sqlite") as history:
         for k, digest in enumerate("aba"):
             history.add(made_runs.run(date=f"2026-11-0{k + 1}", cases=[made_runs.case("one", digest=digest)]))
@@ -135,7 +135,7 @@ def _lines(history: History, engine: str = "", last: int | None = None) -> list[
         return views.run_lines(history, views.chosen_runs(every, engine, last=last), every)
 
 
-def test_a_run_is_told_from_the_one_before_and_from_the_engine_before(history: History) -> None:
+def test_run_is_compared_with_the_run_and_the_engine_before(history: History) -> None:
     late, old, new, again = _lines(history)
     assert old.before is None
     assert old.same is None
@@ -143,16 +143,16 @@ def test_a_run_is_told_from_the_one_before_and_from_the_engine_before(history: H
     assert (new.before.label, new.before.changed) == (OLD, {"verdict": 0, "bits": 1, "finding": 0})
     assert again.same is not None
     assert again.same.sentence == "same"
-    assert late.before is not None  # nothing of the version before it is older
+    assert late.before is not None  # no run of the version before it is older
     assert (late.before.label, late.before.sentence) == (NEW, "other verdict in 1, other bits in 1, other finding in 1")
 
 
-def test_what_is_chosen_does_not_change_what_a_run_is_compared_with(history: History) -> None:
+def test_selection_does_not_change_what_a_run_is_compared_with(history: History) -> None:
     (line,) = _lines(history, engine=NEW, last=1)
     assert line == _lines(history)[-1]
 
 
-def test_parts_of_a_run_add_up_and_a_case_renamed_is_new(tmp_path: Path) -> None:
+def test_parts_of_a_run_add_up_and_a_renamed_case_is_new(tmp_path: Path) -> None:
     case = made_runs.case
     with History(tmp_path / "h.sqlite") as history:
         history.add(made_runs.run(date="2026-11-01", cases=[case("a")]))
@@ -167,7 +167,7 @@ def test_parts_of_a_run_add_up_and_a_case_renamed_is_new(tmp_path: Path) -> None
     assert new.spans[0].since == "2026-11-03"
 
 
-def test_a_case_that_is_gone_is_said(tmp_path: Path) -> None:
+def test_missing_case_is_reported(tmp_path: Path) -> None:
     with History(tmp_path / "h.sqlite") as history:
         history.add(made_runs.run(date="2026-11-01"))
         history.add(made_runs.run(date="2026-11-02", cases=[made_runs.case("one")]))
@@ -177,7 +177,7 @@ def test_a_case_that_is_gone_is_said(tmp_path: Path) -> None:
     assert last.same.sentence == "same (1 not run)"
 
 
-def test_another_eos_ref_that_judged_is_said(tmp_path: Path) -> None:
+def test_change_of_eos_ref_is_reported(tmp_path: Path) -> None:
     with History(tmp_path / "h.sqlite") as history:
         history.add(made_runs.run("1.0"), revision="abc")
         history.add(made_runs.run("2.0", cases=[made_runs.case("one", digest="other")]), revision="def")
@@ -188,7 +188,7 @@ def test_another_eos_ref_that_judged_is_said(tmp_path: Path) -> None:
     assert last.before.other_judge
 
 
-def test_a_field_alone_may_be_asked_for(tmp_path: Path) -> None:
+def test_a_single_field_may_be_selected(tmp_path: Path) -> None:
     one = made_runs.case("one", "differs", 1e9)
     one.fields.append(FieldRecord(field="rho", stage="eos", verdict="exact", max_over_bound=0.0, digest="00"))
     with History(tmp_path / "h.sqlite") as history:
@@ -222,6 +222,6 @@ def test_runs_are_chosen_by_engine_day_and_number(history: History) -> None:
     assert views.chosen_runs([], engine="nosuch") == []
 
 
-def test_a_case_that_no_run_has_is_bad_input() -> None:
+def test_unknown_case_is_bad_input() -> None:
     with pytest.raises(InputError, match=r"no such case in any stored run: 'force' \(did you mean 'forces'\?\)"):
         views.chosen_cases(["forces.a", "walls.b"], ["walls.*", "force"])

@@ -19,7 +19,7 @@ def test_numbers_of_many_digits_are_powers_of_ten(value: float, text: str) -> No
     assert figures._plain(value) == text
 
 
-def test_black_white_and_the_grid_of_a_picture_follow_the_mode_in_a_page_and_stay_in_its_file(tmp_path: Path) -> None:
+def test_inline_svg_follows_dark_mode(tmp_path: Path) -> None:
     figure = Figure()
     axes = figure.subplots()
     axes.plot([1, 2], color="#2b3137")

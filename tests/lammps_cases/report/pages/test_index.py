@@ -1,4 +1,4 @@
-"""The index of the reports, and the bar of every page: links that hold, states, what is left out, when it is made."""
+"""The index of the reports, and the bar of every page: links, states, omissions, and when it is written."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def a_run(folder: Path, date: str = "2026-01-31T12:00:00Z", distribution: str = 
 
 
 def links(path: Path) -> list[str]:
-    """What the bar of a page links, as it stands there."""
+    """Return the links of the bar of a page, verbatim."""
     (bar,) = re.findall(r"<!--bar-->(.*?)<!--/bar-->", path.read_text(encoding="utf-8"), re.DOTALL)
     return [unescape(link) for link in re.findall(r'href="([^"]+)"', bar)]
 
@@ -40,7 +40,7 @@ def labels(path: Path) -> list[str]:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two whole runs, a part, an audit, a table of bad input, a bug report, and a run that is being written."""
+    """Make two whole runs, a part, an audit, a table of bad input, a bug report, and an unfinished run."""
     reports = tmp_path_factory.mktemp("written") / "reports"
     for distribution in ("1.0", "2.0"):
         with folders.whole_runs(reports).place(f"pypi:{distribution}") as folder:
@@ -73,7 +73,7 @@ def test_every_link_leads_to_a_file_from_the_page_and_through_latest(reports: Pa
     assert len(pages) == 7
     for page in pages:
         assert labels(page) == ["eos-ref", "Run", "Audit", "Inputs"], page
-        # A browser takes .. off the name of the page, not off what a link leads to.
+        # A browser resolves .. against the name of the page, not against the target of a link.
         leads = [Path(os.path.normpath(page.parent / link)) for link in links(page)]
         assert leads[0] == reports / "index.html" and all(link.is_file() for link in leads), page
     assert links(reports / "inputs" / "report.html")[1] == "../latest/report.html"
@@ -87,10 +87,10 @@ def test_the_headline_is_that_of_the_last_whole_run(reports: Path) -> None:
     assert re.findall(r">(all|some) cases</a></th>", runs) == ["all", "all", "some"]
     shown = re.sub("<[^>]*>", " ", html)  # addresses hold the time of day, which may be 19.09
     assert "9.0" not in shown and "2026-02-01 12:00" in runs
-    assert "reactions to bad input" in html
+    assert "how LAMMPS handles bad input" in html
 
 
-def test_another_page_comes_into_the_bar_of_all_and_changes_nothing_else(reports: Path) -> None:
+def test_new_page_is_added_to_all_bars_and_changes_nothing_else(reports: Path) -> None:
     page = reports / "latest" / "report.html"
     before, written = page.read_text(encoding="utf-8"), page.stat().st_mtime_ns
     index.refresh(reports)
@@ -106,7 +106,7 @@ def test_another_page_comes_into_the_bar_of_all_and_changes_nothing_else(reports
     assert 'href="../history/history.html"' in page.read_text(encoding="utf-8"), "not the page of some cases"
 
 
-def test_it_is_written_only_after_a_page_was(reports: Path, tmp_path: Path) -> None:
+def test_index_is_written_only_after_a_page(reports: Path, tmp_path: Path) -> None:
     (reports / "index.html").unlink()
     index.refresh(reports, time.time_ns())
     assert not (reports / "index.html").exists()
@@ -119,7 +119,7 @@ def test_it_is_written_only_after_a_page_was(reports: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.lammps
-def test_commands_bring_it_up_to_date(
+def test_commands_update_the_index(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Callable[..., Outcome]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -135,7 +135,7 @@ def test_commands_bring_it_up_to_date(
     assert Path("reports/index.html").read_text() == "old", "a command that writes no report"
 
 
-def test_reports_of_one_minute_are_sorted_by_second_then_by_name(tmp_path: Path) -> None:
+def test_reports_are_sorted_by_second_then_by_name(tmp_path: Path) -> None:
     for name, second in (("b", 20), ("c", 50), ("a", 20), ("d", 5)):
         a_run(tmp_path / name, f"2026-01-31T12:00:{second:02}Z")
     index.refresh(tmp_path)

@@ -16,9 +16,7 @@ TEXT = "const a = 'ü';\n" * 100
     [b"", b"\xff", b"!", frame.packed(TEXT.upper()).encode(), None],
     ids=["empty", "no text", "no hash", "of an earlier version", "another"],
 )
-def test_a_text_that_is_kept_packed_is_packed_anew_where_what_was_kept_is_not_it(
-    damage: bytes | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stale_cache_is_rebuilt(damage: bytes | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame, "cache_folder", lambda _: tmp_path)
     assert frame.packed_once(TEXT) == frame.packed(TEXT)
     (kept,) = tmp_path.iterdir()
@@ -32,7 +30,7 @@ def test_a_text_that_is_kept_packed_is_packed_anew_where_what_was_kept_is_not_it
     assert kept.read_bytes() == right
 
 
-def test_a_text_that_is_kept_is_not_packed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cached_text_is_not_packed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame, "cache_folder", lambda _: tmp_path)
     made = frame.packed_once(TEXT)
     monkeypatch.delattr(frame, "packed")

@@ -1,4 +1,4 @@
-"""Every page: a policy that runs its own scripts and no other, and no text that becomes markup."""
+"""Every page: its policy allows its own scripts only, and no text becomes markup."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Anything(str):
     def __iter__(self) -> Iterator[Any]:
         caller = sys._getframe(1)
         code, at = caller.f_code.co_code, caller.f_lasti
-        if dis.opname[code[at]] == "UNPACK_SEQUENCE":  # as many as it is unpacked into
+        if dis.opname[code[at]] == "UNPACK_SEQUENCE":  # as many as the targets of the unpacking
             return iter([Anything(self.depth + 1)] * code[at + 1])
         return iter([Anything(self.depth + 1)] * 2 if self.depth < DEPTH else [])
 
@@ -81,7 +81,7 @@ class OfCode(dict[str, Any]):
 
 
 class Markups(html.parser.HTMLParser):
-    """What a page has that a browser would act on."""
+    """Collect the parts of a page that a browser would act on."""
 
     def __init__(self) -> None:
         super().__init__(convert_charrefs=True)
@@ -111,7 +111,7 @@ def test_all_pages_are_known() -> None:
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
 def test_no_text_is_markup(path: Path) -> None:
     environment = frame.environment_of(path.parent)
-    environment.bytecode_cache = None  # what is compiled with other filters is of no use to anybody
+    environment.bytecode_cache = None  # templates compiled with other filters must not be cached
     parts = [part.read_text(encoding="utf-8") for part in TEMPLATES if part.parent in (path.parent, frame.SHARED)]
     for name in environment.filters.keys() | {name for part in parts for name in re.findall(r"\|\s*(\w+)", part)}:
         if name not in ("packed", "safe", "escape", "e"):
@@ -128,8 +128,8 @@ def test_no_text_is_markup(path: Path) -> None:
         assert tag != "script" or attributes.get("type") in ("text/plain", "application/json"), attributes
 
 
-def test_nothing_but_the_policy_is_safe_by_itself() -> None:
-    """Markup is made in a few places of the code, which escape what they are given."""
+def test_only_the_policy_is_marked_safe() -> None:
+    """Markup is made in a few places of the code, which escape their arguments."""
     named = re.compile(r"(\w+)\s*\|\s*safe")  # not the texts of a template
     assert [(path.name, name) for path in TEMPLATES for name in named.findall(path.read_text(encoding="utf-8"))] == [
         ("frame.html.j2", "policy")
@@ -156,7 +156,7 @@ FOLDS = "claims"  # a table whose rows become blocks on a narrow screen, by its 
 
 
 @pytest.mark.parametrize("path", TEMPLATES, ids=lambda path: path.name)
-def test_a_wide_table_scrolls_by_itself_and_not_the_page(path: Path) -> None:
+def test_wide_tables_scroll_and_not_the_page(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     for found in re.finditer(r'<table(?: class="([^"]*)")?', text):
         before = text[: found.start()].rstrip().rpartition("\n")[2]

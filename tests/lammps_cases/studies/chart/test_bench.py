@@ -1,4 +1,4 @@
-"""Benchmarks: what is kept of them, what is said of two; every part runs. How fast is no test's business."""
+"""Benchmarks: their history, the comparison of two; every part runs. No test checks the speed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def ratio(scene: str, low: float, high: float) -> Ratio:
     return Ratio(scene, "LAMMPS", middle, ConfidenceInterval(1.0, 1.0, 1.0), middle)
 
 
-def test_a_history_keeps_every_measurement_in_order(tmp_path: Path) -> None:
+def test_history_keeps_every_measurement_in_order(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "history.jsonl"
     for label in ("one", "two", "one"):
         speed_history.append(path, label, [ratio("a", 0.2, 0.3)])
@@ -39,14 +39,14 @@ def test_a_history_keeps_every_measurement_in_order(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("which", ["none", "0x1", "9", "-9"])
-def test_a_measurement_that_is_not_there_is_refused(tmp_path: Path, which: str) -> None:
+def test_unknown_measurement_is_refused(tmp_path: Path, which: str) -> None:
     path = tmp_path / "history.jsonl"
     speed_history.append(path, "one", [])
     with pytest.raises(InputError, match="must be a label, or a number from 1 to 1"):
         speed_history.pick(speed_history.read(path), which, path)
 
 
-def test_a_damaged_line_is_named(tmp_path: Path) -> None:
+def test_damaged_line_is_named(tmp_path: Path) -> None:
     path = tmp_path / "history.jsonl"
     speed_history.append(path, "one", [ratio("a", 0.2, 0.3)])
     path.write_text(path.read_text() + path.read_text()[:40] + "\n")
@@ -56,7 +56,7 @@ def test_a_damaged_line_is_named(tmp_path: Path) -> None:
         speed_history.read(tmp_path / "none")
 
 
-def test_two_measurements_are_told_apart_only_if_their_intervals_are(tmp_path: Path) -> None:
+def test_measurements_differ_only_if_their_intervals_are_disjoint(tmp_path: Path) -> None:
     path = tmp_path / "h"
     before = [ratio("faster", 0.40, 0.42), ratio("slower", 0.20, 0.22), ratio("same", 0.30, 0.40), ratio("gone", 1, 2)]
     after = [ratio("faster", 0.30, 0.33), ratio("slower", 0.25, 0.27), ratio("same", 0.28, 0.33), ratio("new", 1, 2)]
@@ -68,7 +68,7 @@ def test_two_measurements_are_told_apart_only_if_their_intervals_are(tmp_path: P
     }
 
 
-def test_a_ratio_is_per_particle_and_of_rounds() -> None:
+def test_ratio_is_per_particle_and_over_rounds() -> None:
     calls: list[str] = []
     found = against("s", "p", lambda: calls.append("o"), lambda: calls.append("p"), 7, per=4.0, at_least=0.0)
     assert calls.count("o") == calls.count("p") == 2 + 7
@@ -76,7 +76,7 @@ def test_a_ratio_is_per_particle_and_of_rounds() -> None:
     assert found.ours_ns.median > 0
 
 
-def test_every_law_is_measured_and_a_run_is_kept(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_every_law_is_measured_and_the_run_is_saved(eos_ref_command: Run, tmp_path: Path) -> None:
     assert [r.scene.split(",")[0] for r in laws_against_copy(1000, 2)] == [
         "linear",
         "cubic",
@@ -98,7 +98,7 @@ def test_every_law_is_measured_and_a_run_is_kept(eos_ref_command: Run, tmp_path:
 
 
 @pytest.mark.lammps
-def test_the_particle_model_is_measured_against_lammps(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_particle_model_is_measured_against_lammps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench, "EDGE", {2: 12})
     monkeypatch.setattr(bench, "MODEL_STEPS", {2: 2})
     found = list(bench.against_lammps((2,), 1))
@@ -116,13 +116,13 @@ def test_taylor_green_runs_on_one_and_two_ranks(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize("python", ["/nowhere/python", "false"])
-def test_a_python_without_pysph_is_refused(python: str) -> None:
+def test_python_without_pysph_is_refused(python: str) -> None:
     with pytest.raises(InputError, match="Python of PySPH"):
         bench._pysph(python)
 
 
-def test_completion_asks_what_a_shell_asks() -> None:
-    """Whole processes of it print candidates, and a request that fails is told."""
+def test_completion_runs_as_in_a_shell() -> None:
+    """A complete process prints candidates, and a failed request raises."""
     bench._process([*bench.EOS_REF], bench._asked("eos-ref r"))
     done = subprocess.run(
         [*bench.EOS_REF],

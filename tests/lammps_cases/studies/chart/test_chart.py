@@ -67,7 +67,7 @@ def made_chart() -> Chart:
     )
 
 
-def test_a_chart_is_read_as_it_was_written(tmp_path: Path) -> None:
+def test_chart_round_trips(tmp_path: Path) -> None:
     chart = made_chart()
     record.write(chart, tmp_path)
     again = record.DOCUMENT.read(tmp_path / "chart.json")
@@ -78,7 +78,7 @@ def test_a_chart_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "chart.json").read_text())["schema"] == SCHEMAS["chart"]
 
 
-def test_the_tables_hold_every_point_and_every_error(tmp_path: Path) -> None:
+def test_tables_hold_every_point_and_every_error(tmp_path: Path) -> None:
     record.write(made_chart(), tmp_path)
     points = list(csv.DictReader((tmp_path / "points.csv").read_text().splitlines()))
     assert [row["method"] for row in points] == ["fast", "exact", "bad", "LAMMPS exact"]
@@ -91,14 +91,14 @@ def test_the_tables_hold_every_point_and_every_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [None, "", "{}", '{"schema": "other"}', "[1, 2"])
-def test_what_is_no_chart_is_refused_in_one_line(tmp_path: Path, content: str | None) -> None:
+def test_invalid_charts_are_refused_in_one_line(tmp_path: Path, content: str | None) -> None:
     if content is not None:
         (tmp_path / "chart.json").write_text(content)
     with pytest.raises(InputError, match=r"chart\.json|^chart: cannot be read"):
         record.DOCUMENT.read(tmp_path / "chart.json")
 
 
-def test_the_document_of_points_is_valid_json(tmp_path: Path) -> None:
+def test_document_of_points_is_valid_json(tmp_path: Path) -> None:
     document = record.points_document(made_chart())
     json.dumps(document, allow_nan=False)
     keys = {"quantity", "regime", "method", "error", "ns"}
@@ -106,7 +106,7 @@ def test_the_document_of_points_is_valid_json(tmp_path: Path) -> None:
     assert next(row for row in document["points"] if row["method"] == "bad")["error"] is None
 
 
-def test_pictures_and_page_are_the_same_bits_twice(tmp_path: Path) -> None:
+def test_pictures_and_page_are_reproducible(tmp_path: Path) -> None:
     for name in ("a", "b"):
         page.write(made_chart(), tmp_path / name)
     files = sorted(p.relative_to(tmp_path / "a") for p in (tmp_path / "a").rglob("*") if p.is_file())
@@ -118,7 +118,7 @@ def test_pictures_and_page_are_the_same_bits_twice(tmp_path: Path) -> None:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
 
 
-def test_the_page_says_what_the_points_say_and_names_no_part_twice(tmp_path: Path) -> None:
+def test_page_shows_the_points_and_has_unique_ids(tmp_path: Path) -> None:
     page.write(made_chart(), tmp_path)
     html = (tmp_path / "report.html").read_text()
     assert "near &lt;&amp;&gt; far" in html
@@ -132,12 +132,12 @@ def test_the_page_says_what_the_points_say_and_names_no_part_twice(tmp_path: Pat
 
 
 @pytest.mark.parametrize(("load", "cores", "busy"), [(0.9, 2, False), (1.4, 2, True), (1.0, 1, False), (3.0, 4, False)])
-def test_the_page_warns_of_a_machine_that_was_busy(load: float, cores: int, busy: bool, tmp_path: Path) -> None:
+def test_page_warns_of_a_busy_machine(load: float, cores: int, busy: bool, tmp_path: Path) -> None:
     page.write(replace(made_chart(), machine={"processor": "p", "cores": cores, "load": load}), tmp_path)
     assert ("Other programs ran" in (tmp_path / "report.html").read_text()) is busy
 
 
-def test_the_frontier_that_is_drawn_is_that_of_the_points() -> None:
+def test_drawn_frontier_is_that_of_the_points() -> None:
     panel = made_panel()
     [axis] = [axis for axis in page.panel_figure(panel).axes if axis.get_visible()]
     line = axis.lines[0]
@@ -148,7 +148,7 @@ def test_the_frontier_that_is_drawn_is_that_of_the_points() -> None:
     assert panel.roofline_ns in [line.get_xdata()[0] for line in axis.lines]
 
 
-def test_many_methods_are_all_in_the_legend_and_lammps_keeps_their_shapes() -> None:
+def test_legend_has_every_method_and_lammps_shares_its_shape() -> None:
     names = [f"kernel {k}" for k in range(24)]
     points = [
         MethodPoint("q", "r", prefix + name, 10.0 ** -(k % 9), ConfidenceInterval(k + 1.0, k + 0.9, k + 1.1))
@@ -164,13 +164,11 @@ def test_many_methods_are_all_in_the_legend_and_lammps_keeps_their_shapes() -> N
     assert len({marks[name] for name in names}) == 24
 
 
-def test_methods_are_explained_once_a_section_and_have_one_mark_in_all_of_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_methods_have_one_explanation_and_one_mark_per_section(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     interval = ConfidenceInterval(1.0, 0.9, 1.1)
     named = {"one": "the first way", "two": "the second way", "two again": "the second way", "LAMMPS": "its output"}
     points = [MethodPoint("q", "r", name, 1e-9, interval, reason=reason) for name, reason in named.items()]
-    points.append(MethodPoint("q", "r", "LAMMPS two", 1e-9, interval, reason="not said: that of two"))
+    points.append(MethodPoint("q", "r", "LAMMPS two", 1e-9, interval, reason="not listed: that of two"))
     both = [Panel(f"p{k}", "t", "a", "e", "u", tuple(points[k:])) for k in range(2)]
     section = Section("laws", "Laws", "about", 1.0, tuple(both))
     listed = [(["one"], named["one"]), (["two", "two again"], named["two"]), (["LAMMPS"], named["LAMMPS"])]
@@ -185,14 +183,14 @@ def test_methods_are_explained_once_a_section_and_have_one_mark_in_all_of_it(
     page.write(replace(made_chart(), sections=(section,)), tmp_path)
     assert drawn[0] == drawn[1] and {"one", "two"} <= set(drawn[0])
     text = (tmp_path / "report.html").read_text()
-    assert text.count("<dt>two; two again</dt> <dd>the second way</dd>") == 1 and "not said" not in text
+    assert text.count("<dt>two; two again</dt> <dd>the second way</dd>") == 1 and "not listed:" not in text
 
 
 SECOND_ORDER = ("shear-wave", "heat-wave", "taylor-green", "sound-wave-tait-water")
 
 
 @pytest.mark.lammps
-def test_every_method_says_what_it_is(quick: tuple[Chart, Path]) -> None:
+def test_every_method_has_an_explanation(quick: tuple[Chart, Path]) -> None:
     assert all(method.reason for method in LAW_METHODS)
     for section in quick[0].sections:
         listed = page.methods(section)
@@ -209,8 +207,8 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Chart, Path]:
 
 
 @pytest.mark.lammps
-def test_lammps_is_a_point_of_every_law_and_as_accurate_as_its_order_of_operations(quick: tuple[Chart, Path]) -> None:
-    """The same bits, so the same worst case if the search begins and climbs alike."""
+def test_lammps_has_the_error_of_its_order_of_operations(quick: tuple[Chart, Path]) -> None:
+    """The bits are the same, so the worst case is, too, if the search begins and climbs in the same way."""
     for panel in quick[0].sections[0].panels:
         for regime in panel.regimes:
             errors = {p.method: p.error for p in panel.of(regime)}
@@ -218,14 +216,14 @@ def test_lammps_is_a_point_of_every_law_and_as_accurate_as_its_order_of_operatio
 
 
 @pytest.mark.lammps
-def test_near_rho0_lammps_loses_the_digits_that_the_reference_keeps(quick: tuple[Chart, Path]) -> None:
+def test_lammps_loses_digits_near_rho0(quick: tuple[Chart, Path]) -> None:
     [water] = [panel for panel in quick[0].panels if panel.title == "Pressure of tait/water"]
     near = {p.method: p.digits for p in water.of(water.regimes[0])}
     assert near["LAMMPS"] < 9 < 14 < near["compiled"]
 
 
 @pytest.mark.lammps
-def test_flows_converge_on_both_engines_with_second_order_where_nothing_stands_between(
+def test_flows_converge_with_second_order_on_both_engines(
     quick: tuple[Chart, Path],
 ) -> None:
     runs = {(run.flow, run.engine): run for run in quick[0].sections[1].flows}
@@ -238,7 +236,7 @@ def test_flows_converge_on_both_engines_with_second_order_where_nothing_stands_b
 
 
 @pytest.mark.lammps
-def test_everything_is_on_disk(quick: tuple[Chart, Path]) -> None:
+def test_every_file_is_written(quick: tuple[Chart, Path]) -> None:
     chart, out = quick
     assert record.DOCUMENT.read(out / "chart.json").panels == chart.panels
     tables = {"chart.json", "sections.jsonl", "points.csv", "convergence.csv"}
@@ -248,7 +246,7 @@ def test_everything_is_on_disk(quick: tuple[Chart, Path]) -> None:
 
 
 @pytest.mark.lammps
-def test_the_command(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_command(eos_ref_command: Run, tmp_path: Path) -> None:
     done = eos_ref_command("chart", "timestep", "--quick", "--out", tmp_path / "out", "--json")
     assert done.code == 0
     assert {row["quantity"] for row in json.loads(done.out)["points"]}

@@ -27,7 +27,7 @@ def session() -> Session:
 
 @pytest.fixture
 def untimed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every method takes a second."""
+    """Skip the timing: every method takes a second."""
 
     def called(calls: Mapping[str, Call], rounds: int = 9, at_least: float = 0.02) -> dict[str, Timing]:
         for call in calls.values():
@@ -39,7 +39,7 @@ def untimed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Scenes that need no time."""
+    """Scenes small enough to run quickly."""
     monkeypatch.setattr(kernels, "QUICK_EDGE", 16)
 
 
@@ -59,28 +59,28 @@ def test_panels_are_complete(section: str) -> None:
 # --- kernels
 
 
-def test_the_gradient_is_that_of_the_field() -> None:
+def test_gradient_is_that_of_the_field() -> None:
     x_nc, step = np.random.default_rng(1).uniform(0, 16, (50, 2)), 1e-4
     for axis in (0, 1):
         ahead = kernels.field(x_nc + step * np.eye(2)[axis]) - kernels.field(x_nc - step * np.eye(2)[axis])
-        # Central differences: step^2/6 of a third derivative, which is at most k^3; and rounding over the step.
+        # Central differences: step^2/6 times the third derivative, which is at most k^3; and rounding over the step.
         bound = kernels.K**3 * step**2 / 6 + 4 * np.finfo(float).eps / step
         assert np.abs(ahead / (2 * step) - kernels.gradient(x_nc)[:, :, axis]).max() < bound
 
 
 @pytest.mark.lammps
-def test_both_engines_have_the_same_gradients(session: Session) -> None:
+def test_engines_have_the_same_gradients(session: Session) -> None:
     with ExitStack() as stack:
         runs = kernels.run(kernels.gradients((2.0, 3.0), 0.2, 16), session, stack)
     for name in (name for name in runs if not name.startswith("LAMMPS")):
         theirs_n = runs[f"LAMMPS {name}"].value_n
-        # Sums of fewer than 40 terms of size k, each with a few roundings; the corrections' matrix loses some digits.
+        # Sums of fewer than 40 terms of size k, each with a few roundings; the correction matrix loses some digits.
         assert np.abs(runs[name].value_n - theirs_n).max() < 1e-10 * kernels.K, name
     other = runs["RK1, cutoff 2"].value_n - runs["RK1, cutoff 3"].value_n
     assert np.abs(other).max() > 1e-3 * kernels.K
 
 
-def test_corrected_gradients_are_more_accurate_where_particles_are_disordered() -> None:
+def test_corrected_gradients_are_more_accurate_under_disorder() -> None:
     with ExitStack() as stack:
         runs = kernels.run(kernels.gradients((3.0,), 0.3, 32), None, stack)
     true_n = kernels.gradient(prepared("quintic", 3.0, 0.3, 32).atoms.x_nc)
@@ -88,7 +88,7 @@ def test_corrected_gradients_are_more_accurate_where_particles_are_disordered() 
     assert off["RK2"] < off["RK1"] < off["quintic"] == off["RK0"]
 
 
-def test_density_of_a_deformed_fluid_is_that_of_its_cells() -> None:
+def test_density_of_deformed_fluid_is_that_of_its_cells() -> None:
     made = kernels.deformed("quintic", 3.0, 0.0, 16, rho_sum=False)
     v_nc = made.atoms.v_nc
     assert v_nc is not None
@@ -104,7 +104,7 @@ def test_density_of_a_deformed_fluid_is_that_of_its_cells() -> None:
     assert np.abs(kernels.exact_density(made.atoms.x_nc + 0.1) * volume_n - 1).max() > bound
 
 
-def test_continuity_follows_a_deformation_that_a_sum_smooths() -> None:
+def test_continuity_follows_a_deformation_smoothed_by_a_sum() -> None:
     found = {}
     for way, rho_sum in (("continuity", False), ("summation", True)):
         made = kernels.deformed("RK1", 2.5, 0.0, 32, rho_sum)
@@ -132,7 +132,7 @@ def shear() -> flows.Wave:
     return flows.waves()[0]
 
 
-def test_the_time_step_is_of_first_order_for_viscosity() -> None:
+def test_time_step_error_of_viscosity_is_first_order() -> None:
     solved = flows.solve(shear(), 16, flows.FRACTIONS, 1 / 16, [None] * 5)
     found = flows.order(solved)
     assert abs(found.order - 1) < 0.1 and found.standard_error < 0.05
@@ -140,16 +140,16 @@ def test_the_time_step_is_of_first_order_for_viscosity() -> None:
 
 
 @pytest.mark.lammps
-def test_both_engines_become_unstable_at_the_same_step(session: Session) -> None:
+def test_engines_become_unstable_at_the_same_step(session: Session) -> None:
     ours, theirs = (flows.stability(FLOWS["shear-wave"], 16, who) for who in (None, session))
     assert ours.low < ours.high < flows.CLOSE * 1.001 * ours.low
-    assert ours == theirs  # the same bisection, so the same ends
+    assert ours == theirs  # the same bisection, so the same interval
     assert not flows._grows(FLOWS["shear-wave"], 16, ours.low, None)
     assert flows._grows(FLOWS["shear-wave"], 16, ours.high, None)
 
 
 @pytest.mark.lammps
-def test_stepping_by_hand_is_stepping_at_once(session: Session) -> None:
+def test_single_steps_equal_one_run(session: Session) -> None:
     start = flows.started(FLOWS["sound-wave-linear"], 16, 1.0)
     for who in (None, session):
         shots = flows.shots(flows.stepping(start, who), start.steps)

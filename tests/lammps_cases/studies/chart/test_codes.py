@@ -1,4 +1,4 @@
-"""Whole codes beside each other: PySPH's answers read, its errors measured as ours, words where it is not given."""
+"""Comparison of whole codes: PySPH's answers are read, its errors measured as ours; a note replaces it if absent."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ VORTICES, CAVITY, RECONSTRUCTED, DAM = COMPARED
 
 
 def python(folder: Path, code: str) -> str:
-    """Return a program that stands for a Python with PySPH."""
+    """Return a program that stands in for a Python with PySPH."""
     path = folder / "python"
     path.write_text(f"#!{sys.executable}\nimport json, sys\n{code}\n")
     path.chmod(0o755)
@@ -38,7 +38,7 @@ def python(folder: Path, code: str) -> str:
 
 
 def answering(folder: Path, shots: list[dict[str, object]]) -> str:
-    """Return one that says its version, or gives shots as the particles of any flow."""
+    """Return one that prints its version, or the given shots as the particles of any flow."""
     (folder / "shots.json").write_text(json.dumps({"particles": 80, "steps": 9, "seconds": 1.5, "shots": shots}))
     (folder / "version.json").write_text('{"version": "9"}')
     chosen = "('version' if sys.argv[1] == '-c' else 'shots')"
@@ -46,7 +46,7 @@ def answering(folder: Path, shots: list[dict[str, object]]) -> str:
 
 
 def vortices(factor: float) -> dict[str, object]:
-    """Return the solution at the end, by a factor too fast, in PySPH's units: its edge, its fastest vortex."""
+    """Return the final solution, too fast by a factor, in PySPH's units: edge and largest velocity are 1."""
     x_n, y_n = (a.ravel() for a in np.meshgrid(*[(np.arange(N) + 0.5) / N] * 2))
     time = codes.REYNOLDS / (8 * np.pi**2)
     u_n, v_n, _ = waves.taylor_green(x_n, y_n, time, 2 * np.pi, 1 / codes.REYNOLDS, factor)
@@ -57,21 +57,21 @@ def vortices(factor: float) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.25])
-def test_the_error_of_vortices_is_that_of_their_speed(tmp_path: Path, factor: float) -> None:
+def test_error_of_vortices_is_that_of_their_speed(tmp_path: Path, factor: float) -> None:
     start = SWIRL.start(N, SWIRL.options)
     result = by_pysph(answering(tmp_path, [vortices(factor)]), VORTICES, "tvf", N, start)
     assert (result.n, result.steps, result.seconds, result.message) == (80, 9, 1.5, "")
     assert result.snapshots[0].time == rounded(1 / (2 * periodic.wave_number(N) ** 2), 12)
     errors = SWIRL.measures(N, SWIRL.options, result.snapshots)
-    # Rounding is all that is left, on either side: three in each of two phases up to 2 pi, 12 of the time to which they
+    # Only rounding remains, on either side: three in each of two phases up to 2 pi, 12 of the time to which they
     # belong, 10 of sines and cosines, their product and its units.
     left = 2 * (2 * 3 * 2 * np.pi + 12 + 10) * HALF_EPS
     assert errors["profile"] == pytest.approx(factor - 1, rel=0, abs=left)
     assert errors["rate"] == pytest.approx(np.log(factor), rel=0, abs=left)
 
 
-def test_a_front_and_a_line_are_read_as_ours_are(tmp_path: Path) -> None:
-    """Particles of the start at rest, as PySPH would tell them: the same errors as the start itself has."""
+def test_front_and_line_profile_are_measured_as_ours(tmp_path: Path) -> None:
+    """Initial particles in PySPH's format have the same errors as in ours."""
     for case in (CAVITY, DAM):
         start = case.flow.start(N, case.flow.options)
         wet_n = start.atoms.type_n == 1
@@ -85,14 +85,14 @@ def test_a_front_and_a_line_are_read_as_ours_are(tmp_path: Path) -> None:
         assert 0.1 < errors[0] < 10
 
 
-def test_a_number_that_is_none_is_a_message(tmp_path: Path) -> None:
+def test_non_finite_number_leaves_a_message(tmp_path: Path) -> None:
     shot = vortices(1.0) | {"x": [np.nan] * N**2}
     result = by_pysph(answering(tmp_path, [shot]), VORTICES, "tvf", N, SWIRL.start(N, SWIRL.options))
     assert result.message == "a position of PySPH is no finite number"
 
 
-def test_vortices_at_rest_on_a_lattice_are_as_they_were() -> None:
-    """Options that are left out change nothing of the flow of the other sections; the Mach number is at most 0.1."""
+def test_omitted_options_leave_the_vortices_unchanged() -> None:
+    """Without its options the flow is that of the other sections; the Mach number is at most 0.1."""
     plain, swirl = periodic.VORTICES.start(16, periodic.VORTICES.options), SWIRL.start(16, SWIRL.options)
     assert (plain.atoms.x_nc[:, :2] % 1 == 0.5).all()
     assert plain.case.scene.types[0].cs == 2.0
@@ -101,7 +101,7 @@ def test_vortices_at_rest_on_a_lattice_are_as_they_were() -> None:
     assert swirl.case.scene.types[0].cs == 10 * codes.REYNOLDS / 16
 
 
-# --- a Python that has no PySPH
+# --- a Python without PySPH
 
 
 @pytest.mark.parametrize(
@@ -116,14 +116,14 @@ def test_vortices_at_rest_on_a_lattice_are_as_they_were() -> None:
         ("import time; time.sleep(9)", "must answer within 0.5 s"),
     ],
 )
-def test_a_peer_that_fails_is_one_line(tmp_path: Path, code: str | None, words: str) -> None:
+def test_failing_peer_is_reported_in_one_line(tmp_path: Path, code: str | None, words: str) -> None:
     named = str(tmp_path / "nowhere") if code is None else python(tmp_path, code)
     with pytest.raises(InputError, match=f"Python of PySPH: {words}") as caught:
         codes.pysph_answer(named, "script.py", limit=0.5 if code and "sleep" in code else 600.0)
     assert len(str(caught.value).splitlines()) == 1
 
 
-def test_other_particles_are_one_line(tmp_path: Path) -> None:
+def test_wrong_number_of_particles_is_reported_in_one_line(tmp_path: Path) -> None:
     shot = {"time": 1.0, "x": [0.0], "y": [0.0], "u": [0.0], "v": [0.0]}
     with pytest.raises(InputError, match="PySPH: must have 64 particles of fluid, found 1"):
         by_pysph(answering(tmp_path, [shot]), VORTICES, "tvf", N, SWIRL.start(N, SWIRL.options))
@@ -136,7 +136,7 @@ def test_other_particles_are_one_line(tmp_path: Path) -> None:
         (("laws", "--pysph", "python"), "--pysph: must come with the section codes, found 'python'"),
     ],
 )
-def test_the_command_refuses_before_it_measures(
+def test_command_refuses_before_measuring(
     eos_ref_command: Run, tmp_path: Path, options: tuple[str, ...], words: str
 ) -> None:
     ended = eos_ref_command("chart", *options, "--out", tmp_path / "out")
@@ -151,7 +151,7 @@ def test_the_command_refuses_before_it_measures(
 @pytest.mark.lammps
 @pytest.mark.slow
 @pytest.mark.parametrize("with_pysph", [True, False])
-def test_codes_are_beside_each_other_on_page_and_terminal(
+def test_page_and_terminal_show_all_codes(
     eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_pysph: bool
 ) -> None:
     monkeypatch.setattr(codes, "COMPARED", (replace(VORTICES, flow=replace(SWIRL, quick=(N,))),))
@@ -180,7 +180,7 @@ def made(engine: str, errors: tuple[float, ...]) -> Convergence:
     return Convergence(SWIRL.name, engine, Options(), (8, 16), measures, (0.5, 4.0), (64, 256), (9, 9), messages)
 
 
-def test_a_code_has_one_colour_and_what_stopped_is_no_point() -> None:
+def test_code_has_one_colour_and_stopped_runs_no_point() -> None:
     runs = [
         made("reference", (0.1, 0.05)),
         made("lammps", ()),
@@ -196,7 +196,7 @@ def test_a_code_has_one_colour_and_what_stopped_is_no_point() -> None:
     assert [row[-1] for row in codes.rows(runs)][2:4] == ["Lost atoms", "Lost atoms"]
 
 
-def test_what_is_kept_is_the_codes_without_paths() -> None:
+def test_saved_document_has_only_codes_and_no_paths() -> None:
     section = Section("codes", "", "", 2.0, codes=(made("reference", (0.1, 0.05)), made("PySPH tvf", (0.2, 0.1))))
     engine = {"distribution": "1", "library": "/here/liblammps.so", "pysph": "9"}
     command = "eos-ref chart --pysph /here/python --out /here"
@@ -212,7 +212,7 @@ def test_what_is_kept_is_the_codes_without_paths() -> None:
     )
 
 
-def test_the_document_has_the_table_that_was_measured() -> None:
+def test_document_has_the_measured_table() -> None:
     path = Path(__file__).parents[4] / "docs" / "accuracy.md"
     text = path.read_text(encoding="utf-8")
     assert tables_validation.placed(text, tables_codes.table(record.DOCUMENT.read(tables_codes.MEASURED))) == text

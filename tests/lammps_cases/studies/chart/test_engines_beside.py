@@ -1,4 +1,4 @@
-"""A chart of several engines: their frontiers over each other, each measured in a process of its own."""
+"""A chart of several engines: their frontiers in one picture, each measured in its own process."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def chart(version: str, ns: float) -> Chart:
     return Chart("eos-ref chart", machine, {"distribution": version}, True, 1.0, (section,))
 
 
-def test_points_and_frontier_of_another_engine_are_drawn_over_the_first() -> None:
+def test_other_engine_is_drawn_over_the_first() -> None:
     alone, both = page.panel_figure(panel(9.0)), page.panel_figure(panel(9.0), [("2026.7.4", panel(5.0))])
     lines = [[tuple(line.get_xdata()) for line in figure.axes[0].lines] for figure in (alone, both)]
     assert lines[1][: len(lines[0])] == lines[0], "the first engine's are where they were"
@@ -52,7 +52,7 @@ def test_page_names_every_engine(tmp_path: Path) -> None:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_an_engine_that_is_not_there_is_one_line(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_missing_engine_is_reported_in_one_line(eos_ref_command: Run, tmp_path: Path) -> None:
     code, _, err = eos_ref_command("chart", "laws", "--quick", "--engine", "path:/nowhere", "--out", tmp_path)
     assert code == 2
     assert "engine: must exist, found 'path:/nowhere'" in err.splitlines()[-1]

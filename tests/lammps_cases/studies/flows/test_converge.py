@@ -22,12 +22,12 @@ RESOLUTIONS = (8, 12, 20, 30)
 
 
 def lost(errors: list[float]) -> float:
-    """What a slope, or its error, loses by 8 roundings of every logarithm."""
+    """Error of a slope, or of its standard error, by 8 roundings of every logarithm."""
     x = np.log(RESOLUTIONS) - np.log(RESOLUTIONS).mean()
     return float(8 * HALF_EPS * np.abs(np.log(errors)).max() * np.abs(x).sum() / (x**2).sum())
 
 
-def test_fit_is_that_of_least_squares() -> None:
+def test_fit_is_least_squares() -> None:
     errors = [0.5, 0.21, 0.11, 0.03]
     line = linregress(np.log(RESOLUTIONS), np.log(errors))
     found = fit(RESOLUTIONS, errors)
@@ -41,7 +41,7 @@ def test_fit_of_a_power_has_no_error() -> None:
     assert (found.order, found.standard_error) == pytest.approx((1.5, 0.0), rel=0, abs=lost(errors))
 
 
-def test_fit_leaves_out_what_is_missing() -> None:
+def test_fit_omits_missing_values() -> None:
     # ln 32 and ln 8, each 2.5 times their difference at most; that, ln 4 and the quotient.
     assert fit((8, 16, 32), (1.0, float("nan"), 0.25)).order == rounded(1.0, 8)
     assert np.isnan(fit((8, 16, 32), (1.0, float("nan"), 0.25)).standard_error)
@@ -57,7 +57,7 @@ def refused(n: int, options: Options) -> Start:
 
 
 def test_flows_have_names_resolutions_and_orders() -> None:
-    """Every flow by its own name, at three resolutions or more, with an order that a test can read."""
+    """Every flow is listed by its own name, at three or more resolutions, with a numeric order."""
     assert len(FLOWS) >= 9
     for name, flow in FLOWS.items():
         assert name == flow.name
@@ -65,20 +65,20 @@ def test_flows_have_names_resolutions_and_orders() -> None:
         assert flow.expected.split(":")[0].isdecimal()
 
 
-def test_only_errors_of_lammps_become_messages() -> None:
-    """A mistake of this project's own is not blamed on LAMMPS."""
+def test_only_lammps_errors_become_messages() -> None:
+    """A bug of this project is not blamed on LAMMPS."""
     with pytest.raises(AttributeError):
         by_lammps(SHEAR.start(8, SHEAR.options), None)
 
 
 @pytest.mark.lammps
-def test_a_run_that_lammps_refuses_leaves_a_message() -> None:
+def test_refused_run_leaves_a_message() -> None:
     flow: Flow = replace(SHEAR, start=refused)
     (found,) = converge(flow, engines=("lammps",), resolutions=(8, 12, 16))
     assert list(found.messages) == [12]
     assert "ERROR" in found.messages[12]
     assert [np.isfinite(error) for error in found.errors["rate"]] == [True, False, True]
-    assert found.fit("rate").order == pytest.approx(2.0, abs=0.5)  # of two coarse runs: nearer to 2 than to 1 or 3
+    assert found.fit("rate").order == pytest.approx(2.0, abs=0.5)  # from two coarse runs: nearer to 2 than to 1 or 3
 
 
 @pytest.mark.lammps
@@ -97,7 +97,7 @@ def test_lost_atoms_leave_a_message() -> None:
 
 
 @pytest.mark.parametrize("evaluator", [None, ArrayEvaluator])
-def test_snapshots_are_those_of_the_steps_of_the_start(evaluator: type[ArrayEvaluator] | None) -> None:
+def test_snapshots_are_at_the_requested_steps(evaluator: type[ArrayEvaluator] | None) -> None:
     start = SHEAR.start(8, SHEAR.options)
     sampled = replace(start, steps=(0, 3, start.steps[-1]))
     result = by_reference(sampled, evaluator)

@@ -1,4 +1,4 @@
-"""Periodic flows: order on the reference, faults that it sees, what LAMMPS does otherwise."""
+"""Periodic flows: order on the reference, faults that it detects, differences of LAMMPS."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from tests.support.flow_faults import Plant, differences, in_scene, of_types
 pytestmark = pytest.mark.slow
 
 PROMISED = 2
-SAME = 1e-8  # formulas that are the same on paper differ by roundings, which hundreds of steps let grow
+SAME = 1e-8  # formulas that are the same on paper differ by roundings, which grow over hundreds of steps
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def session() -> Session:
 
 
 def orders(flow: Flow, plant: Plant | None = None) -> dict[str, float]:
-    """Order of every measure on the reference, with a mistake or without."""
+    """Order of every measure on the reference, with or without a mistake."""
     if plant is not None:
         planted, begin = plant, flow.start
         flow = replace(flow, start=lambda n, options: planted(begin(n, options)))
@@ -52,14 +52,14 @@ def orders(flow: Flow, plant: Plant | None = None) -> dict[str, float]:
 
 
 def hotter(start: Start) -> Start:
-    """A gas of 10 % more energy, where sound is 5 % faster."""
+    """A gas with 10 % more energy, where sound is 5 % faster."""
     assert start.atoms.energy_n is not None
     return replace(start, atoms=replace(start.atoms, energy_n=1.1 * start.atoms.energy_n))
 
 
 @pytest.mark.parametrize("flow", FLOWS, ids=lambda flow: flow.name)
 def test_order(flow: Flow) -> None:
-    """Every measure falls at an order nearer to the one promised than to the one below, or better."""
+    """Every measure converges with an order nearer to the expected one than to the next lower one, or better."""
     assert str(PROMISED) == flow.expected.split(":")[0]
     assert min(orders(flow).values()) > PROMISED - 0.5
 
@@ -78,21 +78,21 @@ def test_order(flow: Flow) -> None:
         ),
     ],
 )
-def test_order_sees(flow: Flow, measure: str, plant: Plant) -> None:
+def test_order_detects_faults(flow: Flow, measure: str, plant: Plant) -> None:
     assert orders(flow, plant)[measure] < PROMISED - 0.5
 
 
 @pytest.mark.parametrize(
     "flow", [flow for flow in SOUNDS if not flow.name.endswith(("linear", "gas"))], ids=lambda flow: flow.name
 )
-def test_order_sees_another_law(flow: Flow) -> None:
-    """At a density other than rho0 sound of every law has a speed of its own."""
+def test_order_detects_another_law(flow: Flow) -> None:
+    """At a density other than rho0 every law has its own speed of sound."""
     law = SOUND.start(QUICK[0], SOUND.options).case.scene.pressure
     assert orders(flow, in_scene(lambda scene: {"pressure": law}))["speed"] < PROMISED - 0.5
 
 
 def test_shear_wave_decays_as_its_lattice_does() -> None:
-    """Rate of a lattice, -2 nu sum V W'/r (1 - cos k x), in steps whose force is that of half a step before."""
+    """Rate of a lattice, -2 nu sum V W'/r (1 - cos k x), with forces half a step old."""
     n, options = 16, Options()
     start = SHEAR.start(n, options)
     k, nu, dt = wave_number(n), start.case.scene.types[0].viscosity, start.timestep
@@ -106,13 +106,13 @@ def test_shear_wave_decays_as_its_lattice_does() -> None:
     exact = -np.log(1 - rate * dt) / dt / (nu * k**2) - 1
     found = SHEAR.measures(n, options, by_reference(start).snapshots)["rate"]
     assert found == pytest.approx(abs(exact), abs=MOVED**2)
-    assert found > 50 * MOVED  # what is compared is far above what the motion of particles leaves open
+    assert found > 50 * MOVED  # the compared error is far above the uncertainty due to the motion of particles
 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("name", ENGINES)
-def test_sound_grows_unless_the_step_is_short(name: Engine) -> None:
-    """The pressure lags by half a step, so that damping misses c^2 dt/(2 nu) of itself; above 1 the wave grows."""
+def test_sound_grows_at_long_time_steps(name: Engine) -> None:
+    """The pressure lags by half a step, so damping is too small by a fraction c^2 dt/(2 nu); above 1 the wave grows."""
     n, errors = 24, []
     for fraction in (1.0, 0.5):
         options = replace(SOUND.options, dt_fraction=fraction, extra={"attenuation": 0.003})
@@ -120,14 +120,14 @@ def test_sound_grows_unless_the_step_is_short(name: Engine) -> None:
         missed = start.timestep / (2 * 0.003 * n)
         (found,) = converge(SOUND, options, (name,), (n,))
         errors.append(found.errors["damping"][0])
-        assert errors[-1] == pytest.approx(missed, rel=(wave_number(n)) ** 2)  # but for the kernel's smoothing
+        assert errors[-1] == pytest.approx(missed, rel=(wave_number(n)) ** 2)  # except for the kernel's smoothing
     assert errors[0] > 1 > errors[1]
 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("flow", [SHEAR, VORTICES, *SOUNDS], ids=lambda flow: flow.name)
 def test_findings_account_for_lammps(flow: Flow, session: Session) -> None:
-    """With forces per volume the reference does what LAMMPS does."""
+    """With forces per volume the reference reproduces LAMMPS."""
     n = 12
     shot = by_reference(flow.start(n, flow.options)).snapshots[-1]
     assert max(differences(flow, n, ForcePerVolume, session)) < SAME
@@ -137,7 +137,7 @@ def test_findings_account_for_lammps(flow: Flow, session: Session) -> None:
 @pytest.mark.lammps
 @pytest.mark.parametrize("extra", [{}, {"cv": 2.0}, {"rho0": 2.0, "cv": 3.0}], ids=["unit", "cv", "rho0-cv"])
 def test_findings_account_for_heat(extra: dict[str, float | str], session: Session) -> None:
-    """heat-is-temperature-rate: the diffusivity for the conductivity, which is the same where m, V and cv are 1."""
+    """heat-is-temperature-rate: diffusivity instead of conductivity; the same if m, V and cv are 1."""
     n, options = 12, replace(HEAT.options, extra=extra)
     start = HEAT.start(n, options)
     found = by_lammps(start, session).snapshots[-1]
@@ -152,14 +152,14 @@ def test_findings_account_for_heat(extra: dict[str, float | str], session: Sessi
 
 
 @pytest.mark.lammps
-def test_heat_of_lammps_flows_slower_by_mass_and_heat_capacity() -> None:
+def test_heat_in_lammps_flows_slower_by_mass_and_heat_capacity() -> None:
     options = replace(HEAT.options, extra={"rho0": 2.0, "cv": 3.0})
     (found,) = converge(HEAT, options, ("lammps",), QUICK)
     assert found.errors["rate"] == pytest.approx([1 - 1 / 6] * len(QUICK), rel=wave_number(QUICK[0]) ** 2 / 6)
 
 
 def test_summed_density_keeps_the_error_of_its_sum() -> None:
-    """The sum over a lattice misses the density by as much at every resolution, and the wave still converges."""
+    """The sum over a lattice has the same error at every resolution, and the wave still converges."""
     options = Options(kernel="RK1", rho_sum=True)
     (found,) = converge(SOUND, options, ("reference",), QUICK)
     cells = np.arange(-3, 4)

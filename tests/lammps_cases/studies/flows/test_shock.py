@@ -1,4 +1,4 @@
-"""The shock tube: order on the reference, faults that it sees, the solution that LAMMPS converges to."""
+"""The shock tube: order on the reference, faults that it detects, the solution that LAMMPS converges to."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def test_order() -> None:
         pytest.param(of_types((2,), mass=0.9), id="mass of the thin gas"),
     ],
 )
-def test_order_sees(plant: Plant) -> None:
+def test_order_detects_faults(plant: Plant) -> None:
     assert order(SHOCK_TUBE, QUICK, plant) < 0.5
 
 
 @pytest.mark.lammps
 def test_lammps_converges_to_the_solution_without_volumes() -> None:
-    """force-per-volume, as a closed solution: LAMMPS falls towards it and not to the one of the gas."""
+    """force-per-volume, as a closed solution: LAMMPS converges to it and not to that of the gas."""
     (found,) = converge(SHOCK_TUBE, engines=("lammps",), resolutions=QUICK)
     assert not found.messages
     for name in ("density", "velocity"):
@@ -76,7 +76,7 @@ def test_solution_without_volumes() -> None:
         for dx, dt in ((0, d), (d, 0))
     )
     rho_n, u_n = without_volume(gases, x_n, t)
-    # Central differences of a profile whose lengths and times are 1: d^2, and ten roundings over d.
+    # Central differences of a profile with lengths and times of 1: d^2, and ten roundings over d.
     allowed = d**2 + 10 * EPS / d
     np.testing.assert_allclose(rho_t + u_n * rho_x + rho_n * u_x, 0.0, atol=allowed)
     np.testing.assert_allclose(u_t + u_n * u_x + left.c**2 * rho_x / left.rho, 0.0, atol=allowed)

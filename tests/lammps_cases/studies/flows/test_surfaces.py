@@ -1,4 +1,4 @@
-"""The stretching drop and two fluids at rest: order on the reference, faults that it sees, LAMMPS beside it."""
+"""The stretching drop and two fluids at rest: order on the reference, faults that it detects, LAMMPS in comparison."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.support.flow_faults import Plant, differences, faster, of_types, orde
 
 pytestmark = pytest.mark.slow
 
-QUICK = DROP.quick  # and the interface's
+QUICK = DROP.quick  # the same as the interface's
 SAME = 1e-8  # velocities over the largest, densities relative: roundings of a hundred steps
 flows = pytest.mark.parametrize("flow", [DROP, INTERFACE], ids=["drop", "interface"])
 
@@ -40,14 +40,14 @@ def test_order(flow: Flow) -> None:
         pytest.param(INTERFACE, of_types((2,), rho0=1.1), id="interface-density"),
     ],
 )
-def test_order_sees(flow: Flow, plant: Plant) -> None:
+def test_order_detects_faults(flow: Flow, plant: Plant) -> None:
     assert order(flow, QUICK, plant) < 0.5
 
 
 @pytest.mark.lammps
 @flows
-def test_lammps_converges_as_well(flow: Flow) -> None:
-    """Volumes stay near 1, so the missing volume hardly shows: within a tenth of the error itself."""
+def test_lammps_converges_with_the_same_errors(flow: Flow) -> None:
+    """Volumes stay near 1, so the missing volume changes the error by less than a tenth."""
     ours, theirs = converge(flow, resolutions=QUICK)
     assert not theirs.messages
     headline = next(iter(ours.errors))

@@ -1,4 +1,4 @@
-"""Flows against what others know: closed forms, data, orders and faults on the reference, the command."""
+"""Validation flows: closed forms, published data, orders and faults on the reference, the command."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ Run = Callable[..., Outcome]
 THICK = walls.THICKENING
 
 
-# --- what is known
+# --- known solutions
 
 
-def test_every_table_has_its_source_its_scatter_and_points_in_order() -> None:
+def test_every_table_has_source_scatter_and_sorted_points() -> None:
     names = sorted(path.stem for path in (DATA / "flows").glob("*.csv"))
     assert names
     for name in names:
@@ -44,27 +44,27 @@ def test_every_table_has_its_source_its_scatter_and_points_in_order() -> None:
         assert (steps > 0).all() or (steps < 0).all(), name
 
 
-def test_the_cavity_has_seventeen_points_on_each_line_and_walls_at_their_ends() -> None:
+def test_cavity_has_17_points_per_line_with_walls_at_its_ends() -> None:
     u, v = cavity.U.known[0], cavity.V.known[0]
     assert len(u.x) == len(v.x) == 17
     assert (u.y[0], u.y[-1], v.y[0], v.y[-1]) == (1.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("power", [0.5, 1.5])
-def test_the_power_law_has_the_velocity_of_the_closed_form(power: float) -> None:
-    """Where the law is not cut: a cut at zero rate is no cut."""
+def test_power_law_velocity_has_its_closed_form(power: float) -> None:
+    """Without the law's cut-off: one at zero rate has no effect."""
     cut = walls.power_law(power, 64)
     uncut = replace(cut, eta=cut.K * (1e-9 * cut.gd0) ** (power - 1), gd0=1e-9 * cut.gd0)
     y = np.linspace(0, 64, 65)
     away = np.abs(y - 32)
     exact = (uncut.gravity / uncut.K) ** (1 / power) * (32 ** (1 + 1 / power) - away ** (1 + 1 / power))
-    # 20 000 trapezia of width h miss h^2 f''/12 of an integral, and of y^a with a < 1 less than h^(1 + a), at 0.
+    # 20 000 trapezia of width h have an error of h^2 f''/12, for y^a with a < 1 less than h^(1 + a), at 0.
     missed = 20_000.0 ** -min(2, 1 + 1 / power)
     assert uncut.velocity(y) == pytest.approx(exact / (1 + 1 / power), rel=missed)
 
 
-def test_a_stiff_plug_becomes_rigid() -> None:
-    """The stiffer it is below the yield stress, the nearer Bingham's own solution; in proportion."""
+def test_stiff_plug_approaches_a_rigid_one() -> None:
+    """The distance from Bingham's own solution is inversely proportional to the stiffness below the yield stress."""
     y, misses = np.linspace(0, 24, 49), []
     for stiff in (20.0, 200.0):
         soft = walls.bingham(24)
@@ -73,7 +73,7 @@ def test_a_stiff_plug_becomes_rigid() -> None:
     assert 8 < misses[0] / misses[1] < 12
 
 
-def test_points_are_met_where_they_are_and_solutions_where_the_run_is() -> None:
+def test_data_are_compared_at_their_points_and_solutions_at_particles() -> None:
     points = ReferenceCurve("", (1.0, 2.0), (1.0, 2.0), "")
     assert points.misfit(((0.0, 4.0), (0.0, 4.0))) == 0
     assert points.misfit(((0.0, 4.0), (0.5, 4.5))) == rounded(0.5 / 2.5**0.5, 4)
@@ -92,8 +92,8 @@ def error(of: Flow, n: int, plant: Plant = lambda start: start) -> float:
 
 
 @pytest.mark.slow
-def test_the_order_is_the_one_expected_and_faults_are_seen() -> None:
-    """Two resolutions half as fine again: an error of second order falls by 2.25, one that stays by nothing."""
+def test_order_is_as_expected_and_faults_are_detected() -> None:
+    """Resolutions in the ratio 1.5: an error of second order falls by 2.25, one by a fault does not fall."""
     coarse, fine = (error(THICK, n) for n in (8, 12))
     assert coarse / fine > 1.5**1.5
     for plant in (of_gravity(1.05), of_types((2,), viscosity=0.7)):
@@ -105,7 +105,7 @@ def test_the_order_is_the_one_expected_and_faults_are_seen() -> None:
 
 @pytest.mark.slow
 @pytest.mark.lammps
-def test_a_quick_flow_agrees_is_drawn_and_is_not_run_again(
+def test_quick_flow_agrees_is_drawn_and_is_not_rerun(
     eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = eos_ref_command("validate", "--quick", THICK.name, "--out", tmp_path)
@@ -115,7 +115,7 @@ def test_a_quick_flow_agrees_is_drawn_and_is_not_run_again(
     ours, theirs = (validated.of(THICK.name, side) for side in (REFERENCE, LAMMPS))
     assert [of.n for of in ours] == [of.n for of in theirs] == list(THICK.quick)
     for one, other in zip(ours, theirs, strict=True):
-        # Volumes, which LAMMPS' forces lack, are 1 but for 2e-6: of an error of 0.03, less than a thousandth.
+        # Volumes, which LAMMPS' forces lack, are 1 to 2e-6: less than a thousandth of an error of 0.03.
         assert other.errors["velocity"] == pytest.approx(one.errors["velocity"], rel=1e-3)
     html = (tmp_path / "report.html").read_text()
     assert THICK.title in html
@@ -133,7 +133,7 @@ def test_a_quick_flow_agrees_is_drawn_and_is_not_run_again(
     assert [each["seconds"] for each in json.loads(again.out)["runs"]] == [of.seconds for of in validated.runs]
 
 
-def test_an_unknown_flow_is_one_line(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_unknown_flow_is_reported_in_one_line(eos_ref_command: Run, tmp_path: Path) -> None:
     ended = eos_ref_command("validate", "binghm", "--out", tmp_path / "out")
     assert ended.code == 2
     assert "flow: must be one of" in ended.err
@@ -141,7 +141,7 @@ def test_an_unknown_flow_is_one_line(eos_ref_command: Run, tmp_path: Path) -> No
     assert not (tmp_path / "out").exists()
 
 
-# --- words, and what stopped
+# --- wording, and runs that stopped
 
 
 def made(side: str, value: float, message: str = "") -> FlowRecord:
@@ -154,14 +154,14 @@ def validated(*runs: FlowRecord) -> Validated:
     return Validated("", {"processor": "", "cores": 1}, {}, False, 1.0, runs)
 
 
-def test_the_report_of_a_run_is_not_written_over(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_report_of_a_run_is_not_overwritten(eos_ref_command: Run, tmp_path: Path) -> None:
     (tmp_path / "run.json").touch()
     ended = eos_ref_command("validate", THICK.name, "--out", tmp_path)
     assert ended.code == 2 and "output folder: must not be the report of a run" in ended.err
     assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
 
 
-def test_effects_are_said_in_the_quantities_of_a_user() -> None:
+def test_effects_are_reported_in_the_users_quantities() -> None:
     of = validated(made(REFERENCE, 1.0), made(LAMMPS, 0.5), made(UNIT, 0.0, "Lost atoms"), made("force-per-volume", 2))
     assert list(page.effects(of, THICK)) == [
         Effect("LAMMPS", 8, "velocity in the middle", "0.5", "1", "-50 %", "1"),
@@ -181,15 +181,15 @@ def test_effects_are_said_in_the_quantities_of_a_user() -> None:
         (np.nan, 1, ""),
     ],
 )
-def test_a_difference_has_no_more_digits_than_it_is_worth(theirs: float, ours: float, words: str) -> None:
+def test_differences_have_only_significant_digits(theirs: float, ours: float, words: str) -> None:
     assert page.change(theirs, ours) == words
 
 
-def test_an_order_of_nothing_has_no_sign() -> None:
+def test_zero_order_has_no_sign() -> None:
     assert [page.order(value) for value in (-0.001, -1.26, 1.94, np.nan)] == ["0.0", "-1.3", "1.9", ""]
 
 
-def test_a_side_that_stopped_is_said_with_what_it_did_before_and_the_table_has_no_order_of_it() -> None:
+def test_stopped_side_is_reported_without_convergence_order() -> None:
     ended = made(LAMMPS, 0.5)
     stopped = replace(made(LAMMPS, 0.0, "Lost atoms"), n=12)
     of = validated(made(REFERENCE, 1.0), replace(made(REFERENCE, 1.0), n=12), ended, stopped)
@@ -204,7 +204,7 @@ def test_a_side_that_stopped_is_said_with_what_it_did_before_and_the_table_has_n
     ]
 
 
-def test_a_number_that_is_not_there_is_said_in_words() -> None:
+def test_missing_number_is_explained_in_words() -> None:
     wave = VALIDATIONS["standing-wave"]
     names = [quantity.name for quantity in wave.quantities]
     sides = {REFERENCE: dict.fromkeys(names, 1.0), UNIT: {names[0]: 2.0, names[1]: np.nan}}
@@ -226,16 +226,16 @@ def lost_at(step: int) -> Callable[[Start], FlowResult]:
         ({("a",): 60, ("a", "b"): 40}, Lost(80, ("a",), 60)),
         ({("a", "b"): 90}, Lost(80, ("a", "b"), 90)),
         ({}, Lost(80)),
-        ({("a", "b"): 100}, Lost(80)),  # later than it is looked for
+        ({("a", "b"): 100}, Lost(80)),  # later than the search goes
     ],
 )
-def test_the_findings_that_lose_particles_are_tried_alone_then_together(
+def test_findings_that_lose_particles_are_tried_alone_then_together(
     losing: dict[tuple[str, ...], int], told: Lost, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start = THICK.start(8, THICK.options)
 
     class Losing:
-        """Keeps all particles up to a step that depends on what it is made of."""
+        """Keeps all particles up to a step that depends on its base classes."""
 
         def __init__(self, begin: Start, stages: type) -> None:
             self.step, self.until = 0, losing.get(tuple(base.__name__ for base in stages.__bases__), 10**6)
@@ -254,7 +254,7 @@ def test_the_findings_that_lose_particles_are_tried_alone_then_together(
     assert run.explain(start, lost_at(85), named) == told
 
 
-def test_particles_are_gone_beyond_an_end_of_the_box_or_nowhere() -> None:
+def test_particles_are_gone_outside_open_faces_or_at_nan() -> None:
     start = THICK.start(8, THICK.options)
     x_nc = start.atoms.x_nc[:, :2]
     for axis, value, expected in ((1, 99.0, True), (0, 99.0, False), (0, np.nan, True), (1, 0.0, False)):
@@ -266,7 +266,7 @@ def test_particles_are_gone_beyond_an_end_of_the_box_or_nowhere() -> None:
 
 
 @pytest.mark.lammps
-def test_lost_atoms_are_told_and_are_no_failure(
+def test_lost_atoms_are_reported_and_are_not_a_failure(
     eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stopped(*_: object, **__: object) -> Validated:
@@ -284,15 +284,14 @@ def test_lost_atoms_are_told_and_are_no_failure(
 
 
 @pytest.mark.parametrize("of", VALIDATIONS.values(), ids=list(VALIDATIONS))
-def test_every_start_reaches_a_worker(of: Flow) -> None:
-    """In one piece: what is sent can be read again."""
+def test_every_start_can_be_pickled(of: Flow) -> None:
     start = of.start(12, of.options)
     again = pickle.loads(pickle.dumps(start))
     assert again.case == start.case
     assert (again.atoms.x_nc == start.atoms.x_nc).all()
 
 
-def test_quick_leaves_out_flows_without_a_quick_form_unless_named(
+def test_quick_omits_flows_without_a_quick_form_unless_named(
     eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[list[str]] = []
@@ -307,7 +306,7 @@ def test_quick_leaves_out_flows_without_a_quick_form_unless_named(
     assert asked == [[name for name in VALIDATIONS if name not in ("cavity", "convection")], ["cavity"]]
 
 
-def test_every_flow_has_what_its_page_needs() -> None:
+def test_every_flow_has_the_data_of_its_page() -> None:
     for name, of in VALIDATIONS.items():
         assert name == of.name
         assert len(of.resolutions) == 3
@@ -319,34 +318,34 @@ def test_every_flow_has_what_its_page_needs() -> None:
 # --- drops and squares
 
 
-def test_the_first_pressure_of_the_square_solves_its_equation() -> None:
-    """Its middle is that of a twisted bar (Timoshenko): 0.0737 of a side squared, twice; the edges have none."""
+def test_initial_pressure_of_the_square_solves_its_equation() -> None:
+    """At the centre it is that of a twisted bar (Timoshenko), twice 0.0737 of a side squared; at the edges it is 0."""
     middle, step = drops.patch_pressure(np.zeros((1, 2)), 1.0, 200)[0], 0.05
-    assert middle == pytest.approx(-2 * 0.07367, abs=2 * 0.5e-5)  # of five digits
+    assert middle == pytest.approx(-2 * 0.07367, abs=2 * 0.5e-5)  # given to five digits
     around = step * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
-    # Of second order in the step: a twelfth of both fourth derivatives, which are about 10.
+    # Second order in the step: a twelfth of both fourth derivatives, which are about 10.
     laplacian = (drops.patch_pressure(around, 1.0, 200).sum() - 4 * middle) / step**2
     assert laplacian == pytest.approx(2, abs=step**2 / 12 * 2 * 10)
     edge = np.array([[0.5, 0.1], [-0.2, 0.5]])
-    # Sines of multiples of pi, up to 40, are rounded as these are; weights add up to less than 1.
+    # Sines of multiples of pi, up to 40, round like these; weights add up to less than 1.
     assert np.abs(drops.patch_pressure(edge, 1.0)).max() < 40 * np.pi * 2.0**-52
 
 
-def test_the_ellipse_keeps_its_energy() -> None:
+def test_ellipse_conserves_energy() -> None:
     """Kinetic and potential: (A^2 + B^2)(a^2 + b^2)."""
     times = np.linspace(0.01, 9, 9001)
     a = drops._ellipse(times)
     rate = np.gradient(np.log(a), times, edge_order=2)[2:-2]
     energy = (rate**2 + 1) * (a**2 + 1 / a**2)[2:-2]
-    # Central differences miss a sixth of the third one; the energy has twice that times the rate, which 0.4 bounds.
+    # Central differences have an error of a sixth of the third one; the energy twice that times the rate, at most 0.4.
     third = np.abs(np.diff(np.log(a), 3)).max() / (times[1] - times[0])
     assert energy == pytest.approx(2 * (drops.STRETCH**2 + 1), rel=2 * drops.STRETCH * third / 6)
 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("of", [drops.DROP, cavity.CONVECTION], ids=lambda of: of.name)
-def test_a_body_pulls_on_both_sides_alike(of: Flow) -> None:
-    """What it adds to the forces of the set-up is what its formula says, on fluid alone, but for rounding."""
+def test_body_force_is_the_same_on_both_sides(of: Flow) -> None:
+    """It adds its formula to the forces of the set-up, on fluid alone, up to rounding."""
     start, lammps = of.start(10, of.options), Session()
     body, atoms = start.body, start.atoms
     assert body
@@ -370,7 +369,7 @@ def test_a_body_pulls_on_both_sides_alike(of: Flow) -> None:
 
 
 @pytest.mark.lammps
-def test_no_fix_of_lammps_has_a_surface_tension() -> None:
+def test_lammps_has_no_fix_for_surface_tension() -> None:
     assert "RHEO has no surface tension" in drops.NO_TENSION
     styles = Session().open().available_styles("fix")
     assert "rheo/viscosity" in styles
@@ -380,14 +379,14 @@ def test_no_fix_of_lammps_has_a_surface_tension() -> None:
 # --- the document
 
 
-def test_the_document_has_the_table_that_was_measured() -> None:
+def test_document_has_the_measured_table() -> None:
     path = Path(__file__).parents[4] / "docs" / "validation.md"
     measured, text = page.DOCUMENT.read(tables_validation.MEASURED), path.read_text(encoding="utf-8")
     assert tables_validation.document(text, measured) == text
     assert not measured.quick
 
 
-def test_parts_are_put_together_in_the_order_of_the_flows() -> None:
+def test_parts_are_merged_in_the_order_of_the_flows() -> None:
     later = replace(made(REFERENCE, 1.0), flow="bingham")
     both = tables_validation.joined(
         [validated(later, replace(later, side=LAMMPS)), validated(made(REFERENCE, 1), made(LAMMPS, 1))]

@@ -1,4 +1,4 @@
-"""Plane flow from rest and the tank: order on the reference, faults that it sees, what LAMMPS does otherwise."""
+"""Plane flow from rest and the tank: order on the reference, faults that it detects, differences of LAMMPS."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.support.flow_faults import Plant, differences, faster, of_gravity, of
 pytestmark = pytest.mark.slow
 
 QUICK = (8, 12, 18)
-# Formulas that are the same on paper differ by roundings, which a hundred steps and pressures at c^2 drho let grow.
+# Formulas that are the same on paper differ by roundings, which grow over a hundred steps and by pressures c^2 drho.
 SAME = 1e-8
 
 
@@ -39,7 +39,7 @@ def session() -> Session:
     ids=["poiseuille", "couette", "couette-stored", "tank"],
 )
 def test_order(flow: Flow, promised: int) -> None:
-    """Nearer to the order promised than to the one below, or better."""
+    """Nearer to the expected order than to the next lower one, or better."""
     assert str(promised) == flow.expected.split(":")[0]
     assert order(flow, QUICK) > promised - 0.5
 
@@ -55,7 +55,7 @@ def test_order(flow: Flow, promised: int) -> None:
         pytest.param(TANK, 1, of_types(cs=1.02), id="tank-sound"),
     ],
 )
-def test_order_sees(flow: Flow, promised: int, plant: Plant) -> None:
+def test_order_detects_faults(flow: Flow, promised: int, plant: Plant) -> None:
     assert order(flow, QUICK, plant) < promised - 0.5
 
 
@@ -67,14 +67,14 @@ def lammps_errors(flow: Flow, options: Options | None = None) -> tuple[float, ..
 
 
 @pytest.mark.lammps
-def test_lammps_drags_the_fluid_to_half_the_speed_of_a_plate() -> None:
+def test_lammps_drags_fluid_to_half_the_speed_of_a_plate() -> None:
     """wall-velocity-lost: U d_s/(d_s + d_f), and a wall half way between the rows has d_s = d_f."""
     assert lammps_errors(COUETTE) == pytest.approx([0.5] * len(QUICK), abs=0.5 / QUICK[0] ** 2)
 
 
 @pytest.mark.lammps
-def test_lammps_tank_keeps_an_error_of_the_size_of_its_compression() -> None:
-    """force-per-volume: forces of rho g on masses m. What is wrong is at most rho/rho0 - 1, twice that in a swing."""
+def test_lammps_tank_has_an_error_of_the_size_of_its_compression() -> None:
+    """force-per-volume: forces of rho g on masses m. The error is at most rho/rho0 - 1, twice that in a swing."""
     errors = lammps_errors(TANK)
     assert all(0.5 * COMPRESSION < error < 2 * COMPRESSION for error in errors)
     hardly = replace(TANK.options, extra={"compression": COMPRESSION / 40})
@@ -88,8 +88,7 @@ def test_lammps_tank_keeps_an_error_of_the_size_of_its_compression() -> None:
     ids=["poiseuille", "couette", "tank"],
 )
 def test_findings_account_for_lammps(flow: Flow, stages: type[ArrayEvaluator], session: Session) -> None:
-    """With the findings' variants the reference does what LAMMPS does, without them it does not (poiseuille: "
-    "hardly)."""
+    """With the findings' variants the reference reproduces LAMMPS; without them it does not (poiseuille: hardly)."""
     explained, plain = (
         differences(flow, QUICK[0], stages, session),
         differences(flow, QUICK[0], ArrayEvaluator, session),
@@ -99,9 +98,8 @@ def test_findings_account_for_lammps(flow: Flow, stages: type[ArrayEvaluator], s
 
 
 @pytest.mark.parametrize("law", ["linear", "tait/water"])
-def test_tank_is_laid_by_its_law(law: str) -> None:
-    """Rows of equal mass: spacing times density is the mass of a row, to second order; the surface is at rest "
-    "density."""
+def test_tank_rows_have_equal_mass(law: str) -> None:
+    """Spacing times density is the mass of a row, to second order; the surface has the density at rest."""
     n = 12
     atoms = TANK.start(n, replace(TANK.options, extra={"law": law})).atoms
     fluid_n = (atoms.type_n == 1) & (atoms.x_nc[:, 0] < 1)

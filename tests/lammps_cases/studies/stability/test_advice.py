@@ -37,7 +37,7 @@ from lammps_cases.studies.stability.model import Axis, Boundary, FailureCriteria
 from tests.support.outcome import Outcome
 from tests.support.roundings import rounded
 
-NU, CS, MASS = 0.4, 3.0, 1.5  # the scene's; h = cut/3 = 0.9
+NU, CS, MASS = 0.4, 3.0, 1.5  # that of the scene; h = cut/3 = 0.9
 
 
 def square(dt: float, viscosity: float = MASS * NU, cs: float = CS, **scene: Any) -> Start:
@@ -73,7 +73,7 @@ LIMIT = 1.0 * 0.9 / (4 * CS)  # 1 is halfway, in logarithms, between 2 and 0.5
 
 
 @pytest.mark.parametrize(("fraction", "warns"), [(0.5, False), (0.9, True), (1.5, True)])
-def test_time_step_over_the_measured_limit(fraction: float, warns: bool) -> None:
+def test_time_step_above_the_measured_limit_warns(fraction: float, warns: bool) -> None:
     [first] = [line for line in advice(*parts(square(fraction * LIMIT)), LIMITS) if "of the measured limit" in line]
     expected = f"time step {fraction * LIMIT:.3g} is {100 * fraction:.0f} % of the measured limit (0.075 to "
     assert first.startswith(("warning: " if warns else "") + expected)
@@ -83,7 +83,7 @@ def test_time_step_over_the_measured_limit(fraction: float, warns: bool) -> None
     assert "outside the measured" not in first
 
 
-def test_a_limit_of_lammps_goes_before_that_of_the_reference_and_the_nearest_before_others() -> None:
+def test_lammps_limits_precede_the_reference_and_near_ones_far() -> None:
     [said, *_] = judge(*parts(square(0.5 * LIMIT)), replace(LIMITS, curves=LIMITS.curves[1:]))
     assert "map step: energy growth" in said.text
     assert "50 times the measured limit" in said.text
@@ -91,7 +91,7 @@ def test_a_limit_of_lammps_goes_before_that_of_the_reference_and_the_nearest_bef
     assert "33 % of the measured limit" in said.text and "sound; map other, shift: clumping, outside" in said.text
 
 
-def test_outside_the_measured_viscosities_it_says_so() -> None:
+def test_viscosity_outside_the_measured_range_is_reported() -> None:
     for viscosity, dt in ((0.0, 2.0 * 0.9 / (4 * CS)), (MASS * NU * 100, 0.5 * 0.9**2 / (8 * NU * 100))):
         [said, *_] = judge(*parts(square(0.7 * dt, viscosity)), replace(LIMITS, curves=LIMITS.curves[:1]))
         assert "is 70 % of the measured limit" in said.text
@@ -109,12 +109,12 @@ def test_sound_grows_beyond_two_nu_over_c_squared(fraction: float, grows: bool) 
         assert any(line.startswith("sound waves grow") and "not included" in line for line in damped)
 
 
-def test_without_steps_there_is_nothing_to_say_of_them() -> None:
+def test_no_advice_without_steps() -> None:
     model, box, state, _ = parts(square(1.0))
     assert advice(model, box, state, None, LIMITS) == []
 
 
-def test_without_measured_limits_theory_speaks() -> None:
+def test_theory_replaces_missing_measured_limits() -> None:
     [line, *_] = advice(*parts(square(0.4 * LIMIT)), Limits("", ()))
     assert (
         line
@@ -136,7 +136,7 @@ def test_density_near_the_end_of_a_law_warns() -> None:
         assert all(f"({100 * left:.0f} % of the way" in a.text for a in said)
 
 
-def test_surfaces_say_how_near_the_limit_lies() -> None:
+def test_distance_to_the_surface_limit_is_reported() -> None:
     made = square(1e-3, rheo={"surface_detection": {"style": "coordination", "limit": 20, "splash": 3}})
     # 20 neighbours lie within 2.7 spacings on a square lattice.
     nearest = "from the nearest value of a fluid particle"
@@ -146,7 +146,7 @@ def test_surfaces_say_how_near_the_limit_lies() -> None:
     assert f"surface limit 10 (coordination): 100.0 % {nearest}" in advice(*parts(made), LIMITS)
 
 
-def test_what_is_not_examined_of_many_particles_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_checks_skipped_for_many_particles_are_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lammps_cases.studies.stability.advice.MOST", 80)
     made = square(1e-3, rheo={"surface_detection": {"style": "coordination", "limit": 20, "splash": 3}})
     line = "warning: moment matrices and surface limits were not examined: 81 particles, more than 80"
@@ -154,28 +154,28 @@ def test_what_is_not_examined_of_many_particles_is_a_warning(monkeypatch: pytest
     assert not [line for line in advice(*parts(square(1e-3)), LIMITS) if "examined" in line]
 
 
-def test_matrices_say_their_worst_condition() -> None:
+def test_worst_condition_of_matrices_is_reported() -> None:
     def lines(x_nc: Any) -> list[str]:
         made = square(1e-3, rheo={"kernel": "RK1"})
         made = replace(made, atoms=replace(made.atoms, x_nc=np.hstack([x_nc, np.zeros((81, 1))])))
         return [line for line in advice(*parts(made), LIMITS) if "matri" in line]
 
     [line] = lines(rows(0, 9, 9))
-    # On the square lattice the matrix is diagonal: sums of V W and of V W (x/rc)^2 over the 20 neighbours within 2.7.
+    # On the square lattice the matrix is diagonal: sums of V W and V W (x/rc)^2 over the 20 neighbours within 2.7.
     offset_pc = np.array([(a, b) for a in range(-2, 3) for b in range(-2, 3) if 0 < a * a + b * b < 2.7**2]) / 2.7
     q_p = np.sqrt((offset_pc**2).sum(axis=1))
     w_p = quintic(3 * q_p)
     condition = w_p.sum() / (w_p * offset_pc[:, 0] ** 2).sum()
     assert line == f"condition number of moment matrices up to {condition:.2g}"
     x_nc = rows(0, 9, 9)
-    x_nc[:, 1] = 4.5 + 1e-7 * (x_nc[:, 1] - 4.5)  # all but on a line
+    x_nc[:, 1] = 4.5 + 1e-7 * (x_nc[:, 1] - 4.5)  # almost on a line
     assert any(line.startswith("warning: condition number") or "no Cholesky factor" in line for line in lines(x_nc))
 
 
 # --- limits
 
 
-def test_numbers_are_those_of_the_fastest_and_the_most_viscous() -> None:
+def test_numbers_use_the_largest_speed_and_viscosity() -> None:
     kinds = [{"mass": 1.0, "rho0": 1.0, "cs": c, "viscosity": eta} for c, eta in ((2.0, 0.6), (5.0, 0.2))]
     type_n = np.repeat([1, 2], [40, 41])
     made = start(
@@ -205,7 +205,7 @@ def step_map(make: Any) -> StabilityMap:
     )
 
 
-def test_limits_are_the_boundaries_along_a_time_step() -> None:
+def test_limits_are_boundaries_along_a_time_step() -> None:
     maps = {"step": step_map(lambda cell: square(cell.x, MASS * cell.y))}
     boundaries = [
         Boundary("step", "", 1.0, "lammps", 0.1, 0.12, "stable", "energy growth"),
@@ -223,12 +223,12 @@ def test_limits_are_the_boundaries_along_a_time_step() -> None:
     ]
 
 
-def test_boundaries_along_anything_else_are_no_limits_of_the_step() -> None:
+def test_boundaries_along_other_axes_are_not_step_limits() -> None:
     maps = {"step": step_map(lambda cell: square(0.01 * cell.x, cs=cell.x))}
     assert not measured([Boundary("step", "", 1.0, "lammps", 0.1, 0.12, "stable", "clumping")], maps, "1").curves
 
 
-def test_limits_are_read_as_they_were_written(tmp_path: Path) -> None:
+def test_limits_round_trip(tmp_path: Path) -> None:
     save(LIMITS, tmp_path / "limits.json")
     assert read(tmp_path / "limits.json") == LIMITS
     assert read(tmp_path / "none.json") == Limits("", ())
@@ -241,7 +241,7 @@ def test_limits_are_read_as_they_were_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("fraction", "warns"), [(0.5, False), (0.9, True), (1.5, True)])
-def test_tension_over_the_measured_one(fraction: float, warns: bool) -> None:
+def test_tension_near_the_measured_one_warns(fraction: float, warns: bool) -> None:
     tensions = (
         Tension("tension", "", "reference", False, -0.9, -0.8),
         Tension("tension", "", "lammps", False, -0.05, -0.04),
@@ -261,7 +261,7 @@ def test_tension_over_the_measured_one(fraction: float, warns: bool) -> None:
     assert not [a for a in judge(model, box, state, dt, limits) if "tension" in a.text]
 
 
-def test_tensions_are_the_boundaries_of_clumping_along_a_pressure() -> None:
+def test_tensions_are_clumping_boundaries_along_a_pressure() -> None:
     def make(cell: MapCell) -> Start:
         law = [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": MASS * CS**2 * cell.x}]
         return square(1e-3, pressure=law)
@@ -280,11 +280,11 @@ def test_tensions_are_the_boundaries_of_clumping_along_a_pressure() -> None:
     assert not found.curves
 
 
-# --- where it is said
+# --- where advice is printed
 
 
 @pytest.mark.lammps
-def test_explain_and_audit_say_it(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_explain_and_audit_print_advice(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
     explained = json.loads(eos_ref_command("explain", "fluids.unit", "--json").out)["cases"]
     assert all(any(line.partition("time step ")[1] for line in case["stability"]) for case in explained)
     assert "\nstability:\n  " in eos_ref_command("explain", "fluids.unit").out
@@ -296,7 +296,7 @@ def test_explain_and_audit_say_it(eos_ref_command: Callable[..., Outcome], tmp_p
     assert "stability: sound waves grow: time step 0.02 > 2 nu/c^2 = 0.0147" in out
 
 
-def test_an_audit_names_the_worst_time_step_and_marks_what_is_near(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_audit_reports_the_worst_time_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lammps_cases.studies.stability.advice.read", lambda: Limits("", ()))
     model, box, state, _ = parts(square(1e-3))
     questions = Questions()
@@ -306,6 +306,6 @@ def test_an_audit_names_the_worst_time_step_and_marks_what_is_near(monkeypatch: 
         if run == 2:
             expected = [f"time step 0.001 is {0.1 / LIMIT:.2g} %"]
             assert [line.partition(" of CFL")[0] for line in questions.stability] == expected
-    assert not questions.stability  # the worst stands for all
+    assert not questions.stability  # only the worst is kept
     marked = f"run 3: time step {3 * LIMIT:.3g} is 3 times CFL"
     assert any(line.startswith(marked) for line in questions.lines())

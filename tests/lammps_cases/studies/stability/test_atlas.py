@@ -1,4 +1,4 @@
-"""Boundaries are bisected, engines compared, cells kept and used again."""
+"""Boundaries are bisected, engines compared, cells saved and reused."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def bisected(of: StabilityMap, kind: Callable[[float], Kind]) -> dict[float, Kin
 
 
 @pytest.mark.parametrize("axis", [LINEAR, LOG])
-def test_places_are_even_and_hold_the_ends(axis: Axis) -> None:
+def test_places_are_evenly_spaced_and_include_the_ends(axis: Axis) -> None:
     found = places(axis, 5)
     assert (found[0], found[-1]) == (axis.low, axis.high)
     gaps = np.diff(np.log10(found) if axis.log else found)
@@ -69,7 +69,7 @@ def test_places_are_even_and_hold_the_ends(axis: Axis) -> None:
 
 
 @pytest.mark.parametrize(("axis", "edge"), [(LINEAR, 0.39), (LOG, 7.3)])
-def test_a_boundary_is_found_to_the_width(axis: Axis, edge: float) -> None:
+def test_boundary_is_found_to_the_width(axis: Axis, edge: float) -> None:
     of = plain(axis)
     known = bisected(of, lambda x: "stable" if x < edge else "overflow")
     [found] = boundaries(MapLine("m", "", 0.0, "lammps"), known)
@@ -80,7 +80,7 @@ def test_a_boundary_is_found_to_the_width(axis: Axis, edge: float) -> None:
     assert len(known) <= 4 + np.ceil(np.log2(((4 if axis.log else 1) / 3) / axis.width))
 
 
-def test_several_boundaries_are_kept_in_order() -> None:
+def test_several_boundaries_are_in_order() -> None:
     def kind(x: float) -> Kind:
         return "overflow" if 0.3 < x < 0.5 else "clumping" if x > 0.9 else "stable"
 
@@ -90,7 +90,7 @@ def test_several_boundaries_are_kept_in_order() -> None:
     assert all(b.low < edge <= b.high for b, edge in zip(found, (0.3, 0.5, 0.9), strict=True))
 
 
-def test_a_third_kind_that_bisection_meets_has_both_its_edges() -> None:
+def test_third_kind_found_by_bisection_gets_both_edges() -> None:
     known = bisected(plain(), lambda x: "stable" if x < 0.4 else "overflow" if x < 0.55 else "clumping")
     assert sequence(known) == ("stable", "overflow", "clumping")
 
@@ -106,7 +106,7 @@ def test_engines_agree_within_the_width(edge: float, verdict: str) -> None:
     assert [len(side) for side in found.boundaries] == [1, 0 if edge > 1 else 1]
 
 
-def test_other_kinds_at_the_same_place_differ() -> None:
+def test_different_kinds_at_the_same_place_differ() -> None:
     of = plain()
     ours, theirs = (bisected(of, lambda x, k=k: "stable" if x < 0.4 else k) for k in ("overflow", "non-finite"))
     assert agreement(of, "", 0.0, ours, theirs).verdict == "differs"
@@ -119,13 +119,13 @@ def test_other_kinds_at_the_same_place_differ() -> None:
 
 @dataclass
 class Later:
-    """A cell that is examined in a thread of its own."""
+    """A cell that is examined in its own thread."""
 
     future: Future[Examined]
 
 
 class Threads:
-    """An examiner that answers in an order that changes; the second engine is the reference with a planted fault."""
+    """An examiner that answers in random order; the second engine is the reference with a planted fault."""
 
     def __init__(self, fault: float = 1.0, delays: int = 0) -> None:
         self.random, self.factor, self.asked = np.random.default_rng(delays), fault, 0
@@ -158,15 +158,15 @@ def surveyed(source: Threads, out: Path) -> Atlas:
     return Atlas("", {}, {}, False, 0.0, (atlas.map_record(of, False, found, ENGINES),))
 
 
-def test_the_same_engine_agrees_with_itself(tmp_path: Path) -> None:
+def test_engine_agrees_with_itself(tmp_path: Path) -> None:
     [found] = surveyed(Threads(), tmp_path).maps[0].agreement
     assert found.verdict == "same"
     assert found.reference == ("stable", "energy growth")
     assert {ran.engine for ran in surveyed(Threads(), tmp_path).maps[0].cells} == set(ENGINES)
 
 
-def test_a_planted_viscosity_differs(tmp_path: Path) -> None:
-    """A viscosity twice as large moves the limit to half the step."""
+def test_wrong_viscosity_differs(tmp_path: Path) -> None:
+    """A viscosity twice as large halves the limit of the time step."""
     whole = surveyed(Threads(2.0), tmp_path)
     [found] = whole.maps[0].agreement
     assert found.verdict == "differs"
@@ -175,21 +175,21 @@ def test_a_planted_viscosity_differs(tmp_path: Path) -> None:
     assert theirs[0].low < ours[0].high / 2 < theirs[0].high * 1.13
 
 
-def test_results_do_not_depend_on_who_comes_first(tmp_path: Path) -> None:
+def test_results_do_not_depend_on_the_order_of_answers(tmp_path: Path) -> None:
     ones = [surveyed(Threads(delays=k), tmp_path / str(k)).maps for k in (1, 2)]
     assert ones[0] == ones[1]
     kept = [{part.key: part.result for part in model.cells(tmp_path / str(k)).journal.entries()} for k in (1, 2)]
     assert kept[0] == kept[1]
 
 
-def test_a_second_survey_asks_for_nothing(tmp_path: Path) -> None:
+def test_second_survey_examines_nothing(tmp_path: Path) -> None:
     first = surveyed(Threads(), tmp_path)
     again = Threads()
     assert surveyed(again, tmp_path).maps == first.maps
     assert again.asked == 0
 
 
-def test_a_killed_survey_loses_the_cell_it_was_writing(tmp_path: Path) -> None:
+def test_killed_survey_loses_only_unwritten_cells(tmp_path: Path) -> None:
     first = surveyed(Threads(), tmp_path)
     file = tmp_path / "cells.jsonl"
     lines = file.read_bytes().splitlines(keepends=True)
@@ -200,7 +200,7 @@ def test_a_killed_survey_loses_the_cell_it_was_writing(tmp_path: Path) -> None:
     assert len({one.key for one in model.cells(tmp_path).journal.entries()}) == len(lines)
 
 
-# --- the whole, with LAMMPS
+# --- a whole atlas, with LAMMPS
 
 
 @pytest.fixture(scope="module")
@@ -212,11 +212,11 @@ def small() -> list[StabilityMap]:
 
 
 @pytest.mark.lammps
-def test_an_atlas_is_measured_kept_and_read_again(tmp_path: Path, small: list[StabilityMap]) -> None:
+def test_atlas_is_measured_saved_and_reused(tmp_path: Path, small: list[StabilityMap]) -> None:
     first = atlas.measure(small, tmp_path, "test")
     kept = (tmp_path / "cells.jsonl").read_bytes()
     assert kept.count(b"\n") == sum(len(m.cells) for m in first.maps)
-    assert repr(model.DOCUMENT.read(tmp_path / "atlas.json")) == repr(first)  # NaN is not itself
+    assert repr(model.DOCUMENT.read(tmp_path / "atlas.json")) == repr(first)  # NaN is not equal to itself
     assert [a.verdict for m in first.maps for a in m.agreement] == ["same"] * 3
     states = {model.state_file(tmp_path, r.cell, r.engine) for r in first.maps[1].cells if r.outcome.kind != "stable"}
     assert states == set((tmp_path / "states").glob("*.npz"))
@@ -238,7 +238,7 @@ def test_an_atlas_is_measured_kept_and_read_again(tmp_path: Path, small: list[St
     assert grown.count(b"\n") - kept.count(b"\n") == len(stale.maps[0].cells)
 
 
-def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
+def test_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         model.DOCUMENT.read(tmp_path / "atlas.json")
     (tmp_path / "atlas.json").write_text("{}")
@@ -246,7 +246,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
         model.DOCUMENT.read(tmp_path / "atlas.json")
 
 
-def test_numbers_that_json_has_not_come_back(tmp_path: Path) -> None:
+def test_numbers_outside_json_round_trip(tmp_path: Path) -> None:
     ran = CellRun(MapCell("m", 0.1, 1.0), "lammps", CellOutcome("overflow", 3, 5, float("inf")))
     model.cells(tmp_path).add("k", ran)
     assert model.cells(tmp_path).get("k") == ran
@@ -255,7 +255,7 @@ def test_numbers_that_json_has_not_come_back(tmp_path: Path) -> None:
 # --- the maps
 
 
-def test_maps_are_well_made() -> None:
+def test_maps_are_well_formed() -> None:
     assert {"timestep-mach", "timestep-viscosity", "timestep-kernel"} <= set(MAPS)
     for name, of in MAPS.items():
         assert of.id == name and of.title and of.about

@@ -1,4 +1,4 @@
-"""The command: what it runs, prints and leaves, and how it ends."""
+"""The command: what it runs, prints and writes, and its exit codes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def one_map(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """An atlas that nobody has run; how it was asked for."""
+    """Return the arguments of each measurement, which gives an atlas made up for the test."""
     asked: list[dict[str, Any]] = []
 
     def measure(chosen: Any, out: Path, command: str, **options: Any) -> Any:
@@ -44,7 +44,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
 
 
 @pytest.mark.lammps
-def test_lines_that_differ_end_with_one_unless_a_finding_is_known(
+def test_unexplained_differences_exit_with_one(
     eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = eos_ref_command("stability", "made", "--out", tmp_path, "--jobs", 1)
@@ -60,7 +60,7 @@ def test_lines_that_differ_end_with_one_unless_a_finding_is_known(
     assert eos_ref_command("stability", "made", "--out", tmp_path).code == 0
 
 
-def test_the_document_holds_cells_and_disagreements(
+def test_document_has_cells_and_disagreements(
     eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path
 ) -> None:
     out = eos_ref_command("stability", "made", "--out", tmp_path, "--json")
@@ -69,7 +69,7 @@ def test_the_document_holds_cells_and_disagreements(
     assert (one["id"], len(one["cells"]), len(one["disagreements"])) == ("made", 48, 2)
 
 
-def test_limits_are_saved_where_the_advice_looks_for_them(
+def test_limits_are_saved_where_the_advice_reads_them(
     eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from lammps_cases.studies.stability import limits
@@ -87,7 +87,7 @@ def test_limits_are_saved_where_the_advice_looks_for_them(
     assert read(limits.FILE) != found
 
 
-def test_fresh_forgets_the_cells(eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path) -> None:
+def test_fresh_discards_the_cells(eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path) -> None:
     kept = tmp_path / "cells.jsonl"
     kept.write_text("{}\n")
     eos_ref_command("stability", "made", "--out", tmp_path)
@@ -97,7 +97,7 @@ def test_fresh_forgets_the_cells(eos_ref_command: Run, measured: list[dict[str, 
 
 
 @pytest.mark.lammps
-def test_a_cell_is_run_on_both_engines_and_becomes_a_deck(
+def test_cell_is_run_on_both_engines_and_written_as_a_deck(
     eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(probe, "examine", partial(probe.examine, limit=300.0))  # its two steps may have to be compiled
@@ -133,7 +133,7 @@ def test_a_cell_is_run_on_both_engines_and_becomes_a_deck(
         (("--jobs", "0"), "--jobs"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_code_two(
+def test_bad_input_is_reported_in_one_line_with_exit_code_two(
     eos_ref_command: Run, tmp_path: Path, arguments: tuple[str, ...], error: str
 ) -> None:
     out = eos_ref_command("stability", *arguments, "--out", tmp_path)

@@ -1,4 +1,4 @@
-"""The deck of a cell: LAMMPS alone makes the same bits of it as the engine does."""
+"""The deck of a cell: LAMMPS alone gives the same bits as the engine."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def flow(name: str, n: int, steps: int, **options: Any) -> Start:
 
 
 def disordered(**scene: Any) -> Start:
-    """Particles with positions, velocities and densities of every digit, one of them on the upper face of the box."""
+    """Particles with full-precision positions, velocities and densities, one of them on the upper face of the box."""
     rng = np.random.default_rng(5)
     x_nc = rows(0, 9, 9) + rng.uniform(-0.2, 0.2, (81, 2))
     x_nc[0] = [9.0, 0.5]
@@ -62,14 +62,14 @@ def disordered(**scene: Any) -> Start:
 
 
 def ours(lmp: Any, begun: Start) -> dict[str, Any]:
-    """The last arrays of the engine's own run."""
+    """Return the last arrays of the engine's own run."""
     told = job(begun.case.scene, begun.atoms, plan(begun.case.scene))
     run(lmp, told)
     return read(lmp, told.outputs, ARRAYS)
 
 
 def of_deck(lmp: Any, text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """The last arrays of LAMMPS after it has read the deck from a file."""
+    """Return the last arrays of LAMMPS after reading the deck from a file."""
     monkeypatch.chdir(folder)
     Path("in.cell").write_text(text)
     lmp.command("clear")
@@ -87,7 +87,7 @@ STARTS: dict[str, Callable[[], Start]] = {
 
 
 @pytest.mark.parametrize("name", STARTS)
-def test_deck_ends_in_the_same_bits_as_the_engine(
+def test_deck_gives_the_same_bits_as_the_engine(
     name: str, lmp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun = STARTS[name]()
@@ -98,10 +98,10 @@ def test_deck_ends_in_the_same_bits_as_the_engine(
         assert found[array].tobytes() == expected[array].tobytes(), array
 
 
-def test_output_holds_every_digit(lmp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_output_has_full_precision(lmp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     begun = disordered()
     found = of_deck(lmp, deck(begun, every=5), tmp_path, monkeypatch)
-    lmp.command("undump frames")  # LAMMPS then closes the file
+    lmp.command("undump frames")  # so that LAMMPS closes the file
     header, _, table = Path("frames.dump").read_text().rpartition("ITEM: ATOMS")[2].partition("\n")
     assert header.split() == ["id", "type", "x", "y", "z", "vx", "vy", "vz", "rho", "pressure"]
     values = np.array([line.split() for line in table.splitlines()], float)
@@ -109,13 +109,13 @@ def test_output_holds_every_digit(lmp: Any, tmp_path: Path, monkeypatch: pytest.
     assert np.array_equal(values[:, 8], found["rho"])
 
 
-def test_notes_are_comments_and_nothing_else(lmp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_notes_are_comments(lmp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = deck(disordered(), note=["ends in &", 'quotes """', "it's 'quoted'", "two\nquit", "${HOME} $(1/0)", "naïve"])
     assert len(of_deck(lmp, text, tmp_path, monkeypatch)["id"]) == 81
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_what_lammps_cannot_read_is_refused(value: float) -> None:
+def test_input_that_lammps_cannot_read_is_refused(value: float) -> None:
     begun = disordered()
     assert begun.atoms.rho_n is not None
     rho_n = begun.atoms.rho_n.copy()

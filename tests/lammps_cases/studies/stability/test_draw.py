@@ -1,4 +1,4 @@
-"""Pictures of maps and of particles: they show what the cells say."""
+"""Pictures of maps and of particles show the results of the cells."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def axes(figure: Any) -> list[list[Any]]:
     return [figure.axes[:3], figure.axes[3:6]]
 
 
-def test_every_kind_has_a_mark_of_its_own() -> None:
+def test_every_kind_has_its_own_mark() -> None:
     assert set(draw.MARKS) == set(KINDS)
     assert len(set(draw.MARKS.values())) == len(KINDS)
 
 
-def test_cells_are_drawn_where_they_are_in_the_mark_of_their_kind() -> None:
+def test_cells_are_drawn_at_their_place_with_the_mark_of_their_kind() -> None:
     drawn = made_map()
     for row, layer in zip(axes(draw.map_figure(drawn, MAP.theory)), MAP.layers, strict=True):
         for axis, engine in zip(row, ("lammps", "reference"), strict=False):
@@ -46,7 +46,7 @@ def test_cells_are_drawn_where_they_are_in_the_mark_of_their_kind() -> None:
             assert layer in axis.get_title()
 
 
-def test_the_third_picture_shows_the_places_that_differ() -> None:
+def test_third_picture_shows_the_differences() -> None:
     for row in axes(draw.map_figure(made_map())):
         marks = {(*line.get_xdata(), *line.get_ydata(), line.get_marker()) for line in row[2].lines}
         shapes = {k: draw.MARKS[k][1] for k in ("lost particles", "energy growth")}
@@ -55,12 +55,12 @@ def test_the_third_picture_shows_the_places_that_differ() -> None:
         assert alike == {(x, y) for x in PLACES for y in MAP.lines} - {(6.4, 10.0)}
 
 
-def test_a_cell_leads_to_its_address_and_names_are_no_mathematics() -> None:
+def test_cell_links_to_its_address_and_names_are_plain_text() -> None:
     drawn = made_map()
     text = svg(draw.map_figure(drawn, MAP.theory, lambda cell: f"#{cell.anchor}"))
     links = re.findall(r'xlink:href="(#made[^"]*)"', text)
     differing = [Cell for Cell in {r.cell for r in drawn.cells} if kind(Cell, "lammps") != kind(Cell, "reference")]
-    # Each cell once per engine, and where they differ once more per engine.
+    # Each cell once per engine, and cells that differ once more per engine.
     assert len(links) == len(drawn.cells) + 2 * len(differing)
     assert set(links) == {f"#{r.cell.anchor}" for r in drawn.cells}
     assert "costs $1 and $2" in text
@@ -83,7 +83,7 @@ def boundary(y: float, low: float, above: Kind = "energy growth", engine: Engine
     return Boundary("made", "plain", y, engine, low, 1.1 * low, "stable", above)
 
 
-def test_bands_join_neighbouring_lines_where_the_same_kinds_meet() -> None:
+def test_bands_join_neighbouring_lines_with_the_same_kinds() -> None:
     drawn = replace(made_map(), lines=(1.0, 2.0, 3.0, 4.0))
     edges = [boundary(1.0, 0.1), boundary(2.0, 0.2), boundary(3.0, 0.3, "overlap"), boundary(4.0, 0.4)]
     edges.append(boundary(4.0, 0.8))
@@ -98,7 +98,7 @@ def test_bands_lie_between_low_and_high() -> None:
     assert any((v[:, 0].min(), v[:, 0].max(), v[:, 1].min(), v[:, 1].max()) == (0.4, 1.6, 0.1, 10.0) for v in bands)
 
 
-def test_pictures_are_the_same_bits_twice() -> None:
+def test_pictures_are_reproducible() -> None:
     pictures = [svg(draw.map_figure(made_map(), MAP.theory)) for _ in range(2)]
     assert pictures[0] == pictures[1]
 
@@ -110,17 +110,17 @@ def pixels(failing: list[int], values: Any = None, by_type: bool = False) -> Any
     return matplotlib.image.imread(io.BytesIO(png))
 
 
-def test_thumbnail_marks_the_failing_particle_where_it_is() -> None:
+def test_thumbnail_marks_the_failing_particle() -> None:
     plain, marked = pixels([]), pixels([13])  # the fifth of the second row
     row, column = np.nonzero(np.abs(marked - plain).max(axis=2) > 0.2)
     height, width = plain.shape[:2]
     middle = (column.mean() + 0.5) / width * 9, (1 - (row.mean() + 0.5) / height) * 6
     assert middle == pytest.approx((4.5, 1.5), rel=0, abs=0.5 * 9 / width), "to half a pixel"
-    # With a whole, its density no number: still a picture.
+    # A NaN density does not prevent the picture.
     pixels([2], np.full(54, np.nan))
 
 
-def test_thumbnail_colours_types_apart() -> None:
+def test_thumbnail_colours_types_differently() -> None:
     one, other = pixels([], np.ones(54), by_type=True), pixels([], np.full(54, 2.0), by_type=True)
     assert np.abs(one - other).max() > 0.2
     assert np.array_equal(pixels([1]), pixels([1]))

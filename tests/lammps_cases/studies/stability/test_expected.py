@@ -1,4 +1,4 @@
-"""What explains that engines differ: of maps and layers that there are, each once."""
+"""Explanations of differences between engines name existing maps and layers, each once."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lammps_cases.studies.stability.maps import MAPS
 PLACES = [where for entry in LEDGER for where in entry.expected_in_maps]
 
 
-def test_every_explanation_is_of_a_map_and_a_layer_that_exist() -> None:
+def test_every_explanation_names_an_existing_map_and_layer() -> None:
     assert PLACES
     for where in PLACES:
         assert where.layer is None or where.layer in MAPS[where.map].layers, where
@@ -16,7 +16,7 @@ def test_every_explanation_is_of_a_map_and_a_layer_that_exist() -> None:
         assert where.why
 
 
-def test_no_difference_is_explained_twice() -> None:
+def test_differences_are_explained_once() -> None:
     places = [(where.map, where.layer) for where in PLACES]
     assert len(places) == len(set(places))
     named = {where.map for where in PLACES}

@@ -1,4 +1,4 @@
-"""Every kind of failure is seen in particles made for it, and none in sound ones."""
+"""Every kind of failure is detected in particles made for it, and none in sound ones."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WALL = int(np.flatnonzero(OF.solid_n)[0])
 
 
 def put(**rows: tuple[int, object]) -> Snapshot:
-    """The sound look with one row of some arrays replaced."""
+    """Return the sound snapshot with one row of some arrays replaced."""
     changed = {}
     for name, (k, value) in rows.items():
         changed[name] = np.array(getattr(LOOK, name), float)
@@ -51,7 +51,7 @@ def test_sound_particles_have_no_failure() -> None:
 
 
 def apart(distance: float) -> Any:
-    """A distance but for roundings of positions up to 14, and of the square, its sum and its root."""
+    """A distance up to roundings of positions up to 14, of the squares, their sum and its root."""
     return rounded(distance, 4, terms=14.0)
 
 
@@ -69,7 +69,7 @@ PLANTED: dict[str, Callable[[], tuple[Snapshot, ParticleFailure]]] = {
     "penetration": lambda: (put(x_nc=(K, (3.0, 1.65))), ParticleFailure("wall penetration", K + 1, 1.65)),
     "energy": lambda: (
         put(v_nc=(K, (3.0, 4.0))),
-        # Two sums of 2 N squares, and what is written here.
+        # Two sums of 2 N squares, and the expression here.
         ParticleFailure("energy growth", K + 1, rounded((12.5 + 0.01 * (N - 1)) / (0.01 * N), 2 * (2 * N + 2) + 5)),
     ),
     "overlap": lambda: (
@@ -90,17 +90,17 @@ PLANTED: dict[str, Callable[[], tuple[Snapshot, ParticleFailure]]] = {
 
 
 @pytest.mark.parametrize("name", PLANTED)
-def test_each_kind_is_seen(name: str) -> None:
+def test_each_kind_is_detected(name: str) -> None:
     look, expected = PLANTED[name]()
     assert seen(look) == expected
 
 
 @pytest.mark.parametrize("name", ["penetration", "energy", "overlap", "clumping", "pressure", "hyperbolic", "surface"])
-def test_nothing_is_seen_that_is_not_watched(name: str) -> None:
+def test_unwatched_kinds_are_not_detected(name: str) -> None:
     assert seen(PLANTED[name]()[0], FailureCriteria()) is None
 
 
-def test_growth_waits_for_an_energy() -> None:
+def test_growth_needs_an_energy() -> None:
     assert seen(PLANTED["energy"]()[0], energy=None) is None
 
 
@@ -109,13 +109,13 @@ def test_solids_may_lie_behind_a_wall_and_close_together() -> None:
     assert seen(put(x_nc=(WALL, X[WALL + 1] - (0.2, 0.0)))) is None
 
 
-def test_clumping_is_seen_through_a_periodic_face() -> None:
+def test_clumping_is_detected_across_a_periodic_face() -> None:
     first = int(FLUID[np.argmin(np.where(np.abs(X[FLUID, 1] - 4.5) < 0.3, X[FLUID, 0], np.inf))])
     look = put(x_nc=(first + 3, (X[first, 0] - 0.25 + 8.0, X[first, 1])))
     assert seen(look) == ParticleFailure("clumping", first + 1, rounded(0.25, 4, terms=8.0))
 
 
-def test_penetration_is_seen_in_any_image() -> None:
+def test_penetration_is_detected_in_any_image() -> None:
     of = replace(OF, box=replace(OF.box, periodic=(True, True)))
     look = put(x_nc=(K, (3.0, 1.65 - 14.0)))
     assert kinds.FailureDetectors(of, WATCH, look, None).wall_penetration() == ParticleFailure(
@@ -123,19 +123,19 @@ def test_penetration_is_seen_in_any_image() -> None:
     )
 
 
-def test_the_worst_comes_first() -> None:
+def test_worst_kind_comes_first() -> None:
     look = replace(put(rho_n=(K, -1.0)), pressure_n=put(pressure_n=(K + 2, np.nan)).pressure_n)
     found = seen(look)
     assert found is not None and (found.kind, found.atom) == ("non-finite", K + 3)
     assert seen(put(rho_n=(K, -1.0))) == ParticleFailure("negative density", K + 1, -1.0)
 
 
-def test_detectors_stand_in_the_order_of_the_kinds() -> None:
+def test_detectors_are_in_the_order_of_the_kinds() -> None:
     order = [KINDS.index(seen(look()[0]).kind) for look in PLANTED.values()]
     assert order == sorted(order, reverse=True)
 
 
-def test_the_extreme_particle_is_named() -> None:
+def test_extreme_particle_is_reported() -> None:
     look = put(rho_n=(K, -1.0))
     look.rho_n[K + 5] = -2.0
     look.rho_n[K + 6] = -2.0
@@ -148,11 +148,11 @@ def test_the_extreme_particle_is_named() -> None:
 # --- moment matrices
 
 # Roundings of the elements of two matrices (of the kernel 20, of products and volumes 10, of sums of 36 images) and of
-# their eigenvalues, for each of the six. An eigenvalue moves by no more than the matrix: by that of its norm.
+# their eigenvalues, for each of the six. An eigenvalue changes by no more than the matrix: by that of its norm.
 COUNT = 6 * 2 * (20 + 10 + 36)
 
 
-def test_condition_is_that_of_an_own_sum_and_an_own_norm() -> None:
+def test_condition_equals_an_independent_computation() -> None:
     ends = START.atoms.low_c[:2], START.atoms.high_c[:2]
     conditions = [np.linalg.cond(brute_moments(X, ends, 3.0, k)) for k in range(N)]
     worst = int(np.argmax(conditions))
@@ -164,13 +164,13 @@ def test_condition_is_that_of_an_own_sum_and_an_own_norm() -> None:
 
 
 def collinear() -> Snapshot:
-    """One fluid particle with five neighbours, all on a line: no second derivative across it."""
+    """One fluid particle with five neighbours, all on a line, so without a second derivative across it."""
     x_nc = X.copy()
     x_nc[FLUID[-6:]] = [(1.0 + 0.75 * k, 12.0) for k in range(6)]
     return replace(LOOK, x_nc=x_nc)
 
 
-def test_failed_matrix_is_that_without_a_factor() -> None:
+def test_failed_matrix_has_no_cholesky_factor() -> None:
     found = seen(collinear())
     assert found is not None
     assert found.kind == "failed matrix" and found.atom in FLUID[-6:] + 1
@@ -189,7 +189,7 @@ def test_matrices_below_zmin_are_not_used() -> None:
 # --- laws alone
 
 
-def test_a_law_alone_is_not_blamed_for_the_density_it_is_given() -> None:
+def test_law_alone_is_not_blamed_for_its_given_density() -> None:
     alone = replace(OF, moves=False)
     look = put(rho_n=(K, -0.25))
     assert kinds.first(alone, FailureCriteria(), look, None) is None

@@ -1,4 +1,4 @@
-"""Maps of the laws: on the reference every boundary is where theory has it, and on LAMMPS where LAMMPS has it."""
+"""Maps of the laws: boundaries of the reference agree with theory, those of LAMMPS with its known behaviour."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 
 
 def around(of: StabilityMap, layer: str, y: float) -> tuple[float, float, float]:
-    """A limit of theory, and a place on either side of it, a width away."""
+    """Return a limit of theory, and the places one width below and above it."""
     limit = next(t for t in of.theory if t.layer in (None, layer)).x_of_y(y)
     if of.x.log:
         return limit, limit / 10**of.x.width, limit * 10**of.x.width
@@ -42,7 +42,7 @@ LINES = [(of, layer, y) for of in laws.MAPS for layer in of.layers for y in of.l
 
 
 @pytest.mark.parametrize(("of", "layer", "y"), LINES, ids=lambda part: getattr(part, "id", str(part)))
-def test_boundary_is_where_theory_has_it(of: StabilityMap, layer: str, y: float) -> None:
+def test_boundaries_agree_with_theory(of: StabilityMap, layer: str, y: float) -> None:
     limit, below, above = around(of, layer, y)
     assert of.x.low < below < limit < above < of.x.high, "the axis does not reach the limit"
     found = tuple(outcome(of, x, y, layer).kind for x in (below, above))
@@ -50,7 +50,7 @@ def test_boundary_is_where_theory_has_it(of: StabilityMap, layer: str, y: float)
 
 
 @pytest.mark.parametrize("gamma", [2.3, 7.0, 60.0, 4000.0])
-def test_overflow_at_the_largest_double(gamma: float) -> None:
+def test_overflow_begins_at_the_largest_double(gamma: float) -> None:
     """To 1e-12 of the exponent, not only to the width of the axis; the value is the infinite pressure."""
     limit = laws.OVERFLOW.theory[0].x_of_y(gamma)
     assert outcome(laws.OVERFLOW, limit * (1 - 1e-12), gamma).kind == "stable"
@@ -84,8 +84,8 @@ def test_gamma_of_a_gas() -> None:
         assert outcome(laws.GAS, 1.001, e).kind == above
 
 
-def test_the_reference_has_the_limit_of_a_vanishing_exponent() -> None:
-    """P -> c^2 rho0 ln(rho/rho0), to eight digits wherever the map goes."""
+def test_reference_has_the_limit_of_a_vanishing_exponent() -> None:
+    """P -> c^2 rho0 ln(rho/rho0), to eight digits on the whole map."""
     for ratio in laws.LIMIT.lines:
         assert all(outcome(laws.LIMIT, x, ratio).kind == "stable" for x in (1e-18, 1e-9, 1.0))
         law, rho = EOS("tait/general", laws.RHO0, laws.CS, 1e-18), laws.RHO0 * ratio
@@ -93,8 +93,8 @@ def test_the_reference_has_the_limit_of_a_vanishing_exponent() -> None:
         assert abs(law.pressure(rho) - laws.STIFFNESS * math.log(ratio)) <= bound
 
 
-def test_lost_digits_are_seen() -> None:
-    """A pressure wrong in its ninth digit passes, one wrong in its seventh does not; the value is the digits left."""
+def test_lost_digits_are_detected() -> None:
+    """A pressure wrong in its ninth digit passes, in its seventh it does not; the value is the count of digits left."""
     cell = MapCell("", 0.5, 1.3)
     start = laws.LIMIT.start(cell)
     run = open_run(start, FailureCriteria(), "reference", living())
@@ -105,7 +105,7 @@ def test_lost_digits_are_seen() -> None:
         )
         assert (found and found.kind) == wanted
         if found:
-            # But for what the pressure is wrong by itself, of which a part 1e-7 is a digit's 1/ln 10.
+            # Except for the error of the pressure itself: 1e-7 of it is 1/ln 10 of a digit.
             wrong_n = [float(bounds.reference(of.eos[1], rho)) for rho in look.rho_n.tolist()]
             own = float((wrong_n / np.abs(look.pressure_n)).max())
             assert found.value == pytest.approx(7, rel=0, abs=own / 1e-7 / math.log(10))
@@ -129,7 +129,7 @@ def test_maps_are_complete() -> None:
         (laws.OVERFLOW, 50.0, 7.0, "overflow"),
         (laws.NEGATIVE, -0.3, 2.3, "non-finite"),
         (laws.GAS, 0.9, 2.0, "negative pressure"),  # where the reference refuses
-        (laws.LIMIT, 1e-12, 1.3, "lost digits"),  # where the reference has sixteen
+        (laws.LIMIT, 1e-12, 1.3, "lost digits"),  # where the reference has sixteen digits
     ],
     ids=lambda part: getattr(part, "id", None),
 )

@@ -1,4 +1,4 @@
-"""Maps of moment matrices: they fail where neighbours are too few, or in a row."""
+"""Maps of moment matrices: they fail if neighbours are too few, or in a row."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def condition(start: Start, atom: int, order: int) -> Any:
     """Condition number of the matrix of a particle of an open box, from the definition; lengths over the cutoff.
 
     Sums over neighbours of products of ten roundings, on either side; the smallest singular value loses as many of them
-    as the condition says, in every row.
+    as the condition number, in every row.
     """
     cut = start.case.scene.rheo.cut
     assert cut is not None
@@ -56,8 +56,8 @@ def test_lattice(layer: str, limit: float) -> None:
 
 @pytest.mark.parametrize("cut", matrices.ZMIN.lines)
 @pytest.mark.parametrize("layer", ["RK1", "RK2"])
-def test_zmin(layer: str, cut: float) -> None:
-    """The least zmin that helps is one more than the most neighbours that are too few."""
+def test_least_zmin_follows_the_neighbour_count(layer: str, cut: float) -> None:
+    """The least sufficient zmin is one more than the largest insufficient number of neighbours."""
     needed = matrices.zmin_needed("RK1" if layer == "RK1" else "RK2", cut)
     assert kind(matrices.ZMIN, needed, cut, layer) == "stable"
     if needed:
@@ -72,7 +72,7 @@ def test_neighbours() -> None:
 
 @pytest.mark.parametrize(("layer", "order"), [("RK1", 1), ("RK2", 2)])
 def test_surface(layer: str, order: int) -> None:
-    """At corners; and the condition number is that of the definition."""
+    """Matrices fail at corners; the condition number is that of the definition."""
     limit = next(t for t in matrices.SURFACE.theory if t.layer == layer).x_of_y(0.0)
     assert kind(matrices.SURFACE, limit - 0.01, 0.0, layer) in FAILED
     assert kind(matrices.SURFACE, limit + 0.1, 0.0, layer) == "stable"
@@ -89,7 +89,7 @@ def test_surface(layer: str, order: int) -> None:
 
 @pytest.mark.parametrize("cut", matrices.ROW.lines)
 def test_row(cut: float) -> None:
-    """The offset that theory names has the condition number it is named for."""
+    """The offset predicted by theory has the condition number it is predicted for."""
     limit = matrices.ROW.theory[0].x_of_y(cut)
     assert kind(matrices.ROW, limit / 1.05, cut, "RK1") in FAILED
     assert kind(matrices.ROW, limit * 1.05, cut, "RK1") == "stable"
@@ -98,8 +98,8 @@ def test_row(cut: float) -> None:
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("cut", matrices.ROW.lines)
-def test_rows_end_as_in_a_reference_with_the_finding(cut: float) -> None:
-    """The same failure at the same step as with force-per-volume, at offsets where the reference itself has others."""
+def test_rows_fail_as_in_a_reference_with_the_finding(cut: float) -> None:
+    """The same failure at the same step as with force-per-volume, at offsets where the plain reference differs."""
     offsets = np.geomspace(1e-3, 0.1, 13).tolist()
     ends = {
         what: [(end.kind, end.step) for end in (outcome(matrices.ROW, x, cut, "RK1 run", *how) for x in offsets)]
@@ -110,7 +110,7 @@ def test_rows_end_as_in_a_reference_with_the_finding(cut: float) -> None:
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("disorder", matrices.SURFACE.lines)
-def test_surfaces_end_differently_only_where_matrices_fail(disorder: float) -> None:
+def test_surfaces_differ_only_where_matrices_fail(disorder: float) -> None:
     """Finding stale-gradient-below-zmin: also with zmin 0, where a matrix has no factor."""
     cuts = np.linspace(0.8, 2.0, 25).tolist()
     differing = [
@@ -123,7 +123,7 @@ def test_surfaces_end_differently_only_where_matrices_fail(disorder: float) -> N
     assert differing or disorder < max(matrices.SURFACE.lines)
 
 
-def test_layers_that_ask_for_the_matrix_do_not_move() -> None:
+def test_layers_of_the_matrix_do_not_move() -> None:
     for of in matrices.MAPS:
         for layer in of.layers:
             start, watch = (

@@ -1,4 +1,4 @@
-"""Summed densities bear a small density ratio only; self/mass and continuity bear a large one."""
+"""Summed densities tolerate a small density ratio only; self/mass and continuity tolerate a large one."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ MAP = tension.PHASES_MAPS[0]
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
-def test_a_ratio_of_ten(side: Engine) -> None:
+def test_density_ratio_of_ten(side: Engine) -> None:
     assert outcome(MAP, 10.0, 1.0, "continuity", side).kind == "stable"
     assert outcome(MAP, 10.0, 1.0, "harmonic/means", side).kind == "stable"
     assert outcome(MAP, 10.0, 1.0, "rho/sum", side).kind == "clumping"
 
 
-def test_harmonic_means_bear_less() -> None:
-    """They take from the light particles the viscosity of the heavy ones, which had damped them."""
+def test_harmonic_means_tolerate_less() -> None:
+    """They deprive the light particles of the heavy ones' viscosity, which damps them."""
     assert outcome(MAP, 80.0, 1.0, "continuity").kind == "stable"
     assert outcome(MAP, 80.0, 1.0, "harmonic/means").kind == "clumping"
 
 
 @pytest.mark.lammps
-def test_self_mass_is_in_the_reference_alone() -> None:
+def test_only_the_reference_has_self_mass() -> None:
     assert outcome(MAP, 10.0, 1.0, "rho/sum self/mass").kind == "stable"
     found = outcome(MAP, 10.0, 1.0, "rho/sum self/mass", "lammps")
     assert found.kind == "error"
@@ -44,7 +44,7 @@ def test_large_ratios_fail(layer: str) -> None:
 
 
 def test_tension_of_summed_densities() -> None:
-    """In the heavy fluid at the interface it is what the theory's line says, for a ratio without end."""
+    """In the heavy fluid at the interface it agrees with the line of theory, which assumes an infinite ratio."""
     cell = MapCell(MAP.id, 1000.0, 1.0, "rho/sum")
     start = MAP.start(cell)
     run = open_run(start, MAP.watch(cell), "reference", living())
@@ -58,7 +58,7 @@ def test_tension_of_summed_densities() -> None:
     assert -0.5 < np.mean(look.pressure_n[face_n]) - tension.BACKGROUND < -0.2
 
 
-def test_the_boundary_lies_beyond_the_viscous_limit() -> None:
+def test_boundary_lies_beyond_the_viscous_limit() -> None:
     limit = tension.viscous_limit(1.0)
     assert limit == rounded(11.5, 8)  # 2 h^2/8 over nu dt = 0.1 x 0.2, less 1
     assert outcome(MAP, limit, 1.0, "continuity").kind == "stable"

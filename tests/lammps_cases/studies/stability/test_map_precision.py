@@ -1,4 +1,4 @@
-"""Float32 beside float64: a layer of the reference alone, in that type from end to end, which fails earlier."""
+"""Float32 and float64: a layer of the reference alone, computed entirely in float32, fails earlier."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
     return outcome(of, x, y, layer).kind
 
 
-def test_all_of_it_is_float32() -> None:
-    """After some steps no array of the state or the fields is longer; else the layer would be float64 in disguise."""
+def test_all_arrays_are_float32() -> None:
+    """After some steps no array of the state or the fields is float64; one would widen all others."""
     cell = MapCell("", 1.0, 0.03, "float32")
     start = timestep.PRECISION_STEP.start(cell)
     run = open_run(start, timestep.PRECISION_STEP.watch(cell), "reference", living())
@@ -36,7 +36,7 @@ def test_all_of_it_is_float32() -> None:
     assert set(floats.values()) == {np.dtype(np.float32)}, floats
 
 
-def test_it_is_the_same_model() -> None:
+def test_float32_is_the_same_model() -> None:
     """Forces of both types agree to a few float32 roundings of their terms."""
     start = timestep.PRECISION_STEP.start(MapCell("", 1.0, 0.3, "float64"))
     x_nc = start.atoms.x_nc + np.random.default_rng(1).uniform(-0.1, 0.1, start.atoms.x_nc.shape) * (1, 1, 0)
@@ -50,7 +50,7 @@ def test_it_is_the_same_model() -> None:
     assert 0 < error < 1e-5
 
 
-def test_float32_is_of_the_reference_alone() -> None:
+def test_only_the_reference_has_float32() -> None:
     for of in timestep.PRECISION_MAPS:
         assert of.engines("float64") == ENGINES
         assert of.engines("float32") == ("reference",)
@@ -58,7 +58,7 @@ def test_float32_is_of_the_reference_alone() -> None:
 
 @pytest.mark.parametrize("layer", ["float64", "float32"])
 def test_origin(layer: str) -> None:
-    """Particles fall on one another where whole numbers are the densest."""
+    """Particles coincide where whole numbers are the densest."""
     limit = next(t for t in timestep.ORIGIN.theory if t.layer == layer).x_of_y(0.3)
     assert kind(timestep.ORIGIN, limit / 2, 0.3, layer) == "stable"
     assert kind(timestep.ORIGIN, limit, 0.3, layer) == "error"
@@ -66,7 +66,7 @@ def test_origin(layer: str) -> None:
 
 
 def test_compression() -> None:
-    """Float32 makes noise of a wave that float64 carries, and has none below a rounding of the density."""
+    """Float32 turns a wave that float64 resolves into noise, and has no wave below a rounding of the density."""
     assert kind(timestep.COMPRESSION, 3e-7, 1.0, "float64") == "stable"
     assert kind(timestep.COMPRESSION, 3e-7, 1.0, "float32") == "energy growth"
     start = timestep.COMPRESSION.start(MapCell("", 2.0**-26, 1.0, "float32"))

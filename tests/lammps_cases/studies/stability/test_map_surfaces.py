@@ -1,4 +1,4 @@
-"""Summed densities draw a free surface in; thresholds far off misclassify; and the counts that theory gives."""
+"""Summed densities contract a free surface; wrong thresholds misclassify; and counts by theory."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ WRONG = "misclassified surface"
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
-def test_summed_densities_make_a_surface_clump(side: Engine) -> None:
+def test_summed_densities_clump_at_a_surface(side: Engine) -> None:
     assert outcome(matrices.SUMMED, 20.0, 4.0, "rho/sum", side).kind == "clumping"
     assert outcome(matrices.SUMMED, 20.0, 4.0, "continuity", side).kind == "stable"
     assert outcome(matrices.SUMMED, 0.5, 4.0, "rho/sum", side).kind == "stable"
 
 
-def test_clumping_is_at_the_surface_and_under_tension() -> None:
+def test_clumping_begins_at_the_surface_under_tension() -> None:
     cell = MapCell(matrices.SUMMED.id, 20.0, 4.0, "rho/sum")
     start = matrices.SUMMED.start(cell)
     run = open_run(start, matrices.SUMMED.watch(cell), "reference", living())
@@ -39,18 +39,18 @@ def test_clumping_is_at_the_surface_and_under_tension() -> None:
 @pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 @pytest.mark.parametrize("layer", matrices.DETECTION.layers)
-def test_limits_far_off_misclassify(layer: str, side: Engine) -> None:
+def test_wrong_limits_misclassify(layer: str, side: Engine) -> None:
     low = outcome(matrices.DETECTION, 0.4, 0.05, layer, side)
-    assert (low.kind, low.value, low.atom) == (WRONG, 0.0, 1)  # a particle of the surface is taken for bulk
+    assert (low.kind, low.value, low.atom) == (WRONG, 0.0, 1)  # a surface particle is classified as bulk
     high = outcome(matrices.DETECTION, 1.25, 0.05, layer, side)
-    assert (high.kind, high.value) == (WRONG, 1.0)  # one of the bulk for surface
+    assert (high.kind, high.value) == (WRONG, 1.0)  # a bulk particle as surface
     assert high.atom == matrices.DEEP * matrices.WIDTH + 1
     assert outcome(matrices.DETECTION, 0.8, 0.05, layer, side).kind == "stable"
 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
-def test_splash_limits_far_off_misclassify(side: Engine) -> None:
+def test_wrong_splash_limits_misclassify(side: Engine) -> None:
     n = matrices.LAYERS * matrices.WIDTH
     low = outcome(matrices.SPLASH, 0.0, 2.0, side=side)
     assert (low.kind, low.atom, low.value) == (WRONG, n + 1, 1.0)
@@ -59,10 +59,10 @@ def test_splash_limits_far_off_misclassify(side: Engine) -> None:
     assert outcome(matrices.SPLASH, 0.35, 2.0, side=side).kind == "stable"
 
 
-def test_share_of_the_circle() -> None:
-    """Against strips of the circle, as wide as it is halfway up each.
+def test_share_of_the_circle_is_its_area() -> None:
+    """Compare with strips of the circle, each as wide as the circle at its middle.
 
-    Widths rise and fall once by 2 R at most: a sum of theirs is wrong by no more than half a strip times both.
+    Widths rise and fall once by 2 R at most: the error of their sum is at most half a strip times both.
     """
     R, strips = matrices.CUT, 100_000
     for height in (-2.0, -0.5, 0.0, 1.3):
@@ -73,8 +73,8 @@ def test_share_of_the_circle() -> None:
     assert (matrices.share(-4.0), matrices.share(4.0)) == (0.0, 1.0)
 
 
-def test_expected_classes_are_of_the_geometry() -> None:
-    """Rows that the cutoff keeps from the surface are bulk, the outermost ones surface, and nothing else is judged."""
+def test_expected_classes_follow_from_the_geometry() -> None:
+    """Rows farther than the cutoff from the surface are bulk, the outermost ones surface, and no others are judged."""
     cell = MapCell(matrices.DETECTION.id, 0.8, 0.05, "coordination")
     known = matrices.DETECTION.watch(cell).surface
     y_n = matrices.DETECTION.start(cell).atoms.x_nc[:, 1]

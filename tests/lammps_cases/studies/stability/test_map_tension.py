@@ -1,4 +1,4 @@
-"""Tension clumps, pressure does not; theory says where, and shift moves the boundary."""
+"""Tension makes particles clump, pressure does not; theory predicts where, and shift moves the boundary."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ pytestmark = pytest.mark.slow
 @pytest.mark.lammps
 @pytest.mark.parametrize("density", [0.8, 1.2])
 @pytest.mark.parametrize("side", ENGINES)
-def test_the_sign_of_the_pressure_decides(density: float, side: Engine) -> None:
-    """The boundary follows the background at which the whole pressure is 0."""
+def test_sign_of_the_pressure_decides(density: float, side: Engine) -> None:
+    """The boundary follows the background pressure at which the total pressure is 0."""
     free = tension.TENSION.theory[0].x_of_y(density)
     assert outcome(tension.TENSION, free - 0.1, density, side=side).kind == "clumping"
     assert outcome(tension.TENSION, free + 0.05, density, side=side).kind == "stable"
 
 
 @pytest.mark.parametrize("cut", tension.WIDE.lines)
-def test_pressure_pairs_nothing(cut: float) -> None:
+def test_positive_pressure_pairs_no_particles(cut: float) -> None:
     assert outcome(tension.WIDE, 0.8, cut).kind == "stable"
     assert outcome(tension.WIDE, -0.2, cut).kind == "clumping"
 
 
-def test_shift_bears_more_tension() -> None:
+def test_shift_tolerates_more_tension() -> None:
     assert outcome(tension.TENSION, -0.2, 1.0, "").kind == "clumping"
     assert outcome(tension.TENSION, -0.2, 1.0, "shift").kind == "stable"
     assert outcome(tension.TENSION, -0.6, 1.0, "shift").kind == "clumping"
 
 
-def test_shift_raises_the_density_until_the_tension_is_gone() -> None:
+def test_shift_raises_the_density_until_tension_vanishes() -> None:
     cell = MapCell("tension", -0.2, 1.0, "shift")
     start = tension.TENSION.start(cell)
     run = open_run(start, tension.TENSION.watch(cell), "reference", living())
@@ -51,7 +51,7 @@ def test_shift_raises_the_density_until_the_tension_is_gone() -> None:
 
 
 def fastest(background: float) -> tuple[np.ndarray, np.ndarray]:
-    """Wave vector and direction of the wave that grows fastest."""
+    """Return wave vector and direction of the wave that grows fastest."""
     stiffness_kab, g_kc, damping_k = tension.waves(3.0)
     value_kc, vector_kab = np.linalg.eigh(2 * background * stiffness_kab + g_kc[:, :, None] * g_kc[:, None, :])
     half_k = tension.NU * damping_k / 2
@@ -63,7 +63,7 @@ def fastest(background: float) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
-def test_growth_of_a_wave(side: Engine) -> None:
+def test_wave_grows_at_the_rate_of_the_theory(side: Engine) -> None:
     """A small wave on the perfect lattice grows at the rate of the theory, to first order in the time step."""
     background, dt, size = -0.3, 0.01, 1e-5
     x_nc, edges = tension.triangles(tension.WIDTH, tension.HEIGHT)
@@ -83,12 +83,12 @@ def test_growth_of_a_wave(side: Engine) -> None:
         moved_nc -= np.round(moved_nc / edges) * edges
         sizes.append(float(wave_n @ moved_nc @ e_c) / float(wave_n @ wave_n))
     rate = tension.growth_rate(background, 1.0, 3.0)
-    assert size < sizes[1] < 1e-2  # it has grown, and is small still
+    assert size < sizes[1] < 1e-2  # it has grown, and is still small
     assert np.log(sizes[1] / sizes[0]) / (500 * dt) == pytest.approx(rate, rel=rate * dt)
 
 
 def test_no_growth_without_tension() -> None:
-    # The lower eigenvalue, 0, is rounded as g^2 is, and the root of its sum with (Gamma/2)^2 as Gamma/2.
+    # The lower eigenvalue, 0, rounds like g^2, and the root of its sum with (Gamma/2)^2 like Gamma/2.
     _, g_kc, damping_k = tension.waves(3.0)
     half_k, size_k = tension.NU * damping_k / 2, (g_kc**2).sum(axis=1)
     rounding = float((8 * EPS * size_k / (2 * half_k) + 2 * EPS * half_k).max())
@@ -97,16 +97,16 @@ def test_no_growth_without_tension() -> None:
     assert tension.growth_rate(-0.3, 1.0, 3.0) > tension.growth_rate(-0.1, 1.0, 3.0) > 0.05
 
 
-def test_clumping_begins_where_the_fastest_wave_has_had_time() -> None:
-    """The estimate is linear and takes one wave for all of the disorder: it is good to 0.05 rho0 c^2."""
+def test_clumping_begins_where_the_fastest_wave_can_grow() -> None:
+    """The estimate is linear and represents the disorder by one wave: it is accurate to 0.05 rho0 c^2."""
     expected = tension.clumps_below(1.0, 3.0)
     assert -0.05 < expected < 0
     assert outcome(tension.TENSION, expected - 0.05, 1.0).kind == "clumping"
     assert outcome(tension.TENSION, expected, 1.0).kind == "stable"
 
 
-def test_the_whole_sum_decides_where_single_neighbours_would_not() -> None:
-    """With 6 spacings W'' < 0 at the nearest neighbours, but the lattice is unstable under tension alone."""
+def test_stability_depends_on_the_whole_sum_of_neighbours() -> None:
+    """With 6 spacings W'' < 0 at the nearest neighbours, but the lattice is unstable only under tension."""
 
     def bend(cut: float) -> float:
         h, step = cut / QUINTIC.support, 1e-4

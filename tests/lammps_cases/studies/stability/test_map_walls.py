@@ -1,4 +1,4 @@
-"""Fluid thrown at a wall passes through when it is fast, and not when it is slow; what makes walls tighter."""
+"""Fluid thrown at a wall passes through if it is fast, and not if it is slow; settings that make walls tighter."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_reconstruction_makes_walls_tighter() -> None:
     assert outcome(walls.THICKNESS, 0.36, 2.0, walls.RECONSTRUCT).kind == "stable"
 
 
-def test_stiffness_counts_with_reconstruction_only() -> None:
+def test_stiffness_matters_only_with_reconstruction() -> None:
     assert outcome(walls.STIFFNESS, 0.5, 0.5, walls.RECONSTRUCT).kind == THROUGH
     assert outcome(walls.STIFFNESS, 0.5, 2.0, walls.RECONSTRUCT).kind == "stable"
     ends = []
@@ -50,7 +50,7 @@ def test_stiffness_counts_with_reconstruction_only() -> None:
     assert np.array_equal(ends[0], ends[1])
 
 
-def test_artificial_viscosity_counts_without_reconstruction() -> None:
+def test_artificial_viscosity_matters_only_without_reconstruction() -> None:
     assert outcome(walls.VISCOSITY, 0.6, 0.0, walls.STORED).kind == THROUGH
     assert outcome(walls.VISCOSITY, 0.6, 2.0, walls.STORED).kind == "stable"
     assert outcome(walls.VISCOSITY, 0.6, 2.0, walls.RECONSTRUCT).kind == THROUGH
@@ -62,8 +62,8 @@ def test_rows_of_the_wall() -> None:
 
 
 @pytest.mark.lammps
-def test_missing_volume_explains_that_lammps_holds_faster_fluid() -> None:
-    """Compressed fluid has volumes below 1, which LAMMPS' forces lack: its walls push harder."""
+def test_missing_volume_explains_tighter_walls_of_lammps() -> None:
+    """Compressed fluid has volumes below 1, which LAMMPS' forces lack, so its walls push harder."""
     x, y, layer = 0.74, 2.0, walls.RECONSTRUCT
     assert outcome(walls.STIFFNESS, x, y, layer).kind == THROUGH
     assert outcome(walls.STIFFNESS, x, y, layer, "lammps").kind == "stable"
@@ -83,7 +83,7 @@ def test_missing_volume_explains_that_lammps_holds_faster_fluid() -> None:
     assert lowest > -0.5
 
 
-def test_the_face_lies_behind_the_solids() -> None:
+def test_face_lies_behind_the_solids() -> None:
     for layers in (1.0, 2.0, 3.0):
         cell = MapCell(walls.THICKNESS.id, 0.2, layers, walls.STORED)
         start, watch = walls.THICKNESS.start(cell), walls.THICKNESS.watch(cell)

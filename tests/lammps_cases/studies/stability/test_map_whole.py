@@ -1,4 +1,4 @@
-"""Whole scenes hold at a small time step and Mach number, and fail at large ones."""
+"""Whole scenes are stable at a small time step and Mach number, and fail at large ones."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ pytestmark = pytest.mark.slow
 @pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 def test_column(side: Engine) -> None:
-    """Viscosity limits the step as in a shear wave, where the limit was measured as 4.18 of Morris'."""
+    """Viscosity limits the step as in a shear wave, where the measured limit is 4.18 times Morris'."""
     assert outcome(walls.COLUMN, 1.0, 1.0, side=side).kind == "stable"
     assert outcome(walls.COLUMN, 3.8, 1.0, side=side).kind == "stable"
     assert outcome(walls.COLUMN, 4.6, 1.0, side=side).kind == "energy growth"
 
 
 def test_column_swings_about_its_weight() -> None:
-    """Sound goes down and up twice in one period of the lowest mode; the mean pressure at the bottom is g H."""
+    """Sound travels down and up twice in one period of the lowest mode; the mean pressure at the bottom is g H."""
     cell = MapCell(walls.COLUMN.id, 1.0, 0.2, "")
     start = walls.COLUMN.start(cell)
     run = open_run(start, walls.COLUMN.watch(cell), "reference", living())
@@ -37,9 +37,9 @@ def test_column_swings_about_its_weight() -> None:
         pressures.append(np.mean(look.pressure_n[bottom_n]))
     supplied = walls.COLUMN.watch(cell).energy
     assert supplied is not None
-    assert 0.1 * supplied < max(energies) < supplied  # what the watch allows for is of the right size
+    assert 0.1 * supplied < max(energies) < supplied  # the scale of the criterion has the right size
     weight = walls.COMPRESSION * (walls.TALL - 0.5) / walls.TALL
-    # But for the compression, of the fluid above and of the one that sways.
+    # Except for the compression, of the fluid above and of the oscillating fluid.
     assert np.mean(pressures) == pytest.approx(weight, rel=2 * walls.COMPRESSION)
 
 
@@ -50,7 +50,7 @@ def test_dam_break(side: Engine) -> None:
     assert outcome(walls.DAM_BREAK, 1.5, 0.3, side=side).kind == "wall penetration"
 
 
-def test_dam_runs_to_the_other_wall() -> None:
+def test_dam_reaches_the_opposite_wall() -> None:
     cell = MapCell(walls.DAM_BREAK.id, 0.3, 0.3, "")
     start = walls.DAM_BREAK.start(cell)
     run = open_run(start, walls.DAM_BREAK.watch(cell), "reference", living())
@@ -68,7 +68,7 @@ def test_falling_drop(side: Engine) -> None:
     assert outcome(walls.DROP, 1.0, 0.4, side=side).kind == "wall penetration"
 
 
-def test_time_step_alone_changes_along_x() -> None:
+def test_only_the_time_step_changes_along_x() -> None:
     """So that the map gives limits of the time step."""
     for of in (walls.COLUMN, walls.DROP):
         a, b = (of.start(MapCell(of.id, x, 0.2, "")) for x in (0.5, 2.0))

@@ -1,4 +1,4 @@
-"""The page of an atlas: complete, offline, escaped, the same bits twice."""
+"""The page of an atlas is complete, offline, escaped and reproducible."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_the_page_names_no_part_twice_and_its_links_lead_somewhere(folder: Path) -> None:
+def test_page_has_unique_ids_and_valid_links(folder: Path) -> None:
     text = (folder / "report.html").read_text()
     ids = re.findall(r'\bid="([^"]+)"', text)
     assert Counter(ids).most_common(1)[0][1] == 1
@@ -57,14 +57,14 @@ def test_every_cell_has_its_numbers_and_its_command(folder: Path) -> None:
     assert '<td>4 of 6 lines</td><td class="number">24.0</td>' in text
 
 
-def test_the_table_of_disagreements_holds_both_sides(folder: Path) -> None:
+def test_table_of_disagreements_shows_both_sides(folder: Path) -> None:
     table = (folder / "report.html").read_text().partition('id="disagreements"')[2].partition("</section>")[0]
-    assert table.count("<tr") == 3  # a header, a line of each layer
+    assert table.count("<tr") == 3  # a header, one line per layer
     assert "stable, energy growth from dt = 0.4 to 1.6 on, lost particles from dt = 1.6 to 6.4 on" in table
     assert table.count("none known") == 2
 
 
-def test_a_known_finding_explains_a_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_known_finding_explains_a_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     atlas = made_atlas(folder)
     assert len(maps.unexplained(atlas.disagreements)) == 2
     shown = MapDifference("made", "it moves <things>", "plain")
@@ -74,7 +74,7 @@ def test_a_known_finding_explains_a_line(folder: Path, monkeypatch: pytest.Monke
     assert [maps.expected_difference(line) for line in atlas.disagreements] == [explained, None]
 
 
-def test_a_map_says_where_engines_differ_without_a_finding(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_map_may_explain_differences_without_a_finding(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(maps, "MAPS", {"made": replace(MAP, engines_differ="by rounding")})
     atlas = made_atlas(folder)
     assert [maps.expected_difference(line) for line in atlas.disagreements] == 2 * [
@@ -82,7 +82,7 @@ def test_a_map_says_where_engines_differ_without_a_finding(folder: Path, monkeyp
     ]
 
 
-def test_particles_are_shown_where_a_failure_begins(folder: Path) -> None:
+def test_particles_at_the_onset_of_a_failure_are_shown(folder: Path) -> None:
     text = (folder / "report.html").read_text()
     cell = MapCell("made", 1.6, 0.1, "plain")
     row = text.partition(f'<tr id="{cell.anchor}"')[2].partition("</tr>")[0]
@@ -93,7 +93,7 @@ def test_particles_are_shown_where_a_failure_begins(folder: Path) -> None:
     assert deck.startswith("# A <made> map: made:plain:1.6:0.1\n# eos-ref stability --cell made:plain:1.6:0.1\n")
 
 
-def test_page_pictures_and_decks_are_the_same_bits_twice(folder: Path, tmp_path: Path) -> None:
+def test_page_pictures_and_decks_are_reproducible(folder: Path, tmp_path: Path) -> None:
     page.write(made_atlas(tmp_path), tmp_path, {"made": MAP})
     files = sorted(p.relative_to(folder) for p in folder.rglob("*") if p.is_file() and p.suffix != ".npz")
     assert {"report.html", "figures/made.svg", "figures/made.png"} <= {str(f) for f in files}
@@ -101,7 +101,7 @@ def test_page_pictures_and_decks_are_the_same_bits_twice(folder: Path, tmp_path:
         assert (folder / file).read_bytes() == (tmp_path / file).read_bytes(), file
 
 
-def test_a_map_that_is_gone_is_still_shown(tmp_path: Path) -> None:
+def test_removed_map_is_still_shown(tmp_path: Path) -> None:
     page.write(made_atlas(tmp_path), tmp_path, {})
     text = (tmp_path / "report.html").read_text()
     assert "A &lt;made&gt; map" in text
@@ -112,20 +112,20 @@ def test_a_map_that_is_gone_is_still_shown(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("layer", ["", "plain", "with shift", "a:b", "with <shift>", "RK1, zmin 0"])
-def test_a_name_reads_back_as_its_cell(layer: str) -> None:
+def test_name_of_a_cell_round_trips(layer: str) -> None:
     for x, y in ((0.1, 1e-300), (-2.5, 1 / 3), (1e22, 0.0)):
         cell = MapCell("made", x, y, layer)
         assert MapCell.parse(cell.name) == cell
         assert re.fullmatch(r"[A-Za-z0-9_.+-]+", cell.anchor)
 
 
-def test_names_that_differ_have_other_addresses() -> None:
+def test_different_names_have_different_addresses() -> None:
     layers = ("", "a b", "a_b", "a:b", "a-b", "a_20_b", "a_", "a__")
     cells = [MapCell("made", x, y, layer) for layer in layers for x in (1.0, -1.0) for y in (1.0, 2.0)]
     assert len({cell.anchor for cell in cells}) == len(cells)
 
 
 @pytest.mark.parametrize("text", ["", "made", "made:plain:1", "made:plain:one:2", "made:plain:1:"])
-def test_what_is_no_cell_is_refused(text: str) -> None:
+def test_invalid_cells_are_refused(text: str) -> None:
     with pytest.raises(InputError, match="cell: must be MAP:LAYER:X:Y"):
         MapCell.parse(text)

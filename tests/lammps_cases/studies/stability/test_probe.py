@@ -1,4 +1,4 @@
-"""A cell is followed to its first failure: step, atom, value and the particles before; however its engine ends."""
+"""A cell is run to its first failure: step, atom, value and the particles before, however its engine ends."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def followed(start: Start, watch: FailureCriteria, side: Engine, living: Session
 
 
 def by_hand(start: Start, watch: FailureCriteria) -> tuple[int, kinds.ParticleFailure, Simulation]:
-    """Step, failure, and simulation one step before, by plain stepping."""
+    """Return step, failure, and simulation one step before, by single steps."""
     scene, atoms = start.case.scene, start.atoms
     made = [reference_side.simulation(scene, atoms) for _ in range(2)]
     for step in range(1, 1000):
@@ -59,10 +59,10 @@ def by_hand(start: Start, watch: FailureCriteria) -> tuple[int, kinds.ParticleFa
     raise AssertionError("nothing failed")
 
 
-def test_step_atom_and_value_are_the_first_ones(living: Session) -> None:
+def test_step_atom_and_value_are_those_of_the_first_failure(living: Session) -> None:
     start = unstable()
     step, found, before = by_hand(start, WATCH)
-    assert step > 2 and step % WATCH.every  # within a stretch
+    assert step > 2 and step % WATCH.every  # between two looks
     examined = followed(start, WATCH, "reference", living)
     outcome = examined.outcome
     assert (outcome.kind, outcome.step, outcome.atom, outcome.value) == (found.kind, step, found.atom, found.value)
@@ -75,7 +75,7 @@ def test_step_atom_and_value_are_the_first_ones(living: Session) -> None:
 
 @pytest.mark.parametrize("side", ENGINES)
 @pytest.mark.parametrize("every", [1, 3, 1000])
-def test_the_stretch_does_not_matter(side: Engine, every: int, living: Session) -> None:
+def test_result_does_not_depend_on_the_interval_of_looks(side: Engine, every: int, living: Session) -> None:
     found = followed(unstable(), WATCH, side, living)
     again = followed(unstable(), replace(WATCH, every=every), side, living)
     assert again.outcome == found.outcome
@@ -83,7 +83,7 @@ def test_the_stretch_does_not_matter(side: Engine, every: int, living: Session) 
     assert np.array_equal(again.before["v"], found.before["v"])
 
 
-def test_engines_fail_alike(living: Session) -> None:
+def test_engines_fail_in_the_same_way(living: Session) -> None:
     ours, theirs = (followed(unstable(), WATCH, side, living).outcome for side in ENGINES)
     assert (ours.kind, ours.step, ours.atom) == (theirs.kind, theirs.step, theirs.atom)
     # LAMMPS' forces lack the volumes, which differ from 1 by the Mach number; the energy has grown by its square.
@@ -91,7 +91,7 @@ def test_engines_fail_alike(living: Session) -> None:
 
 
 @pytest.mark.parametrize("side", ENGINES)
-def test_energy_of_the_first_look_is_the_scale_where_none_is_given(side: Engine, living: Session) -> None:
+def test_default_energy_scale_is_that_of_the_first_look(side: Engine, living: Session) -> None:
     start = unstable(1e-6)
     watch = FailureCriteria(every=20, growth=10.0)
     run = open_run(start, watch, side, living)
@@ -115,7 +115,7 @@ def test_sound_runs_are_stable(side: Engine, living: Session) -> None:
 
 
 @pytest.mark.parametrize("side", ENGINES)
-def test_surfaces_are_those_of_the_engine(side: Engine, living: Session) -> None:
+def test_surfaces_are_read_from_the_engine(side: Engine, living: Session) -> None:
     start = channel()
     look = followed(start, FailureCriteria(surface={60: 0, 66: 1}), side, living)
     assert look.outcome.kind == "stable"
@@ -140,8 +140,8 @@ def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Session
         assert run.snapshot().x_nc[-1, 1] > 13.0
 
 
-def test_positions_that_are_no_numbers_are_seen_in_the_step_that_made_them(living: Session) -> None:
-    """The reference stops in the middle of a step; what it has by then is looked at."""
+def test_nan_positions_are_detected_in_their_step(living: Session) -> None:
+    """The reference stops in the middle of a step; its state at that point is examined."""
     start = unstable(0.3)
     huge = replace(start, atoms=replace(start.atoms, v_nc=start.atoms.v_nc * 1e200))
     outcome = followed(huge, FailureCriteria(), "reference", living).outcome
@@ -149,11 +149,11 @@ def test_positions_that_are_no_numbers_are_seen_in_the_step_that_made_them(livin
     assert outcome.step == 1
 
 
-# --- ends that are not the particles'
+# --- ends that particles do not cause
 
 
-def test_refusals_are_errors_with_their_text(living: Session) -> None:
-    """A law that the reference refuses and LAMMPS takes."""
+def test_refusals_are_errors_with_their_message(living: Session) -> None:
+    """A law that the reference refuses and LAMMPS accepts."""
     start = channel(3)
     law = start.case.scene.pressure[0].model_copy(update={"style": "tait/general", "A3": None, "gamma": 0.0})
     start = replace(start, case=replace(start.case, scene=start.case.scene.model_copy(update={"pressure": (law,)})))
@@ -163,7 +163,7 @@ def test_refusals_are_errors_with_their_text(living: Session) -> None:
     assert followed(start, FailureCriteria(), "lammps", living).outcome.kind != "error"
 
 
-def test_lammps_errors_keep_their_text(living: Session) -> None:
+def test_lammps_errors_keep_their_message(living: Session) -> None:
     start = channel(3)
     scene = start.case.scene.model_copy(update={"violate": "unknown-pressure-style"})
     outcome = followed(
@@ -171,10 +171,10 @@ def test_lammps_errors_keep_their_text(living: Session) -> None:
     ).outcome
     assert (outcome.kind, outcome.step) == ("error", 0)
     assert "Illegal fix command" in outcome.message or "ubic" in outcome.message
-    assert followed(channel(), FailureCriteria(), "lammps", living).outcome.kind == "stable"  # the instance serves on
+    assert followed(channel(), FailureCriteria(), "lammps", living).outcome.kind == "stable"  # still usable
 
 
-def test_mistakes_of_this_project_are_not_blamed_on_an_engine(monkeypatch: pytest.MonkeyPatch, living: Session) -> None:
+def test_bugs_of_this_project_are_not_blamed_on_an_engine(monkeypatch: pytest.MonkeyPatch, living: Session) -> None:
     def mistaken(*arguments: object) -> None:
         raise TypeError("a mistake")
 
@@ -194,11 +194,11 @@ def test_mistakes_of_this_project_are_not_blamed_on_an_engine(monkeypatch: pytes
         ("ERROR: Unknown fix style", "error"),
     ],
 )
-def test_errors_of_lammps_that_have_a_kind_of_their_own(text: str, kind: str) -> None:
+def test_kinds_of_lammps_errors(text: str, kind: str) -> None:
     assert saying(text) == kind
 
 
-# A package named lammps that is the real one, but for masses that stand for a fault in the 38th step.
+# A package named lammps: the real one, except that certain masses cause a fault in the 38th step.
 FAULTY = """
 import os, signal, time
 class lammps(_lammps):
@@ -245,7 +245,7 @@ def ended(mass: float, workers: Workers, limit: float = 20.0, side: Engine = "la
     return examine(of, MapCell("rest", 0.0, 0.0), side, workers, limit)
 
 
-def test_a_worker_that_dies_is_a_crash_at_its_step(faulty: Workers) -> None:
+def test_death_of_a_worker_is_a_crash_at_its_step(faulty: Workers) -> None:
     found = ended(101.0, faulty)
     assert (found.outcome.kind, found.outcome.step, found.outcome.steps) == ("crash", 38, 60)
     assert "SIGSEGV" in found.outcome.message
@@ -253,33 +253,31 @@ def test_a_worker_that_dies_is_a_crash_at_its_step(faulty: Workers) -> None:
     assert np.array_equal(found.before["x"], resting(60).atoms.x_nc[:, :2])
 
 
-def test_a_crash_that_does_not_come_again_is_still_one(faulty: Workers) -> None:
+def test_crash_that_does_not_recur_is_still_reported(faulty: Workers) -> None:
     found = ended(104.0, faulty)
     assert (found.outcome.kind, found.outcome.message[-18:]) == ("crash", "(once in two runs)")
 
 
-def test_a_worker_that_does_not_end_is_a_hang_after_its_last_look(faulty: Workers) -> None:
+def test_endless_worker_is_a_hang_after_its_last_look(faulty: Workers) -> None:
     found = ended(102.0, faulty, 4.0)
     assert (found.outcome.kind, found.outcome.step, found.outcome.seconds) == ("hang", 31, 4.0)
     assert found.before is not None and found.before["step"] == 30
 
 
-def test_an_error_is_one_at_its_step(faulty: Workers) -> None:
+def test_error_is_reported_at_its_step(faulty: Workers) -> None:
     found = ended(103.0, faulty)
     assert (found.outcome.kind, found.outcome.step) == ("error", 38)
     assert found.outcome.message == "ERROR: made up by the test"
     assert found.before is not None and found.before["step"] == 37
 
 
-def test_others_are_not_touched(faulty: Workers) -> None:
+def test_runs_without_a_fault_are_unaffected(faulty: Workers) -> None:
     assert ended(100.0, faulty).outcome.kind == "stable"
     assert ended(101.0, faulty, side="reference").outcome.kind == "stable"
 
 
-def test_a_run_that_ends_earlier_the_second_time_keeps_what_was_seen_first(
-    monkeypatch: pytest.MonkeyPatch, living: Session
-) -> None:
-    """LAMMPS may read memory that nobody wrote: the way back then fails itself."""
+def test_shorter_second_run_keeps_the_first_failure(monkeypatch: pytest.MonkeyPatch, living: Session) -> None:
+    """LAMMPS may read uninitialised memory, so that the second run fails on its own."""
     start = unstable()
     seen = followed(start, WATCH, "reference", living)
 
@@ -296,10 +294,10 @@ def test_a_run_that_ends_earlier_the_second_time_keeps_what_was_seen_first(
     examined = followed(start, WATCH, "reference", living)
     assert examined.outcome.kind == seen.outcome.kind
     assert examined.outcome.message == "(run again, it ended earlier: Lost atoms: 2)"
-    assert examined.outcome.step is not None and examined.outcome.step % WATCH.every == 0  # the end of the stretch
+    assert examined.outcome.step is not None and examined.outcome.step % WATCH.every == 0  # the look after the failure
     assert examined.before is not None and examined.before["step"] == examined.outcome.step - WATCH.every
 
 
-def test_what_stopped_a_run_comes_back_from_a_worker() -> None:
+def test_cause_of_a_stop_can_be_pickled() -> None:
     again = pickle.loads(pickle.dumps(Stopped("lost particles", "Lost atoms:  2", 7)))
     assert (again.kind, again.message, again.atom) == ("lost particles", "Lost atoms: 2", 7)

@@ -1,4 +1,4 @@
-"""Maps of the time step: the linear theory that is drawn over them is that of the scheme."""
+"""Maps of the time step: the linear theory drawn over them is that of the scheme."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_energy_is_that_of_the_linearised_scheme(
     for _ in range(5):
         run.advance(4)
         measured.append(kinds.kinetic_energy(of.mass_n, run.snapshot().v_nc) / first)
-    # In a box of 10 spacings places round by 1e-15; particles move by 2e-10 and more in a step: 5e-6 of it, and the
+    # In a box of 10 spacings positions round by 1e-15; particles move by 2e-10 or more in a step: 5e-6 of it, and the
     # energy is a square.
     assert measured == pytest.approx(growth(fraction, ratio, cut, 4, 5), rel=1e-5)
 
@@ -56,7 +56,7 @@ def test_energy_is_that_of_the_linearised_scheme(
 @pytest.mark.lammps
 @pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("side", ENGINES)
-def test_runs_fail_beyond_the_limit_of_growth(side: Engine, ratio: float, living: Session) -> None:
+def test_runs_fail_beyond_the_growth_limit(side: Engine, ratio: float, living: Session) -> None:
     limit = growth_limit(ratio, 3.0)
     for fraction, kind in ((0.97 * limit, "stable"), (1.01 * limit, "energy growth")):
         start = box(fraction, ratio, 3.0, 1e-4)
@@ -65,7 +65,7 @@ def test_runs_fail_beyond_the_limit_of_growth(side: Engine, ratio: float, living
         assert found.outcome.kind == kind
 
 
-def test_limits_are_where_waves_begin_to_grow() -> None:
+def test_waves_grow_beyond_the_limits() -> None:
     """The largest eigenvalue of a step crosses 1 at the lower of the two limits."""
     of = timestep.waves(3.0)
     for ratio, limit in ((0.1, sound_limit), (10.0, viscous_limit)):
@@ -81,14 +81,14 @@ def test_limits_are_where_waves_begin_to_grow() -> None:
         assert sizes[0] <= 1 + 1e-12 < sizes[1]
 
 
-def test_criteria_meet_where_viscosity_and_sound_limit_alike() -> None:
+def test_criteria_meet_where_viscosity_and_sound_limit_equally() -> None:
     for cut in (2.0, 3.0, 4.0):
         assert acoustic_criterion(1.0, cut) == rounded(1.0, 8) == viscous_criterion(1.0, cut)
         assert acoustic_criterion(3.0, cut) == rounded(3.0, 8)
         assert viscous_criterion(0.2, cut) == rounded(5.0, 8)
 
 
-def test_steps_are_as_many_as_said() -> None:
+def test_every_run_has_the_same_number_of_steps() -> None:
     for of in timestep.MAPS:
         for y in of.lines:
             assert of.start(MapCell(of.id, 1.0, y)).steps == (timestep.STEPS,)

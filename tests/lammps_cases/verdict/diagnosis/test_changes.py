@@ -16,8 +16,8 @@ from lammps_cases.verdict.diagnosis.changes import Watched, stale
 from lammps_cases.verdict.problems import problem_of
 
 
-def test_walls_keep_their_densities_while_others_meet_fluid() -> None:
-    """Each solid has its own of the evaluation before, where the solids that meet fluid change from step to step."""
+def test_stale_wall_densities_are_kept_per_solid() -> None:
+    """Each solid keeps its own density of the previous evaluation, while the solids that meet fluid change."""
     (case,) = (case for case in casefile.load() if case.name == "open.walls-after-rebuild")
     problem = problem_of(case.scene, prepare(case).atoms, case.where, case.scene.snapshots)
     quick = replace(problem.state, v_nc=10 * problem.state.v_nc)
@@ -38,5 +38,5 @@ def test_walls_keep_their_densities_while_others_meet_fluid() -> None:
         sim.step(problem.timestep)
         np.testing.assert_array_equal(
             sim.state.rho_n[met[-1]], fresh[-3][met[-1]]
-        )  # between them that of the first half of the step
+        )  # in between lies that of the first half of the step
     assert len({len(at) for at in met}) > 1, "the same solids meet fluid in every step"

@@ -1,4 +1,4 @@
-"""Hypotheses about equations of state: a group may mix scenes, of which a change means something for some alone."""
+"""Hypotheses about equations of state: a change may be meaningful for only some scenes of a group."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LINEAR, GAS = {"types": "*", "style": "linear"}, {"types": "*", "style": "ideal/
 
 
 def red(case: Case, folder: Path) -> CaseRecord:
-    """A case in which all pressures are twice as large as they should be; energies are not kept."""
+    """Return a case in which all pressures are twice the correct ones; energies are not saved."""
     atoms = prepare(case).atoms
     p_n = case.scene.eos(case.where).pressure(atoms.rho_n, atoms.type_n, np.ones_like(atoms.rho_n))
     arrays = {"id": atoms.id_n, "type": atoms.type_n, "rho": atoms.rho_n, "mass": atoms.mass_n}
@@ -33,10 +33,10 @@ def red(case: Case, folder: Path) -> CaseRecord:
 
 
 @pytest.mark.parametrize(("law", "energy", "reproduced"), [(LINEAR, None, {"three", "one"}), (GAS, 1.0, {"three"})])
-def test_a_change_without_meaning_for_a_scene_is_not_tried_there(
+def test_change_is_not_tried_on_scenes_where_it_is_meaningless(
     law: dict[str, Any], energy: float | None, reproduced: set[str], tmp_path: Path, case_file: Callable[..., Path]
 ) -> None:
-    """A scene of one type beside one of three; an ideal gas whose energies are not at hand."""
+    """A scene of one type next to one of three; an ideal gas whose energies are not available."""
     one = {"types": [ONE], "pressure": [law], "energy": energy and {"constant": energy}}
     files = case_file("three", types=[ONE, ONE, ONE], pressure=[LINEAR]), case_file("one", **one)
     cases = {case.name: case for file in files for case in casefile.load_file(file)}

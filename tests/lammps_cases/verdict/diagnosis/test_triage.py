@@ -1,4 +1,4 @@
-"""Faults planted without telling the triage: it groups them, and names the cause among its hypotheses."""
+"""Planted faults, unknown to the triage: it groups them, and names the cause among its hypotheses."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class OldViscosity(Simulation):
 
 
 class WrongTwice(ArrayEvaluator):
-    """Viscous forces doubled, and pressures of the other sign."""
+    """Viscous forces doubled, and pressures with the opposite sign."""
 
     def pair_terms(self, fields: Any) -> Any:
         fields = fields._replace(pressure_n=-fields.pressure_n, viscosity_n=fields.viscosity_n + fields.viscosity_n)
@@ -123,7 +123,7 @@ class WrongTwice(ArrayEvaluator):
 
 
 class SquaredDistance(ArrayEvaluator):
-    """A change that no factor, exchange or omission makes."""
+    """A change that no factor, exchange or omission produces."""
 
     def viscosity(self, gradient_ncc: Array | None = None) -> Array:
         plain = super().viscosity(gradient_ncc)
@@ -171,7 +171,7 @@ PLANTED = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", PLANTED, ids=lambda fault: fault.cause)
-def test_the_cause_is_among_the_hypotheses(fault: Planted, tmp_path: Path) -> None:
+def test_cause_is_among_the_hypotheses(fault: Planted, tmp_path: Path) -> None:
     run = red_run(tmp_path, fault.cases, fault.stages, fault.stepping)
     assert run.triage is not None
     named = [each.sentence for group in run.triage.groups for each in group.hypotheses]
@@ -194,7 +194,7 @@ def test_two_edits_are_found_together(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.slow
-def test_what_no_edit_makes_gets_no_hypothesis(tmp_path: Path) -> None:
+def test_fault_beyond_all_edits_gets_no_hypothesis(tmp_path: Path) -> None:
     run = red_run(tmp_path, ("images.quintic.four", "forces.viscous.quintic.2d"), SquaredDistance)
     assert run.triage is not None
     assert sum(len(group.cases) for group in run.triage.groups) == 2
@@ -202,20 +202,20 @@ def test_what_no_edit_makes_gets_no_hypothesis(tmp_path: Path) -> None:
     assert any("no hypothesis: none of" in line for line in wording.triage_lines(run))
 
 
-def test_a_green_run_has_no_triage(tmp_path: Path) -> None:
+def test_green_run_has_no_triage(tmp_path: Path) -> None:
     run = red_run(tmp_path, ("images.quintic.two",))
     assert run.triage is None
     assert list(wording.triage_lines(run)) == []
 
 
 @pytest.mark.lammps
-def test_a_green_run_has_nothing_to_group(tmp_path: Path, eos_ref_command: Run) -> None:
+def test_diagnose_has_nothing_to_group_in_a_green_run(tmp_path: Path, eos_ref_command: Run) -> None:
     assert eos_ref_command("run", "near-rho0.linear.2d", "--out", tmp_path / "report").code == 0
     assert "nothing to group" in eos_ref_command("diagnose", tmp_path / "report").out
 
 
 @pytest.mark.slow
-def test_what_red_scenes_share_and_green_ones_lack(tmp_path: Path, eos_ref_command: Run) -> None:
+def test_features_common_to_red_and_absent_from_green_scenes(tmp_path: Path, eos_ref_command: Run) -> None:
     names = ("shift.all.2d", "images.shift.two", "images.shift.four", "images.quintic.two", "images.quintic.four")
     run = red_run(tmp_path / "fields", names, ShiftTheOtherWay)
     assert run.triage is not None
@@ -232,7 +232,7 @@ def test_what_red_scenes_share_and_green_ones_lack(tmp_path: Path, eos_ref_comma
     assert "### Triage" in (tmp_path / "summary.md").read_text()
 
 
-def test_several_features_are_named_where_none_is_enough() -> None:
+def test_several_features_are_named_if_one_is_not_enough() -> None:
     red = [{"a", "b", "x"}, {"a", "b", "y"}]
     green = [{"a", "x"}, {"b", "y"}, {"a"}]
     assert in_common(red, green).features == ("b", "a") or in_common(red, green).features == ("a", "b")
@@ -240,7 +240,7 @@ def test_several_features_are_named_where_none_is_enough() -> None:
     assert in_common(red, [*green, {"a", "b"}]).green == 1
 
 
-def test_ends_without_numbers_are_grouped_by_their_error() -> None:
+def test_failures_are_grouped_by_their_error() -> None:
     from lammps_cases.verdict.diagnosis.triage import triage
 
     error = "ERROR: one (src/a.cpp:1)\nLast input line: x"
@@ -253,8 +253,8 @@ def test_ends_without_numbers_are_grouped_by_their_error() -> None:
     assert wording.hypotheses(made.groups[0]) == ["no hypothesis: nothing to try formulas on"]
 
 
-def test_cases_of_laws_and_of_the_model_are_groups_of_their_own() -> None:
-    """Only the first have the energies that a law of theirs needs."""
+def test_cases_of_laws_and_of_the_model_are_grouped_separately() -> None:
+    """Only the former have the energies that a law needs."""
     from lammps_cases.verdict.diagnosis.triage import triage
 
     blame = {"field": "pressure_used", "stage": "eos", "atom": 1, "lammps": 2.0, "reference": 1.0, "bound": 1e-9}

@@ -1,4 +1,4 @@
-"""What is generated: every kind, every arrangement, and what the reference takes of it is what the syntax allows."""
+"""Generated inputs: every kind, every arrangement; the reference accepts exactly what the syntax allows."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ALL = generated()
 BY_ID = {one.id: one for one in ALL}
 
 
-def test_counts() -> None:
+def test_every_kind_and_arrangement_is_generated() -> None:
     assert len(BY_ID) == len(ALL) >= 2000
     kinds = Counter(one.kind for one in ALL)
     least = {"number": 900, "integer": 150, "types": 400, "choice": 60, "keyword": 200, "arrangement": 300}
@@ -31,8 +31,8 @@ def test_counts() -> None:
 
 
 @pytest.mark.parametrize("kind", ["number", "integer"])
-def test_reference_takes_what_the_syntax_allows_and_nothing_else(kind: str) -> None:
-    """Two statements of the same ranges: the table of the syntax, and the checks of parsers and model."""
+def test_reference_accepts_exactly_what_the_syntax_allows(kind: str) -> None:
+    """The ranges are stated twice: in the table of the syntax, and in the checks of parsers and model."""
     chosen = [one for one in ALL if one.kind == kind]
     for one in chosen:
         value = number(one.word)
@@ -42,14 +42,14 @@ def test_reference_takes_what_the_syntax_allows_and_nothing_else(kind: str) -> N
 
 
 @pytest.mark.parametrize("kind", ["types", "choice", "keyword", "group", "id", "name", "arrangement", "command"])
-def test_most_words_of_the_other_kinds_are_refused_and_no_legal_one(kind: str) -> None:
+def test_many_words_of_other_kinds_but_no_legal_ones_are_refused(kind: str) -> None:
     chosen = [one for one in ALL if one.kind == kind]
     assert sum(bool(one.refusal) for one in chosen) > 0.3 * len(chosen)
     assert not [one.id for one in chosen if one.mutation in ("legal", "group-twice", "groups-reversed") and one.refusal]
     assert not [one.id for one in chosen if one.mutation in ("empty", "upper-case", "full-width") and not one.refusal]
 
 
-def test_promises_of_the_manual_are_not_those_of_physics() -> None:
+def test_promises_are_those_of_the_manual_not_of_physics() -> None:
     def promise(id: str) -> str:
         return BY_ID[id].promise
 
@@ -71,14 +71,14 @@ def test_promises_of_the_manual_are_not_those_of_physics() -> None:
         ("mass.plain.types.changed-places", "mass 0.75 2"),
     ],
 )
-def test_lines(id: str, line: str) -> None:
+def test_lines_of_generated_inputs(id: str, line: str) -> None:
     one: Generated = BY_ID[id]
     assert one.line == line
     assert line in one.commands
     assert one.control != one.input
 
 
-def test_command_as_a_whole() -> None:
+def test_mutations_of_whole_commands_are_refused() -> None:
     assert BY_ID["fix-rheo.kernel.command.left-out"].refusal == "fix rheo/viscosity: must follow fix rheo"
     assert BY_ID["fix-rheo.kernel.command.last"].refusal == "fix rheo/viscosity: must follow fix rheo"
     assert "only one" in BY_ID["fix-rheo-pressure.linear.command.twice-by-another-id"].refusal
@@ -86,7 +86,7 @@ def test_command_as_a_whole() -> None:
     assert BY_ID["mass.plain.command.left-out"].refusal == "mass: must be given for atom type 2"
 
 
-def test_words_that_a_clear_error_has() -> None:
+def test_words_of_a_clear_error() -> None:
     one = BY_ID["fix-rheo.scale.cmin.word"]
     assert {"cmin", "scale/cross/type", "seven"} <= set(one.clear)
     assert "shiftscale" in one.others

@@ -1,4 +1,4 @@
-"""Words of each kind: all that the manual's kinds can be mistaken for, each once."""
+"""Malformed words of each kind of argument in the manual, each once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEGAL = {"number": "1.2", "integer": "8", "choice": "RK1", "types": "2", "group"
 
 
 @pytest.mark.parametrize("kind", get_args(Kind))
-def test_words_of_a_kind(kind: Kind) -> None:
+def test_words_of_a_kind_are_distinct_and_malformed(kind: Kind) -> None:
     words = syntax.words_for(Argument(kind=kind), LEGAL[kind])
     assert len(words) >= 7
     assert LEGAL[kind] not in words.values()
@@ -23,7 +23,7 @@ def test_words_of_a_kind(kind: Kind) -> None:
     assert any(not word.isascii() for word in words.values()), "other scripts"
 
 
-def test_numbers_hold_every_edge() -> None:
+def test_numbers_include_every_edge_case() -> None:
     words = set(syntax.number(Argument(kind="number"), "1.2").values())
     assert {"0", "-0.0", "-1.2", "nan", "inf", "1e-310", "1e308", "1e309", "2147483648", "4294967297", "-1"} <= words
     words = set(syntax.integer(Argument(kind="integer"), "8").values())
@@ -31,7 +31,7 @@ def test_numbers_hold_every_edge() -> None:
 
 
 @pytest.mark.parametrize(("name", "word"), syntax.types(Argument(kind="types"), "").items())
-def test_legal_types_are_those_said_to_be(name: str, word: str) -> None:
+def test_exactly_the_listed_types_are_legal(name: str, word: str) -> None:
     if name in syntax.LEGAL_TYPES:
         assert type_range(word, NTYPES)
     else:
@@ -39,7 +39,7 @@ def test_legal_types_are_those_said_to_be(name: str, word: str) -> None:
             type_range(word, NTYPES)
 
 
-def test_keywords() -> None:
+def test_keywords_are_misspelled() -> None:
     assert {"RHO/SUM", "Rho/sum", "rhosum", "rho-sum", "rho/sums", "rho/sux"} <= set(
         syntax.words_for_keyword("rho/sum").values()
     )

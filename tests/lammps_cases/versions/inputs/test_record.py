@@ -1,4 +1,4 @@
-"""The table on disk, its page and its command."""
+"""The saved table, its page and its command."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ ROWS = (
 TABLE = InputTable("eos-ref inputs", {"distribution": "1.2.3"}, 1.5, ROWS)
 
 
-def test_counts() -> None:
+def test_counts_of_reactions_and_agreements() -> None:
     assert TABLE.reactions == {"clear error": 1, "silent NaN": 1, "crash": 1}
     assert list(TABLE.reactions) == ["clear error", "silent NaN", "crash"], "the best first"
     assert TABLE.agreements["the reference alone refuses it"] == 2 and TABLE.agreements["LAMMPS alone refuses it"] == 1
     assert [row.id for row in TABLE.unexplained] == ["a.b.c.x"]
 
 
-def test_files_hold_the_table(tmp_path: Path) -> None:
+def test_files_have_the_whole_table(tmp_path: Path) -> None:
     table.write(TABLE, tmp_path)
     assert table.read(tmp_path) == TABLE
     with (tmp_path / "inputs.csv").open(newline="") as file:
@@ -43,7 +43,7 @@ def test_files_hold_the_table(tmp_path: Path) -> None:
     assert table.DOCUMENT.plain(TABLE)["schema"] == "eos-ref/inputs/1"
 
 
-def test_changes() -> None:
+def test_changed_reactions_are_listed() -> None:
     other = (InputRow(**{**vars(ROWS[0]), "reaction": "crash"}), *ROWS[1:4])
     assert [(a.reaction, b.reaction) for a, b in table.changes(ROWS, other)] == [("clear error", "crash")]
 

@@ -1,4 +1,4 @@
-"""Inputs that are refused here, and what LAMMPS does with them: no refusal without a row, no class by hand."""
+"""Inputs that are refused here, and LAMMPS' reaction to them: every refusal has a row, every class is computed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tests.support.progress import Steps
 
 BY_ID = {bad.id: bad for bad in bad_inputs()}
 
-# Refusals of a scene that cannot be put to LAMMPS, and why.
+# Refusals of a scene that cannot be tried on LAMMPS, and why.
 NOT_FOR_LAMMPS = {
     "method-of-a-scene": "how the reference evaluates",
     "tolerance-of-a-scene": "how the reference evaluates",
@@ -76,7 +76,7 @@ NOT_FOR_LAMMPS = {
 
 @pytest.fixture(scope="module")
 def rows() -> dict[str, InputRow]:
-    """The whole table, on LAMMPS."""
+    """Return the whole table, measured on LAMMPS."""
     progress = Steps()
     with Workers(None, 2) as workers:
         found = table(workers, progress, bad_inputs())
@@ -98,16 +98,16 @@ def test_every_refusal_of_a_scene_has_a_row_or_a_reason() -> None:
     assert all(reasons.values())
 
 
-def test_list() -> None:
+def test_list_of_inputs() -> None:
     assert len(BY_ID) == len(bad_inputs()) >= 60
     for bad in bad_inputs():
-        assert bad.input  # every text to be replaced is there
+        assert bad.input  # every text to be replaced exists
         assert bad.names or offending(bad), bad.id
 
 
 @pytest.mark.parametrize("id", BY_ID)
 def test_input_is_refused_here_with_a_clear_error(id: str) -> None:
-    """By the rule that LAMMPS is measured with: a refusal for another reason would not name the quantity."""
+    """This is judged by the rule for LAMMPS: a refusal for another reason would not name the quantity."""
     bad = BY_ID[id]
     text = bad.refusal
     assert text, f"{id} is not refused here"
@@ -116,8 +116,8 @@ def test_input_is_refused_here_with_a_clear_error(id: str) -> None:
 
 
 @pytest.mark.parametrize("id", [id for id in map(slug, BAD) if id in BY_ID and BY_ID[id].scene is not None])
-def test_refusal_is_that_of_the_scene(id: str) -> None:
-    """The row that bears the name of a refusal has its first words, where it is a scene that says it."""
+def test_row_of_a_scene_has_the_scenes_refusal(id: str) -> None:
+    """If a scene raises the refusal, the row named after it has its first words."""
     bad = BY_ID[id]
     _, parts = next(found for what, found in BAD.items() if slug(what) == id)
     assert all(part in bad.refusal for part in parts[:1]), (parts, bad.refusal)
@@ -128,7 +128,7 @@ def test_refusal_is_that_of_the_scene(id: str) -> None:
 
 MODEL = ("model/box", "model/parameters", "model/state", "model/commands")
 MODULES = ("syntax/ranges", "syntax/words", "eos/table", "syntax/fixes", *MODEL)
-# Refusals that are nothing to LAMMPS: calls from Python, and the same rule met earlier elsewhere.
+# Refusals that LAMMPS cannot meet: calls from Python, and rules that apply earlier elsewhere.
 PYTHON_ONLY = (
     "must be one of {', '.join(STYLES)}",
     "takes no argument",
@@ -154,7 +154,7 @@ PYTHON_ONLY = (
 )
 
 
-# Rules that the parser or the scene meets first: which row breaks the same one.
+# Rules that the parser or the scene applies first, and the row that breaks the same one.
 MET_EARLIER = {
     "InputError(what, 'must be a finite number', value)": "gamma-nan",
     "InputError(what, 'must be positive', value)": "rho0-zero",
@@ -183,7 +183,7 @@ MET_EARLIER = {
 
 
 def raised(path: Path) -> Iterator[tuple[int, str]]:
-    """Lines that refuse: raise InputError, or fail of the parser."""
+    """Yield the lines that refuse: raise InputError, or a call of the parser's fail."""
     tree = ast.parse(path.read_text())
     for node in ast.walk(tree):
         if isinstance(node, ast.Raise) and node.exc is not None and "InputError(" in ast.unparse(node.exc):
@@ -193,7 +193,7 @@ def raised(path: Path) -> Iterator[tuple[int, str]]:
 
 
 class Traced:
-    """The lines of some files that are run."""
+    """Records the executed lines of some files."""
 
     def __init__(self, files: set[str]) -> None:
         self.files, self.lines = files, set[tuple[str, int]]()
@@ -216,13 +216,13 @@ class Traced:
 
 @pytest.mark.lammps
 def test_rules_of_the_reference_are_covered() -> None:
-    """Every line of the parser, the laws and the model that refuses is run by a row, or named above."""
+    """A row runs every refusing line of the parser, the laws and the model, except those listed above."""
     files = [Path(eos_ref.__file__).parent / f"{name}.py" for name in MODULES]
     rules = {(str(path), line): text for path in files for line, text in raised(path)}
     assert len(rules) > 40
     traced = Traced({str(path) for path in files})
     for bad in bad_inputs():
-        base(bad.base)  # kept from here on: what reads the base itself is no refusal
+        base(bad.base)  # cached from here on: reading the base itself is not a refusal
         with traced:
             assert bad.refusal
             with contextlib.suppress(InputError):
@@ -242,7 +242,7 @@ def test_rules_of_the_reference_are_covered() -> None:
 
 
 def test_rules_of_scenes_are_covered() -> None:
-    """Every complaint of a scene's own validators is run by a row, or by a refusal that is nothing to LAMMPS."""
+    """A row runs every error of a scene's own validators, except refusals that LAMMPS cannot meet."""
     validators = ("case", "manual", "materials", "particles", "runs", "settings", "values")
     files = [Path(scene.__file__).with_name(f"{name}.py") for name in validators]
     rules = {
@@ -256,15 +256,15 @@ def test_rules_of_scenes_are_covered() -> None:
         with traced:
             assert bad.refusal
     uncovered = [text for key, text in rules.items() if key not in traced.lines]
-    # About files, twins, comparisons and the harness' limits.
+    # Rules about files, twins, comparisons and the harness' limits.
     other = re.compile(
         "own folder|twin|rescale|refused must|violate|compare|tolerance|method of|exactly one|at most|flags|per_type"
         "|InputError\\('name'|low must not exceed|log spacing|region|self_mass|cells needs|manual\\'s line"
-        "|tilt must be other than 0"  # of a twin
-        "|stops|every:|displace.z|stretch|deform|{key} needs"  # of runs in pieces, of boxes that change
-        "|engine.boundary without s"  # of what is compared
-        "|processors must|balance .style rcb"  # of LAMMPS' processes
-        "|positions need|velocity.values|low and high|low < high|one value per particle|values goes with"  # one by one
+        "|tilt must be other than 0"  # for a twin
+        "|stops|every:|displace.z|stretch|deform|{key} needs"  # for runs in pieces and boxes that change
+        "|engine.boundary without s"  # for compared fields
+        "|processors must|balance .style rcb"  # for LAMMPS' processes
+        "|positions need|velocity.values|low and high|low < high|one value per particle|values goes with"  # by particle
     )
     assert "\n".join(text for text in uncovered if not other.search(text)) == ""
 
@@ -295,7 +295,7 @@ def test_words_of_an_error() -> None:
         ("zminimal", "zmin", False),
     ],
 )
-def test_a_word_is_named_whole(text: str, name: str, held: bool) -> None:
+def test_only_whole_words_are_recognised(text: str, name: str, held: bool) -> None:
     assert names_it(text, (name,)) == held
 
 
@@ -317,7 +317,7 @@ def arrays(**values: Any) -> dict[str, Any]:
         (Reply("timeout", "time limit"), "hang"),
     ],
 )
-def test_planted_ends_are_told_apart(reply: Reply, wanted: str) -> None:
+def test_reactions_are_classified(reply: Reply, wanted: str) -> None:
     bad = BY_ID["zmin-negative"]
     assert reaction(reply, (*bad.names, *offending(bad)))[0] == wanted
 
@@ -329,19 +329,19 @@ def test_candidate_needs_a_promise() -> None:
     assert not row(BY_ID["range-with-hyphen"], Reply("refused", "ERROR: Invalid range string")).candidate
 
 
-def test_fault_of_the_harness_is_not_lammps() -> None:
+def test_fault_of_the_harness_is_not_blamed_on_lammps() -> None:
     with pytest.raises(RuntimeError, match="KeyError"):
         reaction(Reply("error", "KeyError: 'x'"), ())
 
 
-def test_a_text_that_is_not_there_is_seen() -> None:
+def test_edit_of_a_missing_or_repeated_text_is_refused() -> None:
     with pytest.raises(InputError, match="edit 'no such text': must stand once in the commands of one, found 0"):
         probe.edited("one", (("no such text", "y"),))
     with pytest.raises(InputError, match="edit 'fix': must stand once in the commands of deck, found"):
         probe.edited("deck", (("fix", "y"),))
 
 
-def test_edits_leave_out_and_add_lines() -> None:
+def test_edits_remove_and_add_lines() -> None:
     lines = probe.replaced(("fix 1 a", "fix 2 b"), (("fix 1 a", ""), ("fix 2", "fix 3 c\nfix 2")))
     assert lines == ("fix 3 c", "fix 2 b")
 
@@ -350,7 +350,7 @@ def test_edits_leave_out_and_add_lines() -> None:
 
 
 @pytest.mark.lammps
-def test_table(rows: dict[str, InputRow]) -> None:
+def test_table_round_trips(rows: dict[str, InputRow]) -> None:
     assert list(rows) == list(BY_ID)
     assert all(row.refusal and row.words and row.text for row in rows.values())
     adapter = TypeAdapter(list[InputRow])
@@ -359,7 +359,7 @@ def test_table(rows: dict[str, InputRow]) -> None:
 
 @pytest.mark.lammps
 def test_harmless_scenes_are_accepted() -> None:
-    """Else an error would speak of the base, not of the input."""
+    """Otherwise an error would concern the base, not the input."""
     with Workers(None, 1) as workers:
         for reply in put(workers, [base(name) for name in ("one", "two", "warm", "open")], 10.0):
             assert reply.ended == "answered", reply
@@ -380,12 +380,12 @@ def test_harmless_scenes_are_accepted() -> None:
         ("range-of-two-stars", "crash"),
     ],
 )
-def test_what_lammps_is_known_to_do(rows: dict[str, InputRow], id: str, wanted: str) -> None:
+def test_known_reactions_of_lammps(rows: dict[str, InputRow], id: str, wanted: str) -> None:
     assert rows[id].reaction == wanted, rows[id]
 
 
 @pytest.mark.lammps
-def test_an_input_that_hangs_costs_itself_alone() -> None:
+def test_hanging_input_does_not_affect_others() -> None:
     edits = (("run 2 pre", "run 100000000 pre"),)
     long = BadInput(id="long", area="run", names=("run",), edits=edits, scene={"evolve": {"steps": -2}})
     with Workers(None, 1) as workers:

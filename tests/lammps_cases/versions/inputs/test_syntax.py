@@ -20,7 +20,7 @@ def test_forms_are_legal_and_their_arguments_described(form: Form) -> None:
     assert arguments <= set(form.command.arguments)
 
 
-def test_every_argument_and_both_fixes_are_put_to_the_test() -> None:
+def test_every_argument_and_both_fixes_are_used() -> None:
     for command in syntax():
         used = {w.argument for name in command.forms for g in command.form(name).groups for w in g if w.argument}
         assert used == set(command.arguments), command.command
@@ -45,7 +45,7 @@ def test_ranges(range_: str, inside: tuple[float, ...], outside: tuple[float, ..
     assert not any(map(argument.allows, outside))
 
 
-def test_names_of_an_argument_are_its_own_and_its_keyword() -> None:
+def test_argument_is_named_by_itself_and_its_keyword() -> None:
     form = next(form for form in FORMS if form.id == "fix-rheo.scale")
     word = next(word for group in form.groups for word in group if word.argument == "cmin")
     assert form.names(word) == ("cmin", "scale/cross/type")

@@ -1,4 +1,4 @@
-"""The table: classes by what LAMMPS does, what it takes an input for, and findings that name inputs that exist."""
+"""The table: classes of LAMMPS' reactions, its reading of an input, and findings that name existing inputs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SAMPLE = {
 }
 
 
-def test_inputs_of_both_kinds_with_names_of_their_own() -> None:
+def test_inputs_of_both_kinds_have_unique_names() -> None:
     ids = [one.id for one in every()]
     assert len(set(ids)) == len(ids) >= 600
     assert {"overflow", "fix-rheo.kernel.cut.nan"} <= set(ids)
@@ -40,7 +40,7 @@ def test_inputs_of_both_kinds_with_names_of_their_own() -> None:
         select(["nothing-like-it"])
 
 
-def test_findings_name_inputs_that_exist_each_once() -> None:
+def test_findings_name_existing_inputs_each_once() -> None:
     named = [pattern for entry in OF_INPUTS for pattern in entry.expected_inputs]
     assert named
     assert len(named) == len(set(named))
@@ -56,7 +56,7 @@ def answered(**arrays: Any) -> Reply:
     return Reply("answered", arrays={"id": np.arange(2), "pressure": np.array([1.0, 2.0])} | arrays)
 
 
-def test_row_of_an_input_that_lammps_takes() -> None:
+def test_row_classifies_the_reaction_of_lammps() -> None:
     (bad,) = select(["fix-rheo-pressure.linear.types.hyphen"])
     one = row(bad, answered(), answered())
     assert (one.reaction, one.candidate, one.ledger) == ("no effect", True, "hyphen-range-accepted")
@@ -77,7 +77,7 @@ def test_row_of_an_input_that_lammps_takes() -> None:
     assert row(bad, warned, warned).reaction == "no effect", "the control has the same warning"
 
 
-def test_digest() -> None:
+def test_digest_depends_on_the_answer() -> None:
     assert digest(answered()) == digest(answered()) != digest(answered(x=np.zeros(2)))
     assert digest(Reply("refused", "no")) == ""
 

@@ -1,4 +1,4 @@
-"""A LAMMPS taken in: what is run, what is said of the ledger, and what the repository keeps."""
+"""Adoption of a LAMMPS: its runs, the status of findings in the ledger, and the updates of the repository."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Run = Callable[..., Outcome]
 
 @pytest.fixture(scope="module")
 def adoption(tmp_path_factory: pytest.TempPathFactory) -> tuple[Adoption, Path]:
-    """This environment's LAMMPS taken in by a few cases, probes and inputs."""
+    """Adopt this environment's LAMMPS with a few cases, probes and inputs."""
     out = tmp_path_factory.mktemp("adopt")
     cases = casefile.select(casefile.load(), ("near-rho0.linear.2d", "forces.all.rk1.2d", "refused.range-hyphen"))
     probes = [probe for probe in manual.probes() if probe.id in ("specific-heat-zero", "rheo-restart")]
@@ -59,13 +59,13 @@ def test_findings_claims_and_inputs_of_an_engine(adoption: tuple[Adoption, Path]
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_page(adoption: tuple[Adoption, Path]) -> None:
+def test_page_has_the_findings_and_the_sentence(adoption: tuple[Adoption, Path]) -> None:
     html = adopt.render(adoption[0])
     assert adoption[0].sentence in html
     assert "hyphen-range-accepted" in html and "every difference is reproduced" in html
 
 
-def test_what_was_seen_is_added_what_is_gone_is_taken_off_and_what_was_not_asked_stays() -> None:
+def test_engine_list_is_merged() -> None:
     row = FindingRow("x", "t", "low", "there", False, True, ("case",), ())
     gone = FindingRow("x", "t", "low", "gone", True, True, (), ("case",))
     silent = FindingRow("x", "t", "low", "not asked", True, True, (), ())
@@ -76,7 +76,7 @@ def test_what_was_seen_is_added_what_is_gone_is_taken_off_and_what_was_not_asked
     assert engines_showing(("1.0", "2.0"), "2.0", [], "x") == ("1.0", "2.0")
 
 
-def test_the_list_of_engines_is_written_as_it_is_read() -> None:
+def test_list_of_engines_round_trips() -> None:
     assert engines.FILE.read_text() == engines.document(KNOWN, SEEN_ON)
     assert {entry.id for entry in LEDGER} == SEEN_ON.keys()
     assert {engine for seen_on in SEEN_ON.values() for engine in seen_on} <= set(KNOWN)
@@ -96,13 +96,13 @@ def test_nearest_engine(version: str, known: str) -> None:
     assert engines.nearest(version) == known
 
 
-def test_a_checkout_is_needed_to_bring_it_up_to_date(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_update_needs_a_checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evidence, "ROOT", tmp_path)
     with pytest.raises(InputError, match="must run in a checkout"):
         adopt.land(Adoption.__new__(Adoption), tmp_path, tmp_path)
 
 
-def test_folder_of_a_run_is_not_written_over(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_folder_of_a_run_is_not_overwritten(eos_ref_command: Run, tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("{}")
     assert eos_ref_command("adopt", "env", "--out", tmp_path).code == 2
 
@@ -119,10 +119,10 @@ PARTS = {
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_a_part_that_fails_costs_that_part(
+def test_failing_part_leaves_the_others(
     name: str, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nothing is brought up to date from a record that is not whole; a page that fails is no part of it."""
+    """An incomplete record updates nothing; a failing page does not make it incomplete."""
 
     def fails(*_: object, **__: object) -> None:
         raise RuntimeError("planted here")

@@ -133,8 +133,8 @@ def of_outcome(given: Job | tuple[str, ...], refused: str) -> BugDeck:
     if isinstance(given, Job):
         if given.outputs:  # LAMMPS computes only what is read
             first, shape = next(iter(given.outputs.items()))
-            lines += [f"variable asked equal {word(given, first, 1, (0,) * len(shape))}"]
-            lines += ["thermo_style custom step v_asked"]
+            lines += [f"variable read equal {word(given, first, 1, (0,) * len(shape))}"]
+            lines += ["thermo_style custom step v_read"]
         lines += _stretches(given)
     due = f"an error that holds: {refused}" if refused else "LAMMPS runs this deck"
     verdict = "FAIL" if refused else "PASS"

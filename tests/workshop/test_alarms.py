@@ -102,7 +102,7 @@ def test_faults_hidden_in_ordinary_runs_are_named() -> None:
     assert [(a.case, a.finding) for a in found["ranks"].alarms] == [("cross-type.scale.2d", "cross-type-normal")]
     (walls,) = found["rebuilt"].alarms
     assert (walls.case, walls.finding) == ("walls-moving.free.rk1", "walls-after-rebuild")
-    assert "beside" in walls.message  # the step at which the findings of the scene do not explain everything
+    assert "in addition to" in walls.message  # the step at which the findings of the scene do not explain everything
     assert found["ranks"].false == found["rebuilt"].false == 0
 
 

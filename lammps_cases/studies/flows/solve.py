@@ -88,7 +88,7 @@ class ReferenceFlow:
             return snapshot(self.start, self.step, fields)
 
 
-class LostAtoms(EngineRefused):
+class AtomsLost(EngineRefused):
     """Atoms that LAMMPS lost without an error, by their ``ids``."""
 
     def __init__(self, ids: IntArray, natoms: int) -> None:
@@ -129,14 +129,14 @@ class LammpsFlow:
 
         Raises
         ------
-        LostAtoms
+        AtomsLost
         EngineRefused
             A position or velocity is not finite.
         """
         arrays = self.session.read()
         lost = np.setxor1d(arrays["id"], self.start.atoms.id_n)
         if lost.size:
-            raise LostAtoms(lost, len(self.start.atoms))
+            raise AtomsLost(lost, len(self.start.atoms))
         if self.finite and not (np.isfinite(arrays["x"]).all() and np.isfinite(arrays["v"]).all()):
             raise EngineRefused("a position or velocity of LAMMPS is no finite number")
         names = {"pressure": "q.pressure", "energy": "esph", "surface": "q.surface"}

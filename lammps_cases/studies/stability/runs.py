@@ -20,7 +20,7 @@ from lammps_cases.scene.runs import Expect
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.plan import Plan, plan
 from lammps_cases.studies.flows.flow import Snapshot, Start
-from lammps_cases.studies.flows.solve import FlowRun, LammpsFlow, LostAtoms, ReferenceFlow, snapshot
+from lammps_cases.studies.flows.solve import AtomsLost, FlowRun, LammpsFlow, ReferenceFlow, snapshot
 from lammps_cases.studies.stability.model import Engine, FailureCriteria, Kind
 
 
@@ -199,7 +199,7 @@ def _errors() -> Iterator[None]:
     """Stop a run by an error of LAMMPS in a block; any other error is this project's."""
     try:
         yield
-    except LostAtoms as error:
+    except AtomsLost as error:
         raise Stopped("lost particles", f"{error.ids.size} of {error.natoms} atoms", int(error.ids[0])) from None
     except EngineRefused as error:
         raise Stopped(saying(str(error)), str(error)) from None

@@ -53,7 +53,7 @@ _INPUTS_KEPT = {
 
 
 @dataclass(frozen=True)
-class Change:
+class TriedChange:
     """One change of the reference's formulas.
 
     Attributes
@@ -193,10 +193,10 @@ def kicked(first: float, second: float) -> type[Simulation]:
     return Kicked
 
 
-def type_changes(types: int) -> Iterator[Change]:
+def type_changes(types: int) -> Iterator[TriedChange]:
     """Yield laws of another form, and parameters of another type."""
     for words, law in law_changes(types):
-        yield Change(
+        yield TriedChange(
             words,
             "the laws",
             with_model(lambda model, law=law: replace(model, eos=law(model.eos))),  # type: ignore[misc]
@@ -211,7 +211,7 @@ def type_changes(types: int) -> Iterator[Change]:
         sources.append(("that of the previous type", lambda values, t: values[t - 1]))
     for words, take in sources:
         for name, change in _PARAMETERS.items():
-            yield Change(
+            yield TriedChange(
                 f"{name} were {words}",
                 f"{name} by type",
                 with_model(lambda model, change=change, take=take: change(model, take)),  # type: ignore[misc]
@@ -293,7 +293,7 @@ def _without_half(which: int) -> Callable[..., Any]:
     return call
 
 
-def step_changes() -> Iterator[Change]:
+def step_changes() -> Iterator[TriedChange]:
     """Yield parts of a time step that are left out, doubled or reversed."""
     parts = (
         ("the change of density in half a step", "_continuity"),
@@ -301,7 +301,7 @@ def step_changes() -> Iterator[Change]:
     )
     for target, method in parts:
         for words, factor in (("were twice as large", 2.0), ("were half as large", 0.5), ("had the other sign", -1.0)):
-            yield Change(
+            yield TriedChange(
                 f"{target} {words}",
                 target,
                 stepping=step_part(
@@ -314,14 +314,14 @@ def step_changes() -> Iterator[Change]:
         ("the change of phases", "_change_phase"),
         ("the accelerations kept for walls", "keep_forces"),
     ):
-        yield Change(f"{target} were left out", target, stepping=step_part(method, lambda plain, sim, given: None))
+        yield TriedChange(f"{target} were left out", target, stepping=step_part(method, lambda plain, sim, given: None))
     for which, words in ((1, "first"), (0, "second")):
-        yield Change(
+        yield TriedChange(
             f"the {words} half of the change of density were left out",
             "the change of density in half a step",
             stepping=step_part("_continuity", _without_half(which)),
         )
-    yield Change(
+    yield TriedChange(
         "the gradients of the first half step were those of the evaluation before",
         "the half-step gradients",
         stepping=step_part("_half_step_gradients", lambda plain, sim, given: sim.gradient),
@@ -332,13 +332,13 @@ def step_changes() -> Iterator[Change]:
         ("the first half of the kick were a whole one", 1.0, 0.0),
         ("the second half of the kick were a whole one", 0.0, 1.0),
     ):
-        yield Change(words, "the kicks", stepping=kicked(first, second))
-    yield Change(
+        yield TriedChange(words, "the kicks", stepping=kicked(first, second))
+    yield TriedChange(
         "the forces of other fixes were left out",
         "other forces",
         stepping=step_part("_external", lambda plain, sim, given: given[0]),
     )
-    yield Change(
+    yield TriedChange(
         "the forces of other fixes did not contain the mass",
         "other forces",
         stepping=step_part("_external", _without_mass),
@@ -349,35 +349,37 @@ def _without_mass(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
     return given[0] + (plain(*given) - given[0]) / sim.mass_n[:, None]
 
 
-def candidates(types: int, run: Callable[[], Any]) -> Iterator[Change]:
+def candidates(types: int, run: Callable[[], Any]) -> Iterator[TriedChange]:
     """Yield the changes to try in a scene of some number of types, which ``run`` evaluates once."""
     yield from named_changes(types)
     for function in reached(run):
         for edit in function.edits():
-            yield Change(function.sentence(edit), edit.before, edit=edit)
+            yield TriedChange(function.sentence(edit), edit.before, edit=edit)
 
 
 @cache
-def named_changes(types: int) -> tuple[Change, ...]:
+def named_changes(types: int) -> tuple[TriedChange, ...]:
     """Return the changes with a name, in a scene of some number of types."""
     stale_values = [
-        Change(f"{what} of every particle were that of the evaluation before", f"{what}, stale", stale(method))
+        TriedChange(f"{what} of every particle were that of the evaluation before", f"{what}, stale", stale(method))
         for what, method in _STALE.items()
     ]
     stale_inputs = [
-        Change(f"the terms of pairs used {what} of the evaluation before", f"{what} of pairs, stale", stale_input(name))
+        TriedChange(
+            f"the terms of pairs used {what} of the evaluation before", f"{what} of pairs, stale", stale_input(name)
+        )
         for what, name in _INPUTS_KEPT.items()
     ]
     transposed = "the gradient of velocities had its axes exchanged"
     return (
         *type_changes(types),
-        *(Change(words, words, with_model(change)) for words, change in KEYWORDS.items()),
+        *(TriedChange(words, words, with_model(change)) for words, change in KEYWORDS.items()),
         *stale_values,
         *stale_inputs,
-        Change(transposed, transposed, VelocitiesTransposed),
+        TriedChange(transposed, transposed, VelocitiesTransposed),
         *step_changes(),
         *(
-            Change(f"the reference made the mistake: {name}", name, mutant.stages)
+            TriedChange(f"the reference made the mistake: {name}", name, mutant.stages)
             for name, mutant in mistakes.MODEL_MUTANTS.items()
         ),
     )

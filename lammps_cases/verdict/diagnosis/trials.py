@@ -22,7 +22,7 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Fields, Prediction, predict, visit
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.scene.fields import in_step_order
-from lammps_cases.verdict.diagnosis.changes import Change, Watched, candidates
+from lammps_cases.verdict.diagnosis.changes import TriedChange, Watched, candidates
 from lammps_cases.verdict.diagnosis.edits import made
 from lammps_cases.verdict.model_fields import nearest_image, sides
 
@@ -103,7 +103,7 @@ class RedCase:
         fields = tuple(names[: names.index(self.red_field) + 1])
         return replace(self, problem=replace(self.problem, fields=fields))
 
-    def made(self, tried: Sequence[Change]) -> Made | None:
+    def made(self, tried: Sequence[TriedChange]) -> Made | None:
         """Return stages and stepping with some changes; None if these cannot be combined."""
         stages, stepping = self.base
         parts = [change.stages for change in tried if change.stages]
@@ -118,11 +118,11 @@ class RedCase:
         except TypeError:  # a variant and one that is built on it
             return None
 
-    def values(self, tried: Sequence[Change]) -> list[Fields] | None:
+    def values(self, tried: Sequence[TriedChange]) -> list[Fields] | None:
         """Return the fields with some changes at all steps; None if they are undefined, or differ earlier."""
         return self._meaningful(tried, self._values)
 
-    def _meaningful(self, tried: Sequence[Change], of: Callable[[Made], R | None]) -> R | None:
+    def _meaningful(self, tried: Sequence[TriedChange], of: Callable[[Made], R | None]) -> R | None:
         """Return the result for stages and stepping with some changes; None if it is undefined."""
         classes = self.made(tried)
         if classes is None:
@@ -198,11 +198,11 @@ class RedCase:
                 return False
         return True
 
-    def own_bounds(self, tried: Sequence[Change]) -> Prediction | None:
+    def own_bounds(self, tried: Sequence[TriedChange]) -> Prediction | None:
         """Return the fields with some changes and their own bounds."""
         return self._meaningful(tried, lambda classes: predict(self.problem, *classes, self.seed))
 
-    def reproduced(self, tried: Sequence[Change], work: Work, strictly: bool = False) -> bool:
+    def reproduced(self, tried: Sequence[TriedChange], work: Work, strictly: bool = False) -> bool:
         """Return whether changes reproduce LAMMPS on every atom, in all fields up to the end of the first red step.
 
         Inside the bounds of the reference, or of the change itself; ``strictly``: of the change itself.
@@ -218,7 +218,7 @@ class RedCase:
         return own is not None and self.inside(own.fields, own.bounds)
 
 
-Tried = tuple[Change, ...]
+Tried = tuple[TriedChange, ...]
 
 
 @dataclass
@@ -229,7 +229,7 @@ class HypothesisSearch:
     work: Work
     tried: int = 0
     spent: bool = False
-    effects: list[tuple[Change, FloatArray]] = field(default_factory=list)
+    effects: list[tuple[TriedChange, FloatArray]] = field(default_factory=list)
 
     def singles(self) -> list[Tried]:
         """Return the single changes that reproduce a case; keep the effects of all on its first red field.

@@ -71,7 +71,7 @@ def test_alarms_have_existing_kinds() -> None:
 def test_own_engines_of_a_finding_override_the_list() -> None:
     (listed,) = [entry for entry in LEDGER if entry.id == next(iter(SEEN_ON))]
     bare, own = replace(listed, engines=()), replace(listed, id="own", number=listed.number + 1, engines=("1.0",))
-    unseen = replace(bare, id="never-seen", number=listed.number + 2)
+    unseen = replace(bare, id="never-seen", engines=(), number=listed.number + 2)
     engines_of = [entry.engines for entry in ledger_of([[unseen, own], [bare]])]
     assert engines_of == [SEEN_ON[listed.id], ("1.0",), ()]
     assert SEEN_ON[listed.id]

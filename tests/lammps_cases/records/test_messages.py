@@ -272,7 +272,7 @@ def test_no_message_is_parsed() -> None:
 
 
 @pytest.mark.parametrize(("findings", "beside"), [([], ""), (["a"], ", in addition to a")])
-def test_what_has_no_bound_is_no_reason(findings: list[str], beside: str) -> None:
+def test_field_without_a_bound_is_not_predictable(findings: list[str], beside: str) -> None:
     blame = STEP.model_copy(update={"bound": math.inf, "lammps": 0.0, "reference": 0.0})
     said = case_wording.message(CaseRecord(case="x", verdict="differs", beyond=Beyond(findings=findings, blame=blame)))
     unknown = "f (stage pair) is not predictable at step 4 at 2 of 9 atoms, first atom 3"

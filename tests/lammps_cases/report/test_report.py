@@ -196,7 +196,7 @@ def test_error_of_a_failed_deck_is_quoted_verbatim(run: RunRecord, folder: Path)
     alone = run.model_copy(update={"cases": [deck.model_copy(update={"message": case_wording.message(deck)})]})
     html = unpacked(page.render(findings.outcome(alone, FINDINGS), folder / "fields"))
     says, lists = re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", html), re.findall(r"<li>([^<]*)</li>", html)
-    assert ("LAMMPS said", f"<code>{lost}</code>") in says
+    assert ("LAMMPS printed", f"<code>{lost}</code>") in says
     assert ("Why", case_wording.outlook(deck)) in says
     assert {"cv, heatflow: no thermal", "chi: no walls"} < {*lists}
 

@@ -21,7 +21,7 @@ from lammps_cases.records import wording
 from lammps_cases.records.case_parts import Blame
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage, read_run
 from lammps_cases.verdict.diagnosis import trials
-from lammps_cases.verdict.diagnosis.changes import Change
+from lammps_cases.verdict.diagnosis.changes import TriedChange
 from lammps_cases.verdict.diagnosis.reached import reached
 from lammps_cases.verdict.diagnosis.triage import in_common
 from tests.support.outcome import Outcome
@@ -179,11 +179,11 @@ def test_cause_is_among_the_hypotheses(fault: Planted, tmp_path: Path) -> None:
 
 
 def test_two_edits_are_found_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def of_two_terms(types: int, run: Callable[[], object]) -> Iterator[Change]:
+    def of_two_terms(types: int, run: Callable[[], object]) -> Iterator[TriedChange]:
         for function in reached(run):
             if function.function.__name__ in ("pair_terms", "viscous_term"):
                 edits = (edit for edit in function.edits() if edit.statement.startswith(("p_sum = pres", "return 2")))
-                yield from (Change(function.sentence(edit), edit.before, edit=edit) for edit in edits)
+                yield from (TriedChange(function.sentence(edit), edit.before, edit=edit) for edit in edits)
 
     monkeypatch.setattr(trials, "candidates", of_two_terms)
     run = red_run(tmp_path, ("images.quintic.two", "images.quintic.four"), WrongTwice)

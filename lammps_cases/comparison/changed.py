@@ -56,6 +56,23 @@ def made(change: Change) -> Iterator[None]:
         yield
 
 
+def reaches(change: Change, codes: set[CodeType]) -> bool:
+    """Return whether a run that went through some functions can show a change: one without an edit always can."""
+    return not change.function or _edited_function(change)[0].__code__ in codes
+
+
+def codes_of(run: Callable[[], object]) -> set[CodeType]:
+    """Return the code of all functions that a run calls."""
+    codes: set[CodeType] = set()
+    before = sys.getprofile()
+    sys.setprofile(lambda frame, event, argument: codes.add(frame.f_code))
+    try:
+        run()
+    finally:
+        sys.setprofile(before)
+    return codes
+
+
 @cache
 def _edited_function(change: Change) -> tuple[FunctionType, CodeType]:
     module, _, name = change.function.partition(":")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Generator, Sequence
 from contextlib import closing, nullcontext
 from typing import Any
@@ -14,7 +15,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.pairs import sharing
 from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.comparison.changed import made
+from lammps_cases.comparison.changed import codes_of, made, reaches
 from lammps_cases.comparison.compare import EosState, evaluate, excess
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
@@ -24,6 +25,8 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.changes import Change, catalogue
 from lammps_cases.verdict.mistakes import LAW_MUTANTS, MODEL_MUTANTS
 from lammps_cases.verdict.problems import problem_of
+
+FEW = 12  # changes that are tried whether or not a run goes through the functions that they edit
 
 
 def can_see(case: Case) -> bool:
@@ -50,7 +53,11 @@ def exercised(
 
     def counts() -> dict[str, int]:
         prediction = predictor.predict(problem, seed=seed(f"{case.name}/moved runs"))
-        return {change.id: _moved(change, problem, prediction) for change in changes}
+        tried = changes
+        if len(changes) > FEW:
+            codes = codes_of(lambda: deque(_fields(problem), 0))
+            tried = [change for change in changes if reaches(change, codes)]
+        return {change.id: _moved(change, problem, prediction) if change in tried else 0 for change in changes}
 
     return predictor.counts(repr(changes), problem, counts)
 
@@ -111,7 +118,12 @@ def _moved(change: Change, problem: Problem, prediction: Prediction) -> int:
 def _changed(change: Change, problem: Problem) -> Generator[dict[str, Any]]:
     """Yield the fields of the changed reference at the steps of a problem."""
     stages = MODEL_MUTANTS[change.what].stages if change.mistake == "stage" else ArrayEvaluator
-    with made(change) if change.function else nullcontext(), sharing([]):  # no neighbours found without the change
+    with made(change) if change.function else nullcontext():
+        yield from _fields(problem, stages)
+
+
+def _fields(problem: Problem, stages: type[ArrayEvaluator] = ArrayEvaluator) -> Generator[dict[str, Any]]:
+    with sharing([]):  # a search that is changed finds other neighbours than the prediction
         sim: Simulation = problem.simulation(in_blocks(stages, len(problem.state.x_nc)))
         for _ in visit(sim, problem.steps, problem.timestep, problem.stops):
             yield {field: sim.output(field) for field in problem.fields}

@@ -20,6 +20,7 @@ from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.changes import catalogue
 from lammps_cases.verdict import exercise
 from lammps_cases.verdict.exercise import count_outside
 from lammps_cases.verdict.problems import problem_of
@@ -144,3 +145,13 @@ def test_changed_search_finds_its_own_neighbours() -> None:
     """The runs of a case share neighbours; those of the prediction have all images."""
     (case,) = casefile.select(casefile.load(), ("boundaries.fixed.3d",))
     assert exercised(case, Predictor(), ("pairs-first-image",)) == {"pairs-first-image": 36}
+
+
+@pytest.mark.slow
+def test_all_changes_are_tried_whose_functions_a_run_goes_through() -> None:
+    """Of the whole catalogue only those are left out that one by one move nothing."""
+    (case,) = casefile.select(casefile.load(), ("images.quintic.two",))
+    every = exercised(case, Predictor(), tuple(catalogue()))
+    names = [name for name, moved in every.items() if not moved and catalogue()[name].function][::20]
+    assert names and not any(exercised(case, Predictor(), tuple(names)).values())
+    assert len(names) <= exercise.FEW and sum(map(bool, every.values())) > len(case.exercises)

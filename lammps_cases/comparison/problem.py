@@ -85,10 +85,6 @@ class Problem:
         """
         return stepping(self.model, self.box, self.state, self.wanted, stages, check=False)
 
-    def step_changed(self, step: int) -> bool:
-        """Return whether an earlier step had another length than the first."""
-        return any(stop.step < step and stop.timestep not in (None, self.timestep) for stop in self.stops)
-
     def box_at(self, step: int) -> Box:
         """Return the box at a step, after a stop there."""
         box, begun, dt = self.box, 0, self.timestep

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +37,6 @@ LOST = re.compile(
     "|Replicate did not assign all atoms|Too many atom sorting bins"
 )
 
-Cause = Literal["findings", "time step", "set-up", "not understood"]
 # Forces including those of other fixes, from those of pairs, the masses and the rows of the particles.
 External = Callable[[Any, FloatArray, IntArray], Any]
 

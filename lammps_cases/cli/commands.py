@@ -228,7 +228,7 @@ def _kept() -> dict[str, list[str]]:
     """Return names and tags, cached: reading all files takes as long as everything else in a completion."""
     import platformdirs  # not eos_ref.cache and records.files, which load numpy
 
-    paths = sorted((ROOT / "cases").rglob("*.yaml"))
+    paths = sorted((ROOT / "data" / "cases").rglob("*.yaml"))
     key = json.dumps([(str(path), path.stat().st_mtime_ns) for path in paths])
     kept = Path(platformdirs.user_cache_dir("eos-ref")) / "completion.json"
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):

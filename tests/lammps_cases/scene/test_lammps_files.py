@@ -19,7 +19,7 @@ from tests.support.hostile import BINARY_DUMP
 SCENE = """
 name: from-file
 about: Particles of a file.
-exercises: {{"*": [law-tait-water]}}
+exercises: {{"*": [water-of-six]}}
 scene:
   dimension: {dimension}
   types: [{{mass: 1.5}}, {{mass: 0.7, phase: {phase}}}]

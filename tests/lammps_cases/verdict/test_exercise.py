@@ -91,13 +91,13 @@ def test_unbounded_and_nan_particles_are_no_evidence() -> None:
 def test_undetected_change_is_an_error_of_the_case(
     written: Callable[..., Path], eos_ref_command: Callable[..., Outcome], tmp_path: Path
 ) -> None:
-    path = written({"*": ["kernel-support-two", "surface-never-by-divergence"]})
+    path = written({"*": ["surface-everywhere", "surface-never-by-divergence"]})
     outcome = eos_ref_command("run", "--cases", path, "--out", tmp_path / "out")
     assert outcome.code == 2
     (line,) = re.findall(r"error +mine: (.*)", outcome.out)
     assert line.startswith("no field that the case compares shows surface-never-by-divergence")
     page = unpacked((tmp_path / "out" / "report.html").read_text())
-    assert "54 particles" in page and "h of cut/2 for cut/3" in page
+    assert "54 particles" in page and "all fluid at the surface" in page
 
 
 def test_exit_code_of_a_bad_case_precedes_that_of_a_difference() -> None:

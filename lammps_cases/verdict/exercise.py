@@ -103,13 +103,13 @@ class _Law:
 
 
 def _moved(change: Change, problem: Problem, prediction: Prediction) -> int:
-    """Return how many particles leave a bound at the first step that shows it; all if the changed reference fails."""
+    """Return how many particles leave a bound at the first step that shows it; none if the change fails."""
     with np.errstate(all="ignore"), closing(_changed(change, problem)) as outputs:
         for fields, bound in zip(prediction.fields, prediction.bounds, strict=True):
             try:
                 changed = next(outputs)
-            except Exception:  # a changed formula may fail in any way
-                return len(problem.state.x_nc)
+            except Exception:  # a change that cannot be evaluated has no field to detect it by
+                return 0
             if moved := count_outside([(changed[field], fields[field], bound[field]) for field in problem.fields]):
                 return moved
     return 0

@@ -105,7 +105,6 @@ def test_the_generated_files_are_current() -> None:
         assert path.read_text() == content, f"{path.name} is old: python -m lammps_cases.versions.evidence"
 
 
-@pytest.mark.slow
 def _commonmark(page: str) -> str:
     from markdown_it import MarkdownIt
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -155,3 +156,11 @@ def test_all_changes_are_tried_whose_functions_a_run_goes_through() -> None:
     names = [name for name, moved in every.items() if not moved and catalogue()[name].function][::20]
     assert names and not any(exercised(case, Predictor(), tuple(names)).values())
     assert len(names) <= exercise.FEW and sum(map(bool, every.values())) > len(case.exercises)
+
+
+def test_change_that_fails_is_not_detected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mistake in the catalogue, such as a name that the function does not have, is no evidence."""
+    wrong = replace(catalogue()["slope-sign"], id="slope-unknown", by="no_such_name")
+    monkeypatch.setitem(catalogue(), wrong.id, wrong)
+    (case,) = casefile.select(casefile.load(), ("images.quintic.two",))
+    assert exercised(case, Predictor(), ("slope-sign", wrong.id))[wrong.id] == 0

@@ -77,6 +77,8 @@ class Law:
         Interval around rho0 on which the pressure grows with density.
     textbook : Formula, optional
         The pressure as printed, with numpy's power, where that differs from ``pressure``.
+    takes_cs : bool
+        Whether the pressure depends on the speed of sound and the equilibrium density of fix rheo.
     energy : EnergyTerms, optional
         Of a law that depends on the energy.
     example : float, optional
@@ -101,6 +103,7 @@ class Law:
     has_pole: Callable[[float], bool] = lambda parameter: False
     monotone: Callable[[float, float], Interval] = lambda rho0, parameter: EVERYWHERE
     textbook: Formula | None = None
+    takes_cs: bool = True
     energy: EnergyTerms | None = None
     example: float | None = None
 

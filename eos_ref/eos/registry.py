@@ -1,12 +1,12 @@
 """The equations of state of fix rheo/pressure, one record each; everything else about a law is read from here.
 
-A new law is a set of formulas in `eos_ref.eos.laws`, its record in `LAWS` and its name in `Style`.
+A new law is a set of formulas in `eos_ref.eos.laws` and its record in `LAWS`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from eos_ref.eos import lammps_rounding, laws
 from eos_ref.eos.law import EVERYWHERE, EnergyTerms, Interval, Law
 from eos_ref.numbers.elementary import powm1
 
-Style = Literal["linear", "cubic", "tait/water", "tait/general", "ideal/gas"]
 SUBNORMAL = 2.0**-1074
 
 
@@ -124,6 +123,7 @@ IDEAL_GAS = Law(
     parameter="gamma",
     allows=lambda gamma: gamma > 1,
     rule="must exceed 1 (a heat capacity ratio)",
+    takes_cs=False,
     energy=EnergyTerms(
         slope=lambda rho, e, rho0, cs, gamma: (gamma - 1) * rho,
         inverse_slope=lambda rho, e, rho0, cs, gamma: rho / e,
@@ -135,5 +135,9 @@ IDEAL_GAS = Law(
 
 LAWS: dict[str, Law] = {law.style: law for law in (LINEAR, CUBIC, TAIT_WATER, TAIT_GENERAL, IDEAL_GAS)}
 STYLES = tuple(LAWS)
+if TYPE_CHECKING:
+    Style = str
+else:
+    Style = Literal[STYLES]  # for the schema of scenes
 # Name of the argument of every entry of fix rheo/pressure that takes one.
 PARAMETER = {law.style: law.parameter for law in LAWS.values() if law.parameter} | {"background": "P_b"}

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -251,7 +251,7 @@ class EOS:
 
 def examples(rho0: float = 1.0, cs: float = 1.0) -> tuple[EOS, ...]:
     """Return one law of every style, in order, no two of them the same."""
-    return tuple(EOS(cast(Style, law.style), rho0, cs, law.example) for law in LAWS.values())
+    return tuple(EOS(law.style, rho0, cs, law.example) for law in LAWS.values())
 
 
 def _finite(what: str, value: Any) -> float:
@@ -291,7 +291,12 @@ class EOSTable:
     @property
     def needs_energy(self) -> bool:
         """Return whether any type's law depends on the internal energy."""
-        return any(law.needs_energy for law in self.laws)
+        return bool(self.style_with_energy)
+
+    @property
+    def style_with_energy(self) -> str:
+        """Return the first style that depends on the energy; empty if none does."""
+        return next((law.style for law in self.laws if law.needs_energy), "")
 
     @cached_property
     def _columns(self) -> tuple[npt.NDArray[Any], ...]:
@@ -364,6 +369,7 @@ class EOSTable:
             found = f"{types.min()} to {types.max()}"
             raise InputError("atom type", f"must lie within 1 to {len(self)}", found)
         if self.needs_energy and not e.size and rho.size:
-            law = next(law for law in self.laws if law.needs_energy)
-            raise InputError("energy", f"{law.style} needs the internal energy per unit mass of every particle")
+            raise InputError(
+                "energy", f"{self.style_with_energy} needs the internal energy per unit mass of every particle"
+            )
         return rho, types, e

@@ -16,6 +16,7 @@ import numpy as np
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model
 from eos_ref.model.state import Gradients, State, Surface
+from eos_ref.model.units import KIND_OF, Kind
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 
@@ -362,3 +363,15 @@ def required(model: Model, wanted: Iterable[str]) -> tuple[str, ...]:
             names.add(name)
             ahead += QUANTITIES[name].needs(model)
     return tuple(name for name in order() if name in names)
+
+
+# LAMMPS' unit of a quantity that `eos_ref.model.units` does not list follows from its dimension.
+_KIND_OF_DIMENSION: dict[Dimension, Kind] = {
+    **dict.fromkeys((FORCE, ENERGY, POWER), "energy"),
+    PRESSURE: "pressure",
+    DENSITY: "density",
+    VISCOSITY: "viscosity",
+}
+for _quantity in QUANTITIES.values():
+    if _quantity.dimension in _KIND_OF_DIMENSION:
+        KIND_OF.setdefault(_quantity.name, _KIND_OF_DIMENSION[_quantity.dimension])

@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast, get_args
 
-from eos_ref.eos.registry import PARAMETER, STYLES, Style
+from eos_ref.eos.registry import PARAMETER, STYLES
 from eos_ref.eos.table import EOS, EOSTable
 from eos_ref.errors import InputError
-from eos_ref.kernels.styles import KernelStyle
+from eos_ref.kernels.styles import KERNELS, KernelStyle
 from eos_ref.syntax.manual import FIRST, Manual, weighs_distance
 from eos_ref.syntax.ranges import type_range
 from eos_ref.syntax.words import Words, fix
@@ -192,7 +192,7 @@ def resolve(
         try:
             laws.append(
                 EOS(
-                    cast(Style, style),
+                    style,
                     1.0 if rho0 is None else rho0[t - 1],
                     1.0 if cs is None else cs[t - 1],
                     value,
@@ -295,7 +295,7 @@ def parse_fix_rheo(text: str, ntypes: int | None = None, manual: Manual = FIRST)
     cut = words.number("cut")
     if cut <= 0:
         words.fail("cut", "must be positive", cut)
-    kernel = words.choice("kstyle", get_args(KernelStyle))
+    kernel = words.choice("kstyle", tuple(KERNELS))
     zmin = words.integer("zmin")
     if zmin < 0:
         words.fail("zmin", "must not be negative", zmin)
@@ -306,4 +306,4 @@ def parse_fix_rheo(text: str, ntypes: int | None = None, manual: Manual = FIRST)
             settings |= _KEYWORDS[keyword](words, ntypes)
     if "shift" in settings:
         settings["shift"] = replace(settings["shift"], weighs_distance=weighs_distance(manual))
-    return FixRheo(cut, cast(KernelStyle, kernel), zmin, **settings)
+    return FixRheo(cut, kernel, zmin, **settings)

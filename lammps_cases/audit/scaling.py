@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
+from eos_ref.eos.registry import LAWS
 from eos_ref.errors import InputError
 from eos_ref.syntax.manual import Manual, weighs_distance
 from lammps_cases.audit.messages import ScriptCommand
@@ -52,9 +53,10 @@ FIXES = {
     "rheo/pressure": WordForm(
         (),
         {
-            **dict.fromkeys(("linear", "tait/water"), ()),
-            **dict.fromkeys(("tait/general", "ideal/gas"), NUMBER),
-            "cubic": ("A3",),
+            **{
+                style: (None if law.parameter == "gamma" else law.parameter,) * bool(law.parameter)
+                for style, law in LAWS.items()
+            },
             "background": ("pressure",),
         },
         True,

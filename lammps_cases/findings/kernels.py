@@ -14,6 +14,7 @@ from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.evaluator import PairInput
 from eos_ref.kernels.kernel import Kernel
 from eos_ref.kernels.quintic import QUINTIC
+from eos_ref.kernels.styles import KERNELS
 from eos_ref.model.parameters import Model
 from eos_ref.model.state import Gradients, PairTerms
 from eos_ref.numbers.columns import Axes
@@ -214,7 +215,7 @@ STALE_GRADIENT_BELOW_ZMIN = ModelFinding(
     acts=lambda setting: falls_back(replace(setting.problem, steps=(0,))),
     gaps=(
         Gap(
-            lambda scene: scene.rheo.kernel in ("RK1", "RK2") and scene.rheo.zmin > 0,
+            lambda scene: KERNELS[scene.rheo.kernel].corrects_gradients and scene.rheo.zmin > 0,
             "on several ranks lists are not read, and before the first computed gradient nothing is known",
         ),
     ),

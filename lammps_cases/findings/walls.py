@@ -10,6 +10,7 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
+from eos_ref.kernels.styles import KERNELS
 from eos_ref.model.box import BoolArray
 from eos_ref.model.parameters import Model
 from eos_ref.model.state import PairTerms
@@ -252,7 +253,7 @@ def minimises_beside_walls(scene: Scene) -> bool:
         return False
     periodic = getattr(scene.positions, "periodic", None)  # None: all axes; unknown for files
     has_images = periodic is None or any(periodic) or scene.engine.ranks > 1
-    return has_images or scene.rheo.kernel in ("RK1", "RK2")
+    return has_images or KERNELS[scene.rheo.kernel].corrects_gradients
 
 
 class PartsInSlots(AccelerationsOfOldImages):

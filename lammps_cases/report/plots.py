@@ -12,12 +12,12 @@ import base64
 import math
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref.eos.registry import LAWS, Style
+from eos_ref.eos.registry import LAWS
 from eos_ref.eos.table import EOS, FloatArray
 from eos_ref.errors import InputError
 from lammps_cases.comparison.compare import excess
@@ -279,7 +279,7 @@ def _curves(case: CaseRecord, arrays: Arrays) -> list[dict[str, Any]]:
         if not rho_n.size or (energy_n is None and LAWS[record.style].needs_energy):
             continue
         try:
-            law = EOS(cast(Style, record.style), record.rho0, record.cs, record.parameter, record.background)
+            law = EOS(record.style, record.rho0, record.cs, record.parameter, record.background)
         except InputError:  # a scene may test parameters outside the law's domain: no curve
             continue
         named = {"type": record.type, "style": record.style, "rho0": record.rho0}

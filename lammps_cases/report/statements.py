@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple, get_args
 
+from eos_ref.eos.registry import LAWS
 from lammps_cases.findings import KNOWN, LEDGER, Finding
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.thermal import HEAT_OVER_DENSITY
@@ -36,7 +37,7 @@ def advice(finding: Finding, case: CaseRecord) -> str:
 
 def _unit_volumes(finding: Finding, case: CaseRecord) -> str:
     """Name the volumes other than 1; if there are no such volumes, nothing is left to choose."""
-    known = [(law.type, law.mass / law.rho0) for law in case.laws if law.mass and law.style != "ideal/gas"]
+    known = [(law.type, law.mass / law.rho0) for law in case.laws if law.mass and LAWS[law.style].takes_cs]
     if not known or len(known) < len(case.laws):
         return finding.workaround
     off: dict[str, list[str]] = {}

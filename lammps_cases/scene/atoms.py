@@ -319,7 +319,7 @@ def _check_fields(
     if eos is None:
         return
     if scene.thermal and e_n is None:
-        needing = "ideal/gas needs" if eos.needs_energy else "thermal properties of types need"
+        needing = f"{eos.style_with_energy} needs" if eos.needs_energy else "thermal properties of types need"
         raise InputError("energy", f"{needing} the energy of every particle")
     if rho_n is None and not scene.rho_sum:
         raise InputError("rho", "must be given unless rho_sum is on")

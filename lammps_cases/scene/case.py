@@ -347,7 +347,7 @@ class Scene(SceneModel):
         """Return the material constants that are not given although the laws and fields compared depend on them."""
         no = {
             "rho0 = 1": self.rho0 is None,
-            "cs = 1": self.cs is None and any(law.style != "ideal/gas" for law in self.pressure),
+            "cs = 1": self.cs is None and any(law.takes_cs for law in self.pressure),
             "viscosity = 0.1": self.whole_model and any("viscosity" not in t.model_fields_set for t in self.types),
         }
         return tuple(text for text, taken in no.items() if taken)

@@ -240,7 +240,9 @@ def _case(file: CaseFile, made: Combination, source: Source, shipped: bool) -> C
             eos = scene.eos(where("scene", "pressure"))
         given = not isinstance(scene.positions, FromFile)
         if eos.needs_energy and scene.energy is None and given:
-            raise InputError("energy", "ideal/gas needs the energy of every particle", where=where("scene"))
+            raise InputError(
+                "energy", f"{eos.style_with_energy} needs the energy of every particle", where=where("scene")
+            )
         if scene.rho is None and not scene.rho_sum and given:
             raise InputError("rho", "must be given unless rho_sum is on or a file holds it", where=where("scene"))
     about, tags = " ".join(file.about.split()), tuple(sorted(set(made.tags)))

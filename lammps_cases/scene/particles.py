@@ -104,6 +104,11 @@ class LawSettings(SceneModel):
         return None if name is None else getattr(self, name)
 
     @property
+    def takes_cs(self) -> bool:
+        """Return whether the law depends on the speed of sound."""
+        return self.style == "background" or LAWS[self.style].takes_cs
+
+    @property
     def needs_energy(self) -> bool:
         """Return whether the law depends on the internal energy."""
         return self.style != "background" and LAWS[self.style].needs_energy

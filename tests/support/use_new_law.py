@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ from eos_ref import EOS, STYLES, EOSTable, InputError, parse_fix_rheo_pressure, 
 from eos_ref.eos import bounds, lammps_rounding, rigorous, rounded_eos
 from eos_ref.eos.table import examples
 from eos_ref.methods import choice
+from eos_ref.methods.laws import methods_of
 from eos_ref.numbers.rounded import Rounded
+from lammps_cases.audit import scaling
 from lammps_cases.comparison.compare import EosState, compare_pressure
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import build
@@ -18,7 +21,10 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.particles import entries
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
+from lammps_cases.studies.chart import laws as chart
+from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.verdict import mistakes
+from tests.eos_ref.test_numerics_page import PAGE, of_laws
 
 STYLE, GAMMA, RHO0, CS = "stiffened/gas", 1.7, 1.25, 3.5
 random = np.random.default_rng(3)
@@ -90,5 +96,19 @@ own_n = bounds.comparison(one, rho_n, every_n, e_n)
 blind = mistakes.undetected_in_laws(one, state, one.pressure(rho_n, every_n, e_n), own_n)
 assert blind == [], blind
 assert compare_pressure(one, state, theirs_n).record.verdict == "exact"
+
+# schema, flows, diagnosis, audit of decks in another unit of length
+assert STYLE in json.dumps(Scene.model_json_schema()) and scene.defaults == ()
+assert f"sound-wave-{STYLE.replace('/', '-')}" in FLOWS
+assert scaling.FIXES["rheo/pressure"].keywords[STYLE] == (None,)
+
+# a curve in the chart, of every method that evaluates the law
+regime = chart.REGIMES[2]
+assert {STYLE, *STYLES} == {each.style for each in chart.LAWS}
+errors = {each.name: chart.worst_of(None, law, each.name, regime, 64) for each in methods_of(law)}
+assert {"compiled", "numpy"} <= errors.keys() and all(0 <= each < 1e-3 for each in errors.values()), errors
+
+# NUMERICS.md
+assert all(f"\n{row}" in PAGE.read_text() for row in of_laws())
 
 print(STYLE)

@@ -11,7 +11,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from typing import get_args
 
 import numpy as np
 
@@ -40,7 +39,7 @@ from lammps_cases.studies.flows.solve import (
 )
 
 # RK0 has the gradients of the quintic spline.
-STYLES: tuple[KernelStyle, ...] = tuple(style for style in get_args(KernelStyle) if KERNELS[style].order != 0)
+STYLES = tuple(style for style, corrected in KERNELS.items() if corrected.order != 0)
 CUTS = (2.5, 3.0, 4.0)
 KERNEL_RESOLUTION = 32
 SHOWN = ("taylor-green", "sound-wave-tait-water")

@@ -12,14 +12,14 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.kernels.styles import KernelStyle
+from eos_ref.kernels.styles import KERNELS, KernelStyle
 from lammps_cases.engine.session import Answer, Session
 from lammps_cases.records import measure
 from lammps_cases.scene import Scene
@@ -96,13 +96,6 @@ def opened(session: Session | None, stack: ExitStack) -> Session | None:
     return session and stack.enter_context(closing(Session(session.site)))
 
 
-KERNELS: tuple[KernelStyle, ...] = get_args(KernelStyle)
-REASONS = {
-    "quintic": "gradients without correction: cheapest, forces of a pair are opposite",
-    "RK0": "documented as corrected to order 0; its gradients are the quintic's",
-    "RK1": "corrected to first order: gradients of linear fields are exact",
-    "RK2": "corrected to second order: gradients of quadratic fields are exact",
-}
 CUTS, QUICK_CUTS = (2.0, 2.5, 3.0, 3.5, 4.0), (2.0, 3.0, 4.0)
 DISORDERS, QUICK_DISORDERS = (0.0, 0.1, 0.3), (0.1,)  # largest displacement along an axis, in spacings
 EDGE, QUICK_EDGE = 64, 32  # particles along an edge
@@ -174,9 +167,9 @@ def run(methods: Iterable[Method], session: Session | None, stack: ExitStack) ->
 
 def gradients(cuts: Sequence[float], disorder: float, edge: int) -> Iterator[Method]:
     """Yield every kernel and cutoff on the same particles, moving with `field`."""
-    for kernel in KERNELS:
+    for kernel, corrected in KERNELS.items():
         for cut in cuts:
-            setup, reason = prepared(kernel, cut, disorder, edge), REASONS[kernel]
+            setup, reason = prepared(kernel, cut, disorder, edge), corrected.about
             setup = moving(setup, field(setup.atoms.x_nc))
             yield Method(f"{kernel}, cutoff {cut:g}", setup, "grad/v", reason, f"{reason}; time of a whole step")
 
@@ -193,9 +186,9 @@ def _deformed_methods(cuts: Sequence[float], disorder: float, edge: int) -> Iter
         ("summation", "quintic", "densities summed over neighbours: no history, mass is conserved")
     ]
     ways += [
-        (f"continuity, {k}", k, f"densities by the continuity equation: no noise of the particles; {REASONS[k]}")
-        for k in KERNELS
-        if k != "RK0"
+        (f"continuity, {k}", k, f"densities by the continuity equation: no noise of the particles; {corrected.about}")
+        for k, corrected in KERNELS.items()
+        if corrected.order != 0
     ]
     for cut in cuts:
         for way, kernel, reason in ways:

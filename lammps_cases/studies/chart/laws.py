@@ -211,7 +211,7 @@ def each(task: Callable[..., float], arguments: Sequence[tuple[Any, ...]]) -> li
 def _accuracy_crossings(law: EOS, methods: Sequence[LawMethod]) -> Iterator[Crossing]:
     r"""Yield the distances :math:`|\rho/\rho_0-1|` above which the printed formula is as accurate as other methods."""
     named = {method.name: method for method in methods}
-    if "textbook" not in named or law.style == "cubic":
+    if "textbook" not in named or law.exponent is None:
         return
     functions = {m.name: m.function(law, *Regime(1e-9, 10.0).ends(law)) for m in methods}
     for other in ("float32 excess", "table, cubic"):

@@ -14,12 +14,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from eos_ref.analytic.channel import column, plane_start_up, weight_of_column
-from eos_ref.eos.registry import Style
 from eos_ref.eos.table import EOS, FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.walls import WALL_VELOCITY_LOST
@@ -165,7 +164,7 @@ class TankColumn:
 
 
 def _column(n: int, options: Options) -> TankColumn:
-    style = cast(Style, options.word("law", "linear"))
+    style = options.word("law", "linear")
     law = EOS(style, 1.0, 1.0)
     gravity = options.number("compression", COMPRESSION) / n
     depth_n, rho_n = column(law, np.arange(n) + 0.5, gravity)

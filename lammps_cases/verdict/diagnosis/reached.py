@@ -20,11 +20,13 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
+from eos_ref.kernels.styles import KERNELS
 from lammps_cases.verdict.diagnosis.edits import EVERYWHERE, ExpressionEdit, FunctionEdits, made, operands
 
 # Modules with formulas; the others find pairs, propagate errors and read commands.
+SHAPES = dict.fromkeys(style.kernel.shape.__module__.removeprefix("eos_ref.") for style in KERNELS.values())
 MODULES = (
-    "eos.laws", "eos.table", "eos.rounded_eos", "kernels.quintic", "kernels.kernel", "kernels.reproducing",
+    "eos.laws", "eos.table", "eos.rounded_eos", *SHAPES, "kernels.kernel", "kernels.reproducing",
     "model.interactions", "model.per_atom", "evaluation.array_evaluator", "evaluation.evaluator",
     "evaluation.time_step", "numbers.matrices",
 )  # fmt: skip

@@ -19,6 +19,7 @@ import numpy as np
 from eos_ref import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
+from eos_ref.kernels.styles import KERNELS
 from lammps_cases.comparison.predictor import Made, Predictor
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import combined
@@ -111,7 +112,7 @@ def features(scene: Scene) -> set[str]:
     """Return the features of a scene."""
     said = {name for name, test in _TESTS.items() if test(scene)}
     said |= {f"dimension {scene.dimension}", f"units {scene.units}", f"kernel {scene.rheo.kernel}"}
-    if scene.rheo.kernel in ("RK1", "RK2"):
+    if KERNELS[scene.rheo.kernel].corrects_gradients:
         said.add("a kernel that corrects gradients")
     said |= {f"law {law.style}" for law in scene.pressure}
     said |= {f"fix {force.style}" for force in scene.forces}

@@ -12,10 +12,16 @@ from typing import Any
 import numpy as np
 import pytest
 from flint import arb, ctx
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 import eos_ref
 from eos_ref import EOS, STYLES, EOSTable, InputError
+from eos_ref.eos import bounds, rigorous
+from eos_ref.eos.table import examples
 from tests.support.eos_cases import (
+    BACKGROUNDS,
+    CS,
     EPS,
     LAWS,
     RHO0,
@@ -123,6 +129,30 @@ def test_energy_is_checked() -> None:
     assert LAWS["linear"].pressure(1000.0, [1.0, 2.0]) == LAWS["linear"].pressure(1000.0), "ignored where unused"
 
 
+@settings(deadline=None, derandomize=True, max_examples=200)
+@given(
+    st.sampled_from(examples(RHO0, CS)),
+    st.lists(st.floats(0.2, 3), min_size=2, max_size=2).map(sorted),
+    st.floats(0.5, 2),
+    st.sampled_from(BACKGROUNDS),
+)
+def test_registered_law_is_monotone_invertible_and_within_its_bound(
+    law: EOS, x: list[float], e: float, background: float
+) -> None:
+    """On its branch, whatever the law: against Arb, with no formula of this file."""
+    law = replace(law, background=background)
+    rho_n, e_n = RHO0 * np.array(x), np.full(2, e)
+    assume(law.monotone.low < rho_n[0] and rho_n[1] < law.monotone.high and law.is_defined(rho_n).all())
+    p_n, bound_n = law.pressure(rho_n, e_n), bounds.reference(law, rho_n, e_n)
+    for rho, p, bound in zip(rho_n.tolist(), p_n.tolist(), bound_n.tolist(), strict=True):
+        assert rigorous.error(p, rigorous.pressure(law, rho, e)) <= bound
+    assert p_n[0] - p_n[1] <= bound_n.sum()
+    back_n = law.density(p_n, e_n)
+    slope_n = np.minimum(law.stiffness(rho_n, e_n), law.stiffness(back_n, e_n))
+    # The inverse's own roundings are below 64 eps; see `inverse_bound` for what they are.
+    assert (np.abs(back_n - rho_n) <= 2 * bound_n / slope_n + 64 * EPS * (rho_n + RHO0)).all()
+
+
 def branch(law: EOS) -> FloatArray:
     """Densities >= 0 on the monotone branch: near equilibrium, in tension and compression, up to its ends."""
     low, high = max(law.monotone.low, 0.0), min(law.monotone.high, 1e30 * RHO0)
@@ -190,16 +220,10 @@ def test_density_undoes_pressure(law: EOS) -> None:
     ]
 
 
-CLOSE = [
-    "linear",
-    "cubic nearly flat",
-    "cubic A3 = 0",
-    "tait/water",
-    "tait/general 7",
-    "tait/general 2",
-    "tait/general 0.5",
-    "tait/general 0.01",
-]
+CLOSE = (
+    *("linear", "cubic nearly flat", "cubic A3 = 0", "tait/water"),
+    *("tait/general 7", "tait/general 2", "tait/general 0.5", "tait/general 0.01"),
+)
 
 
 @pytest.mark.parametrize("name", CLOSE)

@@ -9,21 +9,22 @@ import numpy as np
 import pytest
 
 from eos_ref.errors import InputError
+from eos_ref.evaluation.cutoff import AtCutoff
 from eos_ref.evaluation.pairs import SHARED, Candidates, Search, candidates, directed_pairs, sharing
 from eos_ref.model.box import Box
+from eos_ref.numbers.rounded import error, value
+from tests.support.particle_scenes import recipe
+
+# --- directed pairs
 
 
 def all_pairs(x_nc: Any, box: Box, cut: float) -> set[tuple[Any, ...]]:
     """Every i, j and image of j with r < cut, by trying all images of some periods around."""
-    found = set()
-    turns = [range(-3, 4) if periodic else (0,) for periodic in box.periodic]
-    for (i, a_c), (j, b_c) in itertools.product(enumerate(x_nc), repeat=2):
-        for turn in itertools.product(*turns):
-            shift_c = np.array(turn) @ box.cell_cc
-            r = np.sqrt(((a_c - (b_c + shift_c)) ** 2).sum())
-            if r < cut and (i != j or any(turn)):
-                found.add((i, j, *shift_c.tolist()))
-    return found
+    turns = np.array(list(itertools.product(*[range(-3, 4) if periodic else (0,) for periodic in box.periodic])))
+    shift_kc = turns @ box.cell_cc
+    apart_nnkc = x_nc[:, None, None] - (x_nc[:, None] + shift_kc)
+    near = np.sqrt((apart_nnkc**2).sum(axis=3)) < cut
+    return {(i, j, *shift_kc[k].tolist()) for i, j, k in np.argwhere(near).tolist() if i != j or turns[k].any()}
 
 
 def as_set(pairs: tuple[Any, Any, Any]) -> set[tuple[Any, ...]]:
@@ -50,16 +51,16 @@ def test_images_of_a_tilted_box(tilt: tuple[float, float, float]) -> None:
     x_nc = np.random.default_rng(4).uniform([-2.0, 0.0, 0.0], [1.5, 3.0, 4.0], (10, 3))
     found = as_set(directed_pairs(x_nc, box, 1.75))
     assert found and found == all_pairs(x_nc, box, 1.75)
-    upright = Box(box.low_c, box.high_c, box.periodic)
-    assert found != as_set(directed_pairs(x_nc, upright, 1.75))
+    assert found != as_set(directed_pairs(x_nc, Box(box.low_c, box.high_c, box.periodic), 1.75))
     inside_nc = x_nc - box.shift(box.images(x_nc))
     assert not box.outside(inside_nc).any() and box.outside(x_nc).any()
     assert (box.periods(x_nc - inside_nc) == box.images(x_nc)).all()
 
 
-def test_open_axis_next_to_a_leaning_edge() -> None:
-    box = Box((0.0, 0.0, 0.0), (2.0, 3.0, 4.0), (True, True, False), (1.25, 0.0, 0.0))
-    x_nc = np.random.default_rng(5).uniform([-2.0, 0.0, 0.0], [2.0, 3.0, 4.0], (15, 3)) * [1, 1, 4]
+@pytest.mark.parametrize(("tilt", "stretch"), [((1.25, 0.0, 0.0), 4), ((), 1)])
+def test_open_axis_with_particles_outside_the_box(tilt: tuple[float, ...], stretch: float) -> None:
+    box = Box((0.0, 0.0, 0.0), (2.0, 3.0, 4.0), (True, True, False), tilt)
+    x_nc = np.random.default_rng(5).uniform([-2.0, 0.0, 0.0], [2.0, 3.0, 4.0], (15, 3)) * [1, 1, stretch]
     found = as_set(directed_pairs(x_nc, box, 1.25))
     assert found and found == all_pairs(x_nc, box, 1.25)
 
@@ -85,14 +86,6 @@ def test_pairs_are_the_same_at_every_size(size: float) -> None:
     own = directed_pairs(x_nc, Box((0.0, 0.0), (5.0, 4.0), (False, True)), 2.5)
     assert i.tolist() == own[0].tolist() and j.tolist() == own[1].tolist()
     assert (shift_pc == own[2] * size).all()
-
-
-def test_three_axes_and_particles_outside_the_box() -> None:
-    box = Box((0.0, 0.0, 0.0), (2.0, 3.0, 4.0), (True, True, False))
-    x_nc = np.random.default_rng(5).uniform([-2.0, 0.0, 0.0], [2.0, 3.0, 4.0], (15, 3))
-    found = as_set(directed_pairs(x_nc, box, 1.25))
-    assert found
-    assert found == all_pairs(x_nc, box, 1.25)
 
 
 def test_pairs_are_sorted_and_listed_in_both_directions() -> None:
@@ -200,3 +193,21 @@ def test_particles_too_distant_to_resolve_have_no_pairs() -> None:
     with pytest.raises(InputError, match="positions: must be known to less than an edge"):
         directed_pairs(x_nc, box, 1.0)
     assert not as_set(directed_pairs(x_nc[:, ::-1], box, 0.5)), "along an open axis"
+
+
+# --- at the cutoff
+
+
+# Two particles exactly a cutoff apart, one that has a neighbour well within, which is the second's too, and one alone.
+PLACES = np.array([[1.0, 1.0], [4.0, 1.0], [3.0, 1.0], [1.0, 9.0]])
+
+
+def test_pair_at_the_cutoff_leaves_only_its_particles_open() -> None:
+    model, open_box = recipe("walls", 2).model, Box((0.0, 0.0), (20.0, 20.0), (False, False))
+    evaluator = AtCutoff(model, open_box, np.ones(4, int), np.zeros(4, bool))
+    far = PLACES * model.cut / 3.0
+    evaluator.move(far)
+    assert error(evaluator.counted()).tolist() == [1.0, 1.0, 0.0, 0.0]
+    chi_n = evaluator.same_phase()
+    assert value(chi_n).tolist() == [1.0, 1.0, 1.0, 0.0], "the particle alone has none, whatever others have"
+    assert np.isfinite(error(chi_n)).all()

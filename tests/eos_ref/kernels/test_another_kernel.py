@@ -1,12 +1,14 @@
-r"""A kernel that fix rheo does not have, Wendland's C2 of support 2h, through both evaluators.
+r"""A kernel that fix rheo does not have, Wendland's C2 of support 2h, through both evaluators and all of the harness.
 
-Nothing but its object is given: support, normalisation, shape and slope. The double loop has its own copy.
+The evaluators receive its object: support, normalisation, shape and slope; the double loop has its own copy. In a copy
+of the packages it is a module, its styles and their rows in NUMERICS.md.
 Source: Wendland, Adv. Comput. Math. 4, 389 (1995); Dehnen & Aly, MNRAS 425, 1068 (2012), table 1 (their r is q/2).
 """
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,7 @@ from eos_ref.numbers.rounded import error
 from eos_ref.syntax.fixes import Shift, SurfaceDetection
 from tests.support.double_loop import PI, DoubleLoop, L, ScalarKernel
 from tests.support.particle_scenes import POWER, results, scene
+from tests.support.walk import after, walk
 
 pytestmark = pytest.mark.slow
 
@@ -60,7 +63,7 @@ SCENES: dict[str, dict[str, Any]] = {
 @pytest.fixture(autouse=True)
 def styles(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, order in ORDERS.items():
-        monkeypatch.setitem(KERNELS, name, Corrected(WENDLAND, order))
+        monkeypatch.setitem(KERNELS, name, Corrected(WENDLAND, order, ""))
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -97,3 +100,51 @@ def test_both_evaluators_against_the_double_loop(name: str, dimension: int) -> N
             assert (np.abs(values - np.array(expected[field], L)) <= errors).all(), f"{evaluator.__name__}: {field}"
             assert errors.max() <= 1e-9 * max(np.abs(values).max(), 1.0), field
         assert (np.abs(found["f"] - np.array(of_quintic["f"], L)) > error(bound["f"])).any(), "the kernel is not used"
+
+
+MODULE = '''"""Wendland's C2."""
+
+import math
+
+from eos_ref.kernels.kernel import Kernel
+from eos_ref.numbers.elementary import maximum
+
+
+def wendland(q):
+    """Return the shape."""
+    a = maximum(1 - 0.5 * q, 0.0)
+    return a * a * (a * a) * (1 + 2 * q)
+
+
+def wendland_slope(q):
+    """Return its derivative."""
+    a = maximum(1 - 0.5 * q, 0.0)
+    return -5 * q * (a * a * a)
+
+
+def normalisation(dimension, h):
+    """Return the factor of an integral of 1."""
+    return 7 / (4 * math.pi * h**2) if dimension == 2 else 21 / (16 * math.pi * h**3)
+
+
+WENDLAND = Kernel("Wendland C2", support=2.0, factor=normalisation, shape=wendland, slope=wendland_slope)
+'''
+RECORDS = """    "wendland": Corrected(WENDLAND, -1, "smooth"),
+    "WRK1": Corrected(WENDLAND, 1, "smooth and exact"),
+}
+"""
+ROWS = """| `wendland` | Wendland C2, $r_c = 2h$ | none | smooth |
+| `WRK1` | Wendland C2, $r_c = 2h$ | 1 | smooth and exact |
+"""
+EDITS = {
+    "eos_ref/kernels/wendland.py": lambda text: MODULE,
+    "eos_ref/kernels/styles.py": lambda text: text.replace("\n}\n", f"\n{RECORDS}", 1).replace(
+        "\n\n\n@dataclass", "\nfrom eos_ref.kernels.wendland import WENDLAND\n\n\n@dataclass", 1
+    ),
+    "eos_ref/NUMERICS.md": after("gradients of quadratic fields are exact |\n", ROWS),
+}
+
+
+def test_new_kernel_is_complete_in_three_files(tmp_path: Path) -> None:
+    assert len(EDITS) <= 3
+    assert walk(tmp_path, EDITS, "use_new_kernel.py") == "wendland WRK1"

@@ -96,15 +96,6 @@ def test_only_what_is_needed_is_evaluated(options: dict[str, Any], fields: list[
     assert found == stages
 
 
-def test_static_density_needs_no_gradient() -> None:
-    plan = required(scene(rho_sum=True, artificial=0.5, thermal=HOT).model, ["rho"])
-    assert plan == ("pairs", "kernel", "rho")
-
-
-def test_pressure_needs_no_pairs() -> None:
-    assert required(scene(kernel="RK2", artificial=0.5, thermal=HOT).model, ["pressure"]) == ("rho", "pressure")
-
-
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("name", RECIPES)
 def test_any_one_field_alone_is_the_same(name: str, dimension: int) -> None:
@@ -158,45 +149,6 @@ def test_records_refer_to_each_other() -> None:
         assert (quantity.part_of == "") or quantity.part_of in order()
 
 
-def test_repeated_requests_change_nothing() -> None:
-    model = scene(artificial=0.5).model
-    assert required(model, ["f", "f", "rho"]) == required(model, ["rho", "f"])
-    assert required(model, []) == ()
-
-
-@pytest.mark.parametrize("field", ["", "F", "grad", "grad/v/xx", "pressures", "f "])
-def test_unknown_fields(field: str) -> None:
-    with pytest.raises(InputError, match="field: must be one of pairs, ") as caught:
-        required(scene().model, ["f", field])
-    assert repr(field) in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    "field",
-    [
-        "shift/v",
-        "surface",
-        "surface/r",
-        "surface/n",
-        "surface/divr",
-        "chi",
-        "temperature",
-        "heatflow",
-        "energy",
-        "conductivity",
-        "cv",
-    ],
-)
-def test_fields_missing_from_the_model(field: str) -> None:
-    with pytest.raises(InputError, match=f"field: is not part of this model .*found '{field}'"):
-        required(scene().model, [field])
-
-
-def test_status_is_available_without_surfaces() -> None:
-    assert required(scene().model, ["status"]) == ()
-
-
 def test_bounds_cover_every_field() -> None:
     """Fields of an evaluation and of its bounds are the same set."""
     built = recipe("walls, thermal", 2)
@@ -212,3 +164,31 @@ def test_steps_and_outputs_need_what_was_evaluated(fields: tuple[str, ...]) -> N
         sim.output("f")
     with pytest.raises(InputError, match="fields: must name what time steps need: f"):
         sim.step(0.01)
+
+
+def test_worked_plans() -> None:
+    rich = scene(kernel="RK2", artificial=0.5, thermal=HOT)
+    assert required(scene(rho_sum=True, artificial=0.5, thermal=HOT).model, ["rho"]) == ("pairs", "kernel", "rho")
+    assert required(rich.model, ["pressure"]) == ("rho", "pressure"), "no pairs"
+    assert required(scene().model, ["status"]) == required(scene().model, []) == (), "without surfaces, too"
+    assert required(rich.model, ["f", "f", "rho"]) == required(rich.model, ["rho", "f"])
+
+
+NO_FIELDS = ("", "F", "grad", "grad/v/xx", "pressures", "f ")
+MISSING = (
+    *("shift/v", "surface", "surface/r", "surface/n", "surface/divr", "chi"),
+    *("temperature", "heatflow", "energy", "conductivity", "cv"),
+)
+
+
+@pytest.mark.parametrize(
+    ("field", "rule"),
+    [
+        *[(field, "field: must be one of pairs, ") for field in NO_FIELDS],
+        *[(field, f"field: is not part of this model .*found '{field}'") for field in MISSING],
+    ],
+)
+def test_unavailable_fields_are_refused(field: str, rule: str) -> None:
+    with pytest.raises(InputError, match=rule) as caught:
+        required(scene().model, ["f", field])
+    assert repr(field) in str(caught.value) and "\n" not in str(caught.value)

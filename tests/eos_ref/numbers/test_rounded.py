@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.evaluator import is_class
 from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model import interactions
 from eos_ref.numbers.elementary import maximum, minimum, sqrt, where
@@ -344,10 +343,3 @@ def test_open_surface_leaves_dependent_fields_open() -> None:
     assert decided.any()
     assert (found["surface/r"][1][decided] < 1e-12).all()
     assert (found["surface/n"][1][decided] < 1e-9).all()
-
-
-def test_classes() -> None:
-    plain = is_class(np.array([0.0, 1.0, 2.0]), 1)
-    assert plain.tolist() == [False, True, False]
-    found = is_class(Rounded([0.0, 1.0], [1.0, 0.0]), 1)
-    assert (found.answer.tolist(), found.open.tolist()) == ([False, True], [True, False])

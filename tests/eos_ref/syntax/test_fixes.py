@@ -1,19 +1,140 @@
-"""The two fix commands: everything that the manual's syntax accepts, and a clear one-line message otherwise."""
+"""Commands: words, ranges of types, the two fixes and their manuals; a clear one-line message for the rest."""
 
 from __future__ import annotations
 
 import math
 import random
+import re
 from dataclasses import replace
 from itertools import chain
-from typing import Any
+from typing import Any, get_args
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eos_ref import EOS, FixRheo, InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
+from eos_ref import EOS, FixRheo, InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve, type_range
+from eos_ref.eos.registry import LAWS
+from eos_ref.kernels.styles import KERNELS
 from eos_ref.syntax.fixes import PressureEntry, Shift, SurfaceDetection
+from eos_ref.syntax.manual import FIRST, MANUALS, Manual, manual_of, weighs_distance
+from eos_ref.syntax.words import fix, number, split
+from tests.support.particle_scenes import bounded, recipe
+
+# --- words
+
+
+def test_split() -> None:
+    assert split("fix 1 all\t rheo &\n 3.0 # cut\n\n").words == ["fix", "1", "all", "rheo", "3.0"]
+    assert split("").words == []
+    assert split("a 1\u00a02").words == ["a", "1\u00a02"], "a blank of another script does not separate words"
+    with pytest.raises(InputError, match="command: must be a single one"):
+        split("a\nb")
+
+
+NO_NUMBER = ("1_0", "\uff11", "\u22121", "1,2", "0x1p1", "1d0", "1.2.3", "--1", "one")
+NOT_FINITE, NOT_WHOLE = ("nan", "inf", "-inf", "1e309"), ("1.5", "1e0", "99999999999999999999", "0x1", "\uff11", "one")
+
+
+@pytest.mark.parametrize(
+    ("text", "method", "rule"),
+    [
+        *[(text, "number", "cut: must be a finite number") for text in (*NO_NUMBER, *NOT_FINITE)],
+        *[(text, "integer", "cut: must be a whole number") for text in NOT_WHOLE],
+    ],
+)
+def test_word_that_is_no_number(text: str, method: str, rule: str) -> None:
+    words = split(f"a {text}")
+    words.word("command")
+    with pytest.raises(InputError, match=rule):
+        getattr(words, method)("cut")
+    assert text not in NO_NUMBER or number(text) is number("") is None
+
+
+def test_end_choice_and_place() -> None:
+    words = split("a b c")
+    assert words.choice("letter", ("a",)) == "a"
+    with pytest.raises(InputError, match=r"letter: must be one of x, bb \(did you mean 'bb'\?\), found 'b' \(a b c\)"):
+        words.choice("letter", ("x", "bb"))
+    with pytest.raises(InputError, match="a: takes nothing more, found 'c'"):
+        words.end("a")
+    with pytest.raises(InputError, match=r"mass: must be positive, found -1 \(a b c\)"), words.complaints():
+        raise InputError("mass", "must be positive", -1)
+
+
+def test_fix() -> None:
+    assert fix("fix a_1 all rheo 3.0", "rheo").peek() == "3.0"
+    for text, message in (
+        ("unfix 1", "must begin with fix"),
+        ("fix a-1 all rheo", "fix ID: must consist of letters, digits and underscores, found 'a-1'"),
+        ("fix 1 some rheo", "group of fix rheo: must be all"),
+        ("fix 1 all nve", "fix style: must be rheo"),
+    ):
+        with pytest.raises(InputError, match=message):
+            fix(text, "rheo")
+
+
+# --- ranges of types
+
+LARGE, DIGITS = 999999999999999999, "9" * 5000  # Python refuses to convert so many digits
+INVALID = {
+    "must be *, n, *n, m* or m*n with whole numbers": (
+        *(
+            "**",
+            "1*2*",
+            "1-2",
+            "1:2",
+            "1,2",
+            "",
+            " 1",
+            "1 ",
+            "1\n",
+            "1 * 2",
+            "-1",
+            "+1",
+            "1.5",
+            "1e0",
+            "0x1",
+            "1_0",
+            "a",
+        ),
+        *("١", "¹", "１*２", DIGITS, "*" + DIGITS),
+    ),
+    "must lie within the atom types 1 to 2": ("0", "0*", "*0", "0*1", "3", "3*", "*3", "1*3", "3*4", str(LARGE)),
+    "must not be reversed": ("2*1", "9*8"),
+}
+
+
+@pytest.mark.parametrize(("text", "rule"), [(text, rule) for rule, texts in INVALID.items() for text in texts])
+def test_invalid_ranges_of_two_types(text: str, rule: str) -> None:
+    with pytest.raises(InputError, match=re.escape(rule)) as caught:
+        type_range(text, 2, "in.deck")
+    message = str(caught.value)
+    assert message.startswith("type range: ") and message.endswith("(in.deck)")
+    assert "found" in message and "\n" not in message
+    assert repr(text)[:100] in message or " " in text  # spaces are closed up
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.integers(1, 50), st.integers(1, 50), st.integers(1, 50))
+def test_range_selects_the_types_between_its_ends(low: int, high: int, ntypes: int) -> None:
+    def value(text: str) -> list[int] | None:
+        try:
+            return list(type_range(text, ntypes))
+        except InputError:
+            return None
+
+    fits = 1 <= low <= high <= ntypes
+    assert value(f"{low}*{high}") == (list(range(low, high + 1)) if fits else None)
+    assert value(f"*{high}") == (list(range(1, high + 1)) if high <= ntypes else None)
+    assert value(f"{low}*") == (list(range(low, ntypes + 1)) if low <= ntypes else None)
+    assert value(f"{low}") == value(f"0{low}") == ([low] if low <= ntypes else None)
+    assert value("*") == list(range(1, ntypes + 1))
+    assert list(type_range(str(LARGE), 10**18)) == [LARGE]
+
+
+# --- fixes
 
 PRESSURE = "fix 1 all rheo/pressure "
 RHEO = "fix 1 all rheo 3.0 quintic 0 "
@@ -308,10 +429,11 @@ ranges = st.builds(
     st.sampled_from(["{0}", "*", "*{0}", "{1}*", "{0}*{1}"]),
 )
 entries = st.one_of(
-    st.builds(PressureEntry, ranges, st.sampled_from(["linear", "tait/water"])),
-    st.builds(PressureEntry, ranges, st.sampled_from(["cubic", "background"]), numbers),
-    st.builds(PressureEntry, ranges, st.just("tait/general"), numbers.filter(lambda x: x != 0)),
-    st.builds(PressureEntry, ranges, st.just("ideal/gas"), st.floats(1.001, 100)),
+    st.builds(PressureEntry, ranges, st.just("background"), numbers),
+    *[
+        st.builds(PressureEntry, ranges, st.just(style), numbers.filter(law.allows) if law.parameter else st.none())
+        for style, law in LAWS.items()
+    ],
 )
 gaps = st.sampled_from([" ", "  ", "\t", " &\n ", " & \n\t"])
 per_type = st.none() | st.tuples(*[positive] * NTYPES)
@@ -319,7 +441,7 @@ counts, thresholds = st.integers(0, 10**6), st.floats(0, allow_infinity=False)
 settings_of_rheo = st.builds(
     lambda **values: FixRheo(**values, self_mass=values["rho_sum"] and values["cut"] > 1),
     cut=positive,
-    kernel=st.sampled_from(["quintic", "RK0", "RK1", "RK2"]),
+    kernel=st.sampled_from(list(KERNELS)),
     zmin=st.integers(0, 10**6),
     thermal=st.booleans(),
     interface_reconstruct=st.booleans(),
@@ -407,3 +529,36 @@ def test_any_text_is_read_or_refused(text: str, start: str) -> None:
             parse(start + text)
         except InputError as error:
             assert len(str(error).splitlines()) == 1
+
+
+# --- versions of the manual
+
+LINE = "fix 1 all rheo 3.0 RK1 10 shift exclude/type 2*4 scale/cross/type 0.05 0.02 0.5"
+
+
+VERSIONS = {
+    "2025.7.22": ("2025.7.22.4.0", "2026.7.3", "20250722", "2024.8.29", "", "fork"),
+    "2026.7.4": ("2026.7.4", "20260704", "20260930"),
+}
+
+
+def test_manual_of_a_version() -> None:
+    assert FIRST == "2025.7.22", "that of a version without a date"
+    for manual, versions in VERSIONS.items():
+        assert {manual_of(version) for version in versions} == {manual}
+
+
+def test_meaning_of_a_line_depends_on_the_manual() -> None:
+    assert get_args(Manual) == MANUALS
+    for manual in MANUALS:
+        shift = parse_fix_rheo(LINE, 4, manual).shift
+        assert shift is not None and shift.scale_cross_type == (0.05, 0.02, 0.5)
+        assert shift.weighs_distance == weighs_distance(manual) == (manual != "2025.7.22")
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_two_sums_shift_different_particles(dimension: int) -> None:
+    """Both are compared with the double loop wherever all recipes are; here, a recipe distinguishes them."""
+    shifts = [bounded(recipe(name, dimension))["shift/v"][0] for name in ("cross", "cross, by distance")]
+    still = [np.all(shift_nc == 0, axis=1) for shift_nc in shifts]
+    assert still[0].any() and still[1].any() and np.any(still[0] != still[1])

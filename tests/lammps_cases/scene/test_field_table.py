@@ -1,9 +1,8 @@
-"""The table of fields: every field is complete, and a new one needs two records, a formula and a line."""
+"""The table of fields: every field is complete, and a new one is two records, a formula, a line and a row."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref import EOS
-from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Model
-from eos_ref.model.quantities import PRESSURE, QUANTITIES, Quantity, evaluated_for, order, required
+from eos_ref.model.quantities import QUANTITIES, evaluated_for, order, required
 from lammps_cases.audit import fields as audit
 from lammps_cases.audit.deck import Deck
 from lammps_cases.engine.session import Answer
@@ -23,12 +20,13 @@ from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import flow, prepared_case
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.fields import FIELDS, Field, in_step_order
+from lammps_cases.scene.fields import FIELDS, in_step_order
 from lammps_cases.setup import commands, twins
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.case_arrays import snapshot
 from lammps_cases.verdict.problems import problem_of
 from tests.support.outcome import Solver
+from tests.support.walk import after, walk
 from tests.workshop.faults import output_faults
 from tests.workshop.faults.substitute import in_place_of
 
@@ -127,64 +125,40 @@ def test_field_without_its_keyword_is_refused(make: Make) -> None:
 
 # --- a new one
 
-NEW = "compression"  # for a linear law this is the pressure, which real LAMMPS outputs
-
-
-def _add(monkeypatch: pytest.MonkeyPatch, formula: Callable[[ArrayEvaluator, Any], Any]) -> None:
-    """Add a field: two records, a formula, and the line of the evaluation that calls it."""
-    monkeypatch.setitem(QUANTITIES, NEW, Quantity(NEW, "compressions", PRESSURE, inputs=("rho",)))
-    monkeypatch.setitem(FIELDS, NEW, Field(NEW, "eos", column="pressure"))
-    monkeypatch.setattr(ArrayEvaluator, NEW, formula, raising=False)
-    evaluate = Simulation.properties
-
-    def properties(self: Simulation) -> None:
-        evaluate(self)
-        if NEW in self.plan:
-            self.fields[NEW] = getattr(self.evaluator, NEW)(self.state.rho_n)
-
-    monkeypatch.setattr(Simulation, "properties", properties)
-
-
-def _right(stages: ArrayEvaluator, rho_n: Any) -> Any:
-    return stages.cs_n**2 * (rho_n - stages.rho0_n)
-
-
-def _wrong(stages: ArrayEvaluator, rho_n: Any) -> Any:
-    return _right(stages, rho_n) * (1 + 1e-9)
+EDITS = {
+    "eos_ref/model/quantities.py": after(
+        'output=_thermal("specific_heat")),\n',
+        '        Quantity("compression", "compressions", PRESSURE, inputs=("rho",)),\n',
+    ),
+    "eos_ref/evaluation/evaluator.py": after(
+        "        return self._pressures[2]\n",
+        """
+    def compression(self, rho_n: Array) -> Array:
+        \"\"\"Return the pressures of a linear law, (n,).\"\"\"
+        return self.cs_n * self.cs_n * (rho_n - self.rho0_n)
+""",
+    ),
+    "eos_ref/evaluation/time_step.py": after(
+        'of a particle that the plan has: viscosity, pressure, temperature."""\n'
+        "        s, e, fields, plan = self.state, self.evaluator, self.fields, self.plan\n",
+        '        if "compression" in plan:\n            fields["compression"] = e.compression(s.rho_n)\n',
+    ),
+    "lammps_cases/scene/fields.py": after(
+        '_column("pressure", "eos", "pressure"),\n', '        Field("compression", "eos", column="pressure"),\n'
+    ),
+    "eos_ref/NUMERICS.md": after(
+        "| `cv` | specific heats | scalar | output | thermal |\n",
+        "| `compression` | compressions | scalar | evaluation | |\n",
+    ),
+}
 
 
 @pytest.mark.lammps
-@pytest.mark.parametrize(("formula", "verdict"), [(_right, "exact"), (_wrong, "differs")])
-def test_new_field_needs_two_records_a_formula_and_a_line(
-    formula: Callable[[ArrayEvaluator, Any], Any],
-    verdict: str,
-    make: Make,
-    solver: Solver,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """From the plan through real LAMMPS to the verdict and the blame."""
-    case = make(compare=["f", "coordination"], rheo={})
-    _add(monkeypatch, formula)
-    case = replace(case, scene=case.scene.model_copy(update={"compare": (NEW, "coordination")}))
-
-    items = {item.name: item for item in plan(case.scene).reference}
-    assert items[NEW].needed and items[NEW].why == "compared" and items["density, given"].why == f"for {NEW}"
-    assert not items["pressure"].needed
-    ready, answer = answered(solver, case)
-    assert "compute q all rheo/property/atom pressure coordination" in ready.jobs[0].commands
-    law = EOS("linear", rho0=1.1, cs=9.0)
-    found_n, expected_n = snapshot(case.scene, answer.arrays)[NEW], law.pressure(answer.arrays["rho"])
-    # A square, a difference and a product on either side.
-    np.testing.assert_allclose(found_n, expected_n, rtol=2 * 3 * 2.0**-53)
-
-    record = judged(ready, answer)
-    found = {field.field: field for field in record.fields}
-    assert (found[NEW].verdict, found[NEW].stage) == (verdict, "eos")
-    assert record.message.startswith(f"{NEW} (stage eos) leaves its bound at step 0 at ") == (verdict == "differs")
-
-    scale = twins.Scale.of_size(4.0, 2)
-    assert scale.of(NEW) == scale.of("pressure")
-    assert NEW in audit.checked() and audit.chosen([NEW]) == (NEW,)
-    assert audit.why_not(NEW, model_of(case), audit.Setting(Deck(), "lj")) == ""
-    monkeypatch.setitem(FIELDS, NEW, Field(NEW, "eos", column="pressure", unaudited="nobody looks"))
-    assert NEW not in audit.checked() and audit.why_not(NEW, model_of(case), audit.Setting(Deck(), "lj"))
+@pytest.mark.slow
+def test_new_field_is_complete_in_five_files(tmp_path: Path) -> None:
+    """From the schema through real LAMMPS to the verdict and the blame."""
+    assert len(EDITS) <= 5
+    printed = walk(tmp_path, EDITS, "use_new_field.py")  # followed by the cases of this name
+    assert printed.startswith(
+        "compression: compressions (scalar), of the stage eos; LAMMPS: compute rheo/property/atom pressure\n"
+    )

@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, cast
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,7 @@ CONDITION = 1e12  # leaves four digits of a double's sixteen
 CS, NU = 10.0, 0.5
 EDGE, MARGIN = 7, 4.0  # spacings
 STEPS, EVERY = 20, 5
+CORRECTING = {style: kernel for style, kernel in KERNELS.items() if kernel.corrects_gradients}
 _FLUID: dict[str, Any] = {"types": [fluid(cs=CS, viscosity=NU)]}
 
 
@@ -45,7 +47,7 @@ def _start(
     periodic: tuple[bool, bool] = (False, False),
 ) -> Start:
     """Return particles of unit volume with small random velocities, in a box with empty space beyond its open faces."""
-    options = Options(cast(KernelStyle, cell.layer.split()[0]), cut, zmin=zmin)
+    options = Options(cell.layer.split()[0], cut, zmin=zmin)
     low_c = tuple(0.0 if around else -MARGIN for around in periodic)
     dt = 0.1 * time_step(options, CS, NU)
     v_nc = np.random.default_rng(seed(f"{cell.map}/velocity")).uniform(-0.1, 0.1, x_nc.shape)
@@ -86,11 +88,13 @@ LATTICE = StabilityMap(
     lines=(0.0, 0.15, 0.3),
     start=lambda cell: _start(cell, np.mod(square(cell.y, cell.map), EDGE), cell.x, periodic=(True, True)),
     watch=_watch,
-    layers=("RK0", "RK1", "RK2"),
-    theory=(
-        Theory("neighbours along the axes (lattice)", lambda y: 1.0, "RK0"),
-        Theory("neighbours along the axes (lattice)", lambda y: 1.0, "RK1"),
-        Theory("neighbours along the diagonals (lattice)", lambda y: math.sqrt(2), "RK2"),
+    layers=tuple(style for style, kernel in KERNELS.items() if kernel.order >= 0),
+    theory=tuple(
+        Theory("neighbours along the axes (lattice)", lambda y: 1.0, style)
+        if kernel.order < 2
+        else Theory("neighbours along the diagonals (lattice)", lambda y: math.sqrt(2), style)
+        for style, kernel in KERNELS.items()
+        if kernel.order >= 0
     ),
     quick_lines=(0.0,),
     tags=("quick",),
@@ -122,11 +126,8 @@ ZMIN = StabilityMap(
     lines=(1.2, 1.6, 2.1, 3.0),
     start=lambda cell: _start(cell, square(0.0, cell.map), cell.y, math.floor(cell.x)),
     watch=_watch,
-    layers=("RK1", "RK2", "RK1 run", "RK2 run"),
-    theory=(
-        Theory("fewest neighbours", lambda y: zmin_needed("RK1", y), "RK1"),
-        Theory("fewest neighbours", lambda y: zmin_needed("RK2", y), "RK2"),
-    ),
+    layers=(*CORRECTING, *(f"{style} run" for style in CORRECTING)),
+    theory=tuple(Theory("fewest neighbours", partial(zmin_needed, style), style) for style in CORRECTING),
     quick_lines=(1.6,),
     tags=("quick",),
 )
@@ -143,10 +144,12 @@ SURFACE = StabilityMap(
     lines=(0.0, 0.1, 0.3),
     start=lambda cell: _start(cell, square(cell.y, cell.map), cell.x),
     watch=_watch,
-    layers=("RK1", "RK2", "RK1 run", "RK2 run"),
-    theory=(
-        Theory("corner: 3 neighbours (lattice)", lambda y: math.sqrt(2), "RK1"),
-        Theory("corner: 6 neighbours (lattice)", lambda y: math.sqrt(5), "RK2"),
+    layers=(*CORRECTING, *(f"{style} run" for style in CORRECTING)),
+    theory=tuple(
+        Theory("corner: 3 neighbours (lattice)", lambda y: math.sqrt(2), style)
+        if kernel.order == 1
+        else Theory("corner: 6 neighbours (lattice)", lambda y: math.sqrt(5), style)
+        for style, kernel in CORRECTING.items()
     ),
 )
 

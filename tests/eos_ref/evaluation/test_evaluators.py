@@ -1,7 +1,8 @@
-"""Stages that evaluate a particle's sums, against values by hand; the constructor both evaluators share."""
+"""Both evaluators against an independent double loop in scalar longdoubles; stages against values by hand."""
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,49 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator, is_class
 from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.model.box import Box
-from eos_ref.model.parameters import Thermal, Viscosity
-from eos_ref.numbers.rounded import Decision, Rounded, value
+from eos_ref.numbers.rounded import Decision, Rounded, error, value
 from eos_ref.syntax.fixes import Shift
-from tests.support.particle_scenes import CS, MASS, RHO0, Scene, scene
+from tests.support.double_loop import DoubleLoop
+from tests.support.particle_scenes import CS, MASS, RECIPES, RHO0, Scene, recipe, results, scene
+
+DIMENSIONS = [2, pytest.param(3, marks=pytest.mark.slow)]
+THREE = functools.partial(CompiledEvaluator, threads=3)
+
+
+@functools.cache
+def double_loop(name: str, dimension: int) -> tuple[Scene, Any, dict[str, Any], dict[str, Any]]:
+    """A scene, accelerations as if left by a step (for Adami's g and a), its fields by the loop, their bounds."""
+    built = recipe(name, dimension)
+    history_nc = np.random.default_rng(3).uniform(-1, 1, built.state.x_nc.shape)
+    double = DoubleLoop(built)
+    double.other = [[np.longdouble(c) for c in row] for row in history_nc]
+    simulation = built.simulate()
+    simulation.other_nc = history_nc
+    expected = {field: np.array(values, np.longdouble) for field, values in double.evaluate().items()}
+    return built, history_nc, expected, results(simulation.rounded())
+
+
+@pytest.mark.parametrize("dimension", DIMENSIONS)
+@pytest.mark.parametrize("name", RECIPES)
+@pytest.mark.parametrize(
+    "evaluator", [ArrayEvaluator, *(pytest.param(k, marks=pytest.mark.slow) for k in (CompiledEvaluator, THREE))]
+)
+def test_every_field_of_an_evaluation(evaluator: Any, name: str, dimension: int) -> None:
+    """Within the bound of the arrays, itself below 1e-10 of the largest value: it could hide no wrong formula."""
+    built, history_nc, expected, bound = double_loop(name, dimension)
+    simulation = built.simulate(evaluator=evaluator)
+    simulation.other_nc = history_nc
+    simulation.evaluate()
+    found = results(simulation)
+    assert found.keys() == bound.keys() == expected.keys()
+    for field, values in found.items():
+        errors, apart = error(bound[field]), np.abs(values - expected[field])
+        assert evaluator is not ArrayEvaluator or np.array_equal(value(bound[field]), values), field
+        assert (apart <= errors).all(), f"{field}: {apart.max()} > {errors.max()}"
+        assert errors.max() <= 1e-10 * max(np.abs(values).max(), 1.0), field
+
+
+# --- stages
 
 U = 2.0**-53  # unit roundoff
 
@@ -36,8 +76,9 @@ def test_both_evaluators_have_one_constructor() -> None:
             assert np.array_equal(values_n, np.array(values_t)[s.type_n - 1])
     settled = CompiledEvaluator(built.model, built.box, s.type_n, s.solid_n, 0.25, 2)
     assert (settled.skin, settled.threads) == (0.25, 2)
-    with pytest.raises(InputError, match="threads: must be a whole number, at least 1, found 0"):
-        CompiledEvaluator(built.model, built.box, s.type_n, s.solid_n, threads=0)
+    for threads in (0, -1, 1.5, "two"):
+        with pytest.raises(InputError, match="threads: must be a whole number, at least 1"):
+            CompiledEvaluator(built.model, built.box, s.type_n, s.solid_n, threads=threads)
 
 
 @pytest.mark.parametrize(("left", "bounded"), [(1.0, True), (0.5, False)])
@@ -94,24 +135,6 @@ def test_same_phase_fraction_of_a_particle_without_neighbours_is_0() -> None:
 def test_normal_between_types_is_a_unit_vector_or_0() -> None:
     normal = stages(scene(2)).cross_type_normal([np.array([3.0, 0.0]), np.array([-4.0, 0.0])])
     assert [value(c).tolist() for c in normal] == [[0.6, 0.0], [-0.8, 0.0]]
-
-
-def test_viscosity_of_each_style() -> None:
-    """At the strain rate 2: K rate^(n-1) + tau0/rate with tau0 = eta gd0 - K gd0^n = 0.5 - 0.25."""
-    laws = (Viscosity("power", 0.5, 1.0, 0.25, 2.0), Viscosity("constant", 0.7))
-    evaluator = stages(scene(2, viscosity=laws))
-    G_ncc = np.zeros((evaluator.n, 2, 2))
-    G_ncc[:, 0, 1] = 2.0
-    expected_n = np.where(evaluator.type_n == 1, 0.25 * 2 + 0.25 / 2, 0.7)
-    assert (np.abs(value(evaluator.viscosity(G_ncc)) - expected_n) <= 16 * U * expected_n).all()
-
-
-def test_temperature_stays_at_freezing_until_the_latent_heat_is_absorbed() -> None:
-    thermal = (Thermal(0.1, 2.0, 1.0, 1.5), Thermal(0.1, 2.0))
-    evaluator = stages(scene(2, thermal=thermal, one_type=True))
-    e_n = np.array([2.0, 3.0, 3.5, 4.0, 5.0])
-    evaluator.type_n, evaluator.mass_n = np.ones(5, int), np.full(5, 0.5)
-    assert value(evaluator.temperature(0.5 * e_n)).tolist() == [1.0, 1.5, 1.5, 1.5, 2.0]
 
 
 @pytest.mark.parametrize("periodic", [(True, True), (True, False), (False, False)])

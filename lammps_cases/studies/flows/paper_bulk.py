@@ -117,7 +117,7 @@ def _vortex_flow(kernel: KernelStyle, order: float) -> Flow:
         _vortex,
         _vortex_errors,
         with_kernel(kernel, 3.5),
-        quick=(20,),
+        quick=(20,) if kernel != "RK2" else (),
         full=FINE,
         title=f"Taylor-Green vortex, {kernel}",
         panels=(_decay(kernel),),

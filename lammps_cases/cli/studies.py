@@ -85,6 +85,7 @@ def chart_command(
 def validate_command(
     names: Annotated[tuple[str, ...], Positional(metavar="[FLOW]...")] = (),
     quick: Annotated[bool, Option("Coarse and short, for flows that allow it: about a minute.")] = False,
+    full: Annotated[bool, Option("The finest resolutions of the paper's benchmarks, too: hours.")] = False,
     out: Annotated[Path, Option("Folder of the validation.")] = Path("reports/validate"),
     resume: Resume = True,
     engine: EngineName = "env",
@@ -92,28 +93,35 @@ def validate_command(
 ) -> int:
     """Run flows with experimental, numerical or analytic data, in the reference and in LAMMPS. Never a verdict.
 
-    FLOW: names as in the table; all by default. Writes report.html, validate.json, curves.csv and figures/ as SVG and
-    PNG. Finished flows are kept: the same command resumes an interrupted run.
+    FLOW: names as in the table, or paper: the benchmarks of the paper behind RHEO; all others by default. Writes
+    report.html, validate.json, curves.csv and figures/ as SVG and PNG. Finished flows are kept: the same command
+    resumes an interrupted run.
 
     \b
     Example:  eos-ref validate --quick
               eos-ref validate cavity bingham --out reports/validate
+              eos-ref validate paper --quick
 
     Exit codes: 0, also where LAMMPS lost atoms, which page and table say; 2 for bad input, 3 without a LAMMPS.
     """
     from eos_ref.errors import InputError, nearest
     from lammps_cases.run.provenance import command_line
     from lammps_cases.studies.flows import page, run
-    from lammps_cases.studies.flows.catalogue import VALIDATIONS
+    from lammps_cases.studies.flows.catalogue import COMPARED, PAPER, VALIDATIONS
 
+    if quick and full:
+        raise InputError("--full", "goes without --quick", "--quick --full")
+    known = {"paper": ", ".join(PAPER), **COMPARED}
     for name in names:
-        if name not in VALIDATIONS:
-            raise InputError("flow", f"must be one of {', '.join(VALIDATIONS)}{nearest(name, VALIDATIONS)}", name)
-    short = [name for name, of in VALIDATIONS.items() if of.quick or not quick]
-    chosen = [VALIDATIONS[name] for name in dict.fromkeys(names or short)]
+        if name not in known:
+            raise InputError("flow", f"must be one of paper, {', '.join(VALIDATIONS)}{nearest(name, known)}", name)
+    every = {name: list(PAPER.items()) if name == "paper" else [(name, COMPARED[name])] for name in names}
+    offered = [pair for name in names for pair in every[name]] if names else list(VALIDATIONS.items())
+    single = set(names) - {"paper"}
+    chosen = list({name: of for name, of in offered if of.quick or not quick or name in single}.values())
     shared.page_folder(out)
     with page.runs(out).resumed(resume), Bar(quiet=as_json) as bar:
-        validated = run.validate(chosen, out, command_line(), quick=quick, engine=engine, progress=bar)
+        validated = run.validate(chosen, out, command_line(), quick=quick, full=full, engine=engine, progress=bar)
     if as_json:
         shared.show_document(page.DOCUMENT.plain(validated))
     else:
@@ -122,20 +130,25 @@ def validate_command(
 
 
 def _show_flows(validated: Any, out: Path) -> None:
-    from lammps_cases.studies.flows.catalogue import VALIDATIONS
-    from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, stopped
+    from lammps_cases.studies.flows.catalogue import COMPARED
+    from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, first_measure, stopped
 
     for name in validated.flows:
-        for panel in VALIDATIONS[name].panels:
+        of = COMPARED[name]
+        first = first_measure(validated, name)
+        for measure in [first] if of.published else [panel.name for panel in of.panels]:
             parts = []
             for side in (REFERENCE, LAMMPS):
                 last = validated.of(name, side)[-1]
-                order = validated.order(name, side, panel.name).order
+                order = validated.order(name, side, measure).order
                 rate = f", order {order:5.2f}" if math.isfinite(order) else ""
-                error = f"{last.errors[panel.name]:8.2g}{rate}" if last.errors else ""
+                error = f"{last.errors[measure]:8.2g}{rate}" if last.errors else ""
                 error = error or stopped(validated, name, side)
                 parts.append(f"{side} {error}")
-            click.echo(f"{name:18s} {panel.name:14s} {'; '.join(parts)}")
+            n = validated.of(name, REFERENCE)[-1].n
+            if of.published and n in of.published.errors:
+                parts.append(f"published {of.published.errors[n]:8.2g}")
+            click.echo(f"{name:18s} {measure:14s} {'; '.join(parts)}")
     click.echo(f"report: {out / 'report.html'}")
 
 

@@ -1,12 +1,23 @@
 """The flows by name.
 
 `FLOWS` have closed solutions and show the order of convergence; `VALIDATIONS` are compared with published
-measurements, computations or solutions, which is informative and never a verdict.
+measurements, computations or solutions, and `PAPER` with the benchmarks of the paper behind RHEO, which is informative
+and never a verdict.
 """
 
 from __future__ import annotations
 
-from lammps_cases.studies.flows import cavity, drops, periodic, surfaces, walls, waves
+from lammps_cases.studies.flows import (
+    cavity,
+    drops,
+    paper_bulk,
+    paper_obstacles,
+    paper_walls,
+    periodic,
+    surfaces,
+    walls,
+    waves,
+)
 from lammps_cases.studies.flows.flow import Flow
 
 FLOWS: dict[str, Flow] = {
@@ -23,3 +34,7 @@ VALIDATIONS: dict[str, Flow] = {
         *cavity.HEATED,
     )
 }
+PAPER: dict[str, Flow] = {
+    flow.name: flow for flow in (*paper_bulk.BULK, *paper_walls.WALLS, *paper_obstacles.OBSTACLES)
+}
+COMPARED = VALIDATIONS | PAPER

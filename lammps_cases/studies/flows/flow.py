@@ -80,13 +80,20 @@ class Body:
 
 @dataclass(frozen=True)
 class Start:
-    """A flow at time 0: the scene, its particles, the steps at which fields are read, the length of a step."""
+    """A flow at time 0: the scene, its particles, the steps at which fields are read, the length of a step.
+
+    Attributes
+    ----------
+    steps : (0,) for a flow that is only evaluated
+    held : types of particles whose energy stays (fix add/heat constant 0, overwrite)
+    """
 
     case: Case
     atoms: Atoms
     steps: tuple[int, ...]
     timestep: float
     body: Body | None = None
+    held: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -102,6 +109,7 @@ class Snapshot:
         Energy of the whole particle, and the same over m cv.
     surface_n : (n,), optional
         Class of the field ``surface``: 0 bulk, 1 surface, 2 splash.
+    fields : other fields that the scene compares, by name
     """
 
     step: int
@@ -113,6 +121,10 @@ class Snapshot:
     surface_n: FloatArray | None = None
     time: float = 0.0
     temperature_n: FloatArray | None = None
+    fields: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+ALWAYS = ("x", "v", "rho", "pressure")  # fields of every flow
 
 
 def relative(error_n: FloatArray, scale_n: FloatArray) -> float:
@@ -205,6 +217,24 @@ def misfits(panels: Sequence[FlowPanel]) -> Measures:
 
 
 @dataclass(frozen=True)
+class Published:
+    """Published results of a benchmark with one kernel.
+
+    Attributes
+    ----------
+    benchmark : title that the kernels of a benchmark share
+    errors : by N, of the flow's first measure; empty where a norm is not published
+    order : as printed; NaN if none is
+    meaning : what the published numbers measure, and how this flow differs from theirs
+    """
+
+    benchmark: str
+    errors: Mapping[int, float]
+    order: float
+    meaning: str
+
+
+@dataclass(frozen=True)
 class Flow:
     """A flow with a closed solution, an experiment, or a table.
 
@@ -218,10 +248,12 @@ class Flow:
     measures : relative errors of snapshots by name, the headline first
     options : those that show the convergence
     quick : cheap resolutions, where the others are not
+    full : finer resolutions, on request
     title : of its section in a validation
     panels, quantities : what a validation compares
     findings : findings of LAMMPS that change it, each tried alone on the reference
     left_out : what a validation omits, and why
+    published : results of the paper behind RHEO
     """
 
     name: str
@@ -238,6 +270,8 @@ class Flow:
     quantities: tuple[FlowQuantity, ...] = ()
     findings: tuple[Finding, ...] = ()
     left_out: str = ""
+    full: tuple[int, ...] = ()
+    published: Published | None = None
 
 
 def rows(first: int, last: int, width: int) -> FloatArray:
@@ -288,7 +322,7 @@ def start(
     scene: Mapping[str, Any],
     x_nc: FloatArray,
     high_c: Sequence[float],
-    low_c: Sequence[float] = (0.0, 0.0),
+    low_c: Sequence[float] = (0.0, 0.0, 0.0),
     *,
     options: Options,
     times: Sequence[float],
@@ -297,10 +331,11 @@ def start(
     v_nc: FloatArray | None = None,
     rho_n: FloatArray | None = None,
     e_n: FloatArray | None = None,
-    periodic: tuple[bool, bool] = (True, True),
+    periodic: tuple[bool, ...] = (True, True, True),
     body: Body | None = None,
+    held: tuple[int, ...] = (),
 ) -> Start:
-    """Return the start of a flow in the plane, particles at about unit spacing.
+    """Return the start of a flow, particles at about unit spacing.
 
     Parameters
     ----------
@@ -308,12 +343,12 @@ def start(
         Of the case.
     scene : mapping
         Keys of a scene: types, and pressure (default: linear), forces, pair, rheo beyond the options.
-    x_nc, v_nc : (n, 2)
-        Positions, velocities (default: at rest).
-    low_c, high_c, periodic : two each
+    x_nc, v_nc : (n, d)
+        Positions in the plane or in space, velocities (default: at rest).
+    low_c, high_c, periodic : one for each axis
         The box.
     times : sequence of float
-        When fields are read, increasing. The first falls on a step, the others on the nearest one.
+        When fields are read, increasing. The first falls on a step, the others on the nearest one. None: no step.
     timestep : float
         Longest step.
     type_n, rho_n, e_n : (n,)
@@ -321,28 +356,29 @@ def start(
     body : Body, optional
         A force that depends on place or temperature.
     """
-    n = len(x_nc)
-    dt = times[0] / math.ceil(times[0] / timestep)
-    steps = tuple(round(t / dt) for t in times)
-    parsed = _scene(scene, options, steps, dt, with_energy=e_n is not None)
+    n, d = x_nc.shape
+    dt = times[0] / math.ceil(times[0] / timestep) if times else timestep
+    steps = tuple(round(t / dt) for t in times) or (0,)
+    parsed = _scene({"dimension": d, **scene}, options, steps, dt, with_energy=e_n is not None)
     types_n = np.ones(n, int) if type_n is None else type_n
     mass_n = np.array([t.mass for t in parsed.types])[types_n - 1]
     rho0_n = np.array(parsed.rho0 or (1.0,) * len(parsed.types))[types_n - 1]
-    flat_n1 = np.zeros((n, 1))
+    plane = (np.zeros((n, 1)),) * (3 - d)  # the third axis of a flow in the plane
+    first, second, third = (*periodic[:d], True)[:3]
     atoms = Atoms(
         id_n=np.arange(1, n + 1),
         type_n=types_n,
-        x_nc=np.hstack([x_nc, flat_n1]),
+        x_nc=np.hstack([x_nc, *plane]),
         mass_n=mass_n,
-        low_c=np.array([*low_c, -0.5]),
-        high_c=np.array([*high_c, 0.5]),
-        periodic=(*periodic, True),
+        low_c=np.array([*low_c[:d], -0.5][:3]),
+        high_c=np.array([*high_c[:d], 0.5][:3]),
+        periodic=(first, second, third),
         spacing=1.0,
-        v_nc=np.zeros((n, 3)) if v_nc is None else np.hstack([v_nc, flat_n1]),
+        v_nc=np.zeros((n, 3)) if v_nc is None else np.hstack([v_nc, *plane]),
         rho_n=None if options.rho_sum else rho0_n if rho_n is None else rho_n,
         energy_n=None if e_n is None else mass_n * e_n,
     )
-    return Start(Case(name, "", (), parsed, Path("flows")), atoms, steps, dt, body)
+    return Start(Case(name, "", (), parsed, Path("flows")), atoms, steps, dt, body, held)
 
 
 def _scene(
@@ -350,16 +386,16 @@ def _scene(
 ) -> Scene:
     """Return the scene of a flow without its particles."""
     rheo = {"kernel": options.kernel, "cut": options.cut, "zmin": options.zmin, "rho_sum": options.rho_sum}
+    d = scene["dimension"]
     return Scene.model_validate(
         {
-            "dimension": 2,
-            "positions": {"lattice": "sq", "spacing": 1.0, "cells": (1, 1)},  # a scene must have particles
+            "positions": {"lattice": "sq" if d == 2 else "sc", "spacing": 1.0, "cells": (1,) * d},  # it must have some
             "pressure": ({"types": "*", "style": "linear"},),
             "rho": None if options.rho_sum else {"ratio": (1.0, 1.0)},
             "energy": {"constant": 1.0} if with_energy else None,
-            "evolve": {"steps": steps[-1], "timestep": timestep, "compare_at": steps},
-            "compare": ("x", "v", "rho", "pressure", *(["energy"] if with_energy else [])),
+            "evolve": {"steps": steps[-1], "timestep": timestep, "compare_at": steps} if any(steps) else None,
             **scene,
+            "compare": (*ALWAYS, *(["energy"] if with_energy else []), *scene.get("compare", ())),
             "rheo": {**rheo, **scene.get("rheo", {})},
         }
     )

@@ -21,7 +21,7 @@ from lammps_cases.records.journal import Parts
 from lammps_cases.records.wording import brief, number
 from lammps_cases.report.pages import frame
 from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, saved
-from lammps_cases.studies.flows.catalogue import VALIDATIONS
+from lammps_cases.studies.flows.catalogue import COMPARED
 from lammps_cases.studies.flows.flow import Curve, Flow, FlowPanel, ReferenceCurve
 from lammps_cases.studies.flows.solve import Fit, fit
 
@@ -126,7 +126,9 @@ def write(validated: Validated, folder: Path) -> None:
     _write_tables(validated, folder)
     figures = folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)
-    flows = [VALIDATIONS[name] for name in validated.flows]
+    every = [COMPARED[name] for name in validated.flows]
+    flows = [of for of in every if of.published is None]
+    groups = benchmarks(every)
     html = frame.page(
         ASSETS,
         "validate",
@@ -134,16 +136,23 @@ def write(validated: Validated, folder: Path) -> None:
         engine=validated.engine.get("distribution", ""),
         validated=validated,
         flows=flows,
+        groups=groups,
+        files={name: _file(name) for name in groups},
+        numbered=lambda columns: [f"#N = {n}" for n in columns],
+        compared={name: compared(validated, of_one) for name, of_one in groups.items()},
+        convergence={
+            name: saved(convergence(validated, of_one), figures, _file(name)) for name, of_one in groups.items()
+        },
         facts=validated.facts,
-        pictures={of.name: saved(figure(validated, of), figures, of.name) for of in flows},
-        stops={of.name: list(stops(validated, of)) for of in flows},
-        effects={of.name: list(effects(validated, of)) for of in flows},
+        pictures={of.name: saved(figure(validated, of), figures, of.name) for of in every if of.panels},
+        stops={of.name: list(stops(validated, of)) for of in every},
+        effects={of.name: list(effects(validated, of)) for of in every},
         value=lambda value: brief(value) if math.isfinite(value) else "",
         order=order,
         called=called,
         sides=(REFERENCE, LAMMPS),
         in_another_unit=any(run.side == UNIT for run in validated.runs),
-        navigation=[(of.name, of.title) for of in flows],
+        navigation=[(of.name, of.title) for of in flows] + [(_file(name), name) for name in groups],
         nan=math.nan,
     )
     write_atomically(folder / "report.html", html)
@@ -220,6 +229,88 @@ def stopped(validated: Validated, flow: str, side: str) -> str:
     too = f"so does the reference with {names} {how}, after step {run.lost.after}"
     none = "the reference does not, with none of the findings tried"
     return f"loses atoms after step {run.lost.step}, at {run.n} particles; {too if names else none}"
+
+
+# --- benchmarks of the paper
+
+PUBLISHED = "published"
+
+
+def benchmarks(flows: Iterable[Flow]) -> dict[str, list[Flow]]:
+    """Return the flows of every benchmark of the paper, in the paper's order."""
+    groups: dict[str, list[Flow]] = {}
+    for of in flows:
+        if of.published:
+            groups.setdefault(of.published.benchmark, []).append(of)
+    return dict(sorted(groups.items(), key=lambda group: int(group[0].split()[0])))
+
+
+def _file(benchmark: str) -> str:
+    return "benchmark-" + benchmark.lower().replace(" ", "-")
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of a benchmark's flow on one side, by N, and their order; of a measure other than the first in words."""
+
+    flow: str
+    side: str
+    errors: Mapping[int, float]
+    order: float
+    printed: float = math.nan
+
+
+def compared(validated: Validated, flows: Sequence[Flow]) -> list[Errors]:
+    """Return the errors of all flows of a benchmark: reference, LAMMPS, published; further measures after them."""
+    found = []
+    for of in flows:
+        runs = {side: validated.of(of.name, side) for side in (REFERENCE, LAMMPS)}
+        measures = list(dict.fromkeys(name for side in runs.values() for run in side for name in run.errors))
+        for measure in measures:
+            for side, of_side in runs.items():
+                errors = {run.n: run.errors[measure] for run in of_side if measure in run.errors}
+                found.append(Errors(f"{of.title}: {measure}", side, errors, _order(errors)))
+            if of.published and of.published.errors and measure == measures[0]:
+                errors = dict(of.published.errors)
+                found.append(Errors(f"{of.title}: {measure}", PUBLISHED, errors, _order(errors), of.published.order))
+    return found
+
+
+def first_measure(validated: Validated, flow: str) -> str:
+    """Return the name of the first measure of a flow; empty if the reference has no run."""
+    return next((name for run in validated.of(flow, REFERENCE) for name in run.errors), "")
+
+
+def _order(errors: Mapping[int, float]) -> float:
+    return fit(list(errors), list(errors.values())).order
+
+
+def convergence(validated: Validated, flows: Sequence[Flow]) -> Figure:
+    """Draw the errors of a benchmark's first measures against N: reference, LAMMPS, published."""
+    colours = {REFERENCE: BLUE, LAMMPS: RED, PUBLISHED: "black"}
+    styles = {REFERENCE: "-", LAMMPS: "--", PUBLISHED: ":"}
+    first = {
+        of.title: next((name for run in validated.of(of.name, REFERENCE) for name in run.errors), "") for of in flows
+    }
+    with matplotlib.rc_context(STYLE):
+        drawn = Figure(figsize=(7.2, 3.4), layout="constrained")
+        axis = drawn.subplots()
+        for errors in compared(validated, flows):
+            title, _, measure = errors.flow.partition(": ")
+            if errors.errors and measure == first[title]:
+                mark = _MARKS[list(first).index(title) % len(_MARKS)]
+                axis.loglog(
+                    *zip(*sorted(errors.errors.items()), strict=True),
+                    color=colours[errors.side],
+                    ls=styles[errors.side],
+                    marker=mark,
+                    ms=4,
+                    mfc="white",
+                    label=textwrap.fill(f"{title}, {errors.side}", 32),
+                )
+        axis.set(xlabel="N", ylabel="error")
+        drawn.legend(loc="outside right center", frameon=False, fontsize=7)
+        return drawn
 
 
 # --- pictures

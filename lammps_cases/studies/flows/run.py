@@ -51,6 +51,7 @@ def validate(
     command: str,
     *,
     quick: bool = False,
+    full: bool = False,
     engine: str = "env",
     progress: Progress = SILENT,
 ) -> Validated:
@@ -67,7 +68,7 @@ def validate(
     with Workers(site, 1) as workers:
         about = workers.identify().result()
         about["library_sha256"] = library_sha256(about.pop("library", ""))
-        tasks = [task for of in chosen for task in _tasks(of, quick, workers)]
+        tasks = [task for of in chosen for task in _tasks(of, quick, full, workers)]
         for k, task in enumerate(tasks):
             start = task.of.start(task.n, task.of.options)
             key = _key(task, start, about)
@@ -84,15 +85,16 @@ def validate(
     return validated
 
 
-def _tasks(of: Flow, quick: bool, workers: Workers) -> Iterator[FlowTask]:
-    """Yield both sides at every resolution; in full also, at the coarsest, findings and another unit of length."""
-    resolutions = (of.quick or of.resolutions[:1]) if quick else of.resolutions
+def _tasks(of: Flow, quick: bool, full: bool, workers: Workers) -> Iterator[FlowTask]:
+    """Yield both sides at every resolution; unless quick also, at the coarsest, findings and another unit of length."""
+    resolutions = (of.quick or of.resolutions[:1]) if quick else (*of.resolutions, *(of.full if full else ()))
     lammps = partial(in_worker, workers=workers, time_limit=LIMIT)
     for n in resolutions:
         yield FlowTask(of, n, REFERENCE, by_reference)
         yield FlowTask(of, n, LAMMPS, lammps, n == resolutions[0])
     if not quick:
-        if of.start(resolutions[0], of.options).body is None:  # whose formulas are in the first unit
+        first = of.start(resolutions[0], of.options)
+        if any(first.steps) and first.body is None:  # whose formulas are in the first unit
             yield FlowTask(of, resolutions[0], UNIT, partial(_in_another_unit, solve=lammps))
         for finding in of.findings:
             yield FlowTask(of, resolutions[0], finding.id, partial(_with, finding))

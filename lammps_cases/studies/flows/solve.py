@@ -20,10 +20,11 @@ from lammps_cases.engine.session import EngineBroken, EngineRefused, Session, ke
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import IntArray
+from lammps_cases.scene.fields import FIELDS
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import Plan, plan
-from lammps_cases.studies.flows.flow import Body, Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.flow import ALWAYS, Body, Flow, Options, Snapshot, Start
 
 
 class FlowRun(Protocol):
@@ -41,14 +42,19 @@ class FlowRun(Protocol):
 
 
 class Driven(Simulation):
-    """A simulation whose fluid is subject to a `Body` force."""
+    """A simulation whose fluid is subject to a `Body` force, and some of whose particles keep their energy."""
 
-    body: Body
+    flow: Start
 
     def _external(self, force_nc: Array) -> Array:
-        """Add the force of the body, and those of other fixes."""
-        added_nc = self.body.force(self.mass_n, self.state.x_nc, self.fields.get("temperature"))
-        return super()._external(force_nc + np.where(self.state.solid_n[:, None], 0.0, added_nc))
+        """Add the force of the body, and those of other fixes; take the heat from particles that keep their energy."""
+        if self.flow.held and not self.fresh:  # fix add/heat acts in time steps, not in a set-up
+            held_n = np.isin(self.state.type_n, self.flow.held)
+            self.fields["heatflow"] = np.where(held_n, 0.0, self.fields["heatflow"])
+        if self.flow.body:
+            added_nc = self.flow.body.force(self.mass_n, self.state.x_nc, self.fields.get("temperature"))
+            force_nc = force_nc + np.where(self.state.solid_n[:, None], 0.0, added_nc)
+        return super()._external(force_nc)
 
 
 class ReferenceFlow:
@@ -56,18 +62,19 @@ class ReferenceFlow:
 
     def __init__(self, start: Start, evaluator: MakeEvaluator | None = None, surface: bool = False) -> None:
         self.start, self.step = start, 0
+        self.more = tuple(more(start.case.scene))
         wanted: tuple[str, ...] = ()  # fields that a step needs
-        if surface:
+        if surface or self.more:
             model = reference_side.model(start.case.scene, start.atoms, start.case.where)
-            wanted = (*quantities.needed_to_step(model), "surface")
+            wanted = (*quantities.needed_to_step(model), *dict.fromkeys((*["surface"] * surface, *self.more)))
         self.simulation = self.make(wanted, evaluator)
-        if isinstance(self.simulation, Driven) and start.body:
-            self.simulation.body = start.body
+        if isinstance(self.simulation, Driven):
+            self.simulation.flow = start
         self._run(0)
 
     def make(self, fields: Iterable[str], evaluator: MakeEvaluator | None) -> Simulation:
         """Return the simulation that is stepped."""
-        case, stepping = self.start.case, Driven if self.start.body else Simulation
+        case, stepping = self.start.case, Driven if self.start.body or self.start.held else Simulation
         return reference_side.simulation(case.scene, self.start.atoms, fields, case.where, evaluator, stepping)
 
     def advance(self, steps: int) -> None:
@@ -84,7 +91,7 @@ class ReferenceFlow:
         sim = self.simulation
         names = ("x", "v", "rho", "pressure", *(["energy"] if sim.state.energy_n is not None else []))
         with np.errstate(all="ignore"):
-            fields = {name: sim.output(name) for name in names} | {"surface": sim.fields.get("surface")}
+            fields = {name: sim.output(name) for name in (*names, *self.more)} | {"surface": sim.fields.get("surface")}
             return snapshot(self.start, self.step, fields)
 
 
@@ -113,6 +120,12 @@ class LammpsFlow:
         whole = job(scene, start.atoms, order or plan(scene))
         if start.body:
             whole = replace(whole, commands=(*whole.commands, *_body(start.body, scene)))
+        if start.held:
+            keep = (
+                f"group held type {' '.join(map(str, start.held))}",
+                "fix keep held add/heat constant 0 overwrite yes",
+            )
+            whole = replace(whole, commands=(*whole.commands, *keep))
         session.begin(whole)
 
     @property
@@ -140,8 +153,12 @@ class LammpsFlow:
         if self.finite and not (np.isfinite(arrays["x"]).all() and np.isfinite(arrays["v"]).all()):
             raise EngineRefused("a position or velocity of LAMMPS is no finite number")
         names = {"pressure": "q.pressure", "energy": "esph", "surface": "q.surface"}
+        read = {ours: arrays[name] for ours, name in names.items() if name in arrays}
+        scene = self.start.case.scene
         return snapshot(
-            self.start, self.step, arrays | {ours: arrays[name] for ours, name in names.items() if name in arrays}
+            self.start,
+            self.step,
+            arrays | read | {name: FIELDS[name].of(arrays, scene.dimension) for name in more(scene)},
         )
 
     def lost(self) -> IntArray:
@@ -159,6 +176,11 @@ def _body(body: Body, scene: Scene) -> Iterator[str]:
     yield "fix body fluid addforce v_body_x v_body_y 0.0"
 
 
+def more(scene: Scene) -> Iterator[str]:
+    """Yield the fields that a scene compares beyond those of every flow."""
+    return (name for name in scene.compare if name not in (*ALWAYS, "energy"))
+
+
 def snapshot(start: Start, step: int, fields: Mapping[str, Any]) -> Snapshot:
     """Return copies of two-dimensional or three-dimensional arrays by the reference's names."""
     d, v_nc = start.case.scene.dimension, fields.get("v", start.atoms.v_nc)
@@ -173,6 +195,7 @@ def snapshot(start: Start, step: int, fields: Mapping[str, Any]) -> Snapshot:
         None if fields.get("surface") is None else np.array(fields["surface"]),
         step * start.timestep,
         None if energy_n is None else energy_n / _heat_capacity(start),
+        {name: np.array(fields[name]) for name in more(start.case.scene)},
     )
 
 

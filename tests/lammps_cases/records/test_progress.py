@@ -10,7 +10,7 @@ from lammps_cases.cli import shared
 from lammps_cases.records import progress
 from lammps_cases.records.case_parts import Seconds
 from lammps_cases.records.progress import REST, SILENT, Bar, Stages
-from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 
 
 def test_complaints_are_printed_at_once_and_progress_rarely(
@@ -75,12 +75,8 @@ def test_time_of_a_nested_stage_is_not_counted_in_the_outer_one(monkeypatch: pyt
         clock[0] += 1
     clock[0] += 1
     times = Seconds(lammps=2.0, stages={"bounds": 4.0, REST: 3.0})
-    rows = [
-        line.split()
-        for line in shared.stages(
-            RunRecord.model_construct(cases=[CaseRecord.model_construct(case="a", seconds=times)])
-        )
-    ]  # type: ignore[call-arg]
+    case = CaseRecord(case="a", verdict="pass", seconds=times)
+    rows = [line.split() for line in shared.stages(RunRecord(engine=EngineRecord(), reference={}, cases=[case]))]
     assert [row[0] for row in rows] == ["bounds", "LAMMPS", "starting,", "report"]
     assert rows[0][1:4] == ["4.00", "s", "44.4%"] and rows[0][4] == "2.00"
     assert sum(float(row[row.index("s") - 1]) for row in rows) == 9.0, "the table adds up"

@@ -227,12 +227,17 @@ def _damaged_page(file: Path) -> None:
     file.write_bytes(content)
 
 
+def _foreign(file: Path) -> None:
+    file.unlink()
+    _sql("CREATE TABLE bookmarks (address)")(file)
+
+
 NOTES = "my notes\n" * 1000
 DAMAGE: dict[str, Callable[[Path], object]] = {
     "file is not a database": lambda file: file.write_text(NOTES),
     "cannot be used: database disk image is malformed": lambda file: file.write_bytes(file.read_bytes()[:6000]),
     f"must be of schema {store.VERSION} or older": _sql(f"PRAGMA user_version = {store.VERSION + 1}"),
-    "is the database of another program": lambda file: (file.unlink(), _sql("CREATE TABLE bookmarks (address)")(file)),
+    "is the database of another program": _foreign,
 }
 
 

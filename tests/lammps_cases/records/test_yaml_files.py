@@ -72,10 +72,15 @@ PLAIN = (
     | st.floats(allow_nan=False)
     | st.text("abe15.:-#{}[]'\"& \n+yn~", max_size=6)
 )
+LIKE_OTHERS = st.sampled_from(["1e5", "1E-3", ".5e1", "-2.5e+3", "true", "null", ".inf"])  # texts
 WORDS = st.text("abenoy15", min_size=1, max_size=4)
 
 
-@given(st.recursive(PLAIN, lambda part: st.lists(part, max_size=3) | st.dictionaries(WORDS, part, max_size=3)))
+@given(
+    st.recursive(
+        PLAIN | LIKE_OTHERS, lambda part: st.lists(part, max_size=3) | st.dictionaries(WORDS, part, max_size=3)
+    )
+)
 def test_whatever_is_written_is_read_back(data: Any) -> None:
     """Texts that look like numbers stay texts, and the other way round."""
     with TemporaryDirectory() as folder:

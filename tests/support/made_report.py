@@ -1,10 +1,8 @@
-"""A run with a case of every kind, made without LAMMPS, and its report as parsed by a browser."""
+"""A run with a case of every kind, made without LAMMPS, and the numbers in its page."""
 
 from __future__ import annotations
 
 import base64
-import json
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -27,18 +25,7 @@ WATER = EOS("tait/water", rho0=1000.0, cs=10.0)
 
 
 def laws_of(table: EOSTable) -> list[LawRecord]:
-    return [
-        LawRecord(
-            type=t,
-            style=w.style,
-            rho0=w.rho0,
-            cs=w.cs,
-            parameter=w.parameter,
-            background=w.background,
-            mass=1.5,
-        )
-        for t, w in enumerate(table.laws, 1)
-    ]
+    return [LawRecord.of(t, law, 1.5) for t, law in enumerate(table.laws, 1)]
 
 
 def _positions(count: int, dimension: int) -> np.ndarray:
@@ -74,19 +61,11 @@ def scene(
         lammps_n[at] = value
     found = compare.compare_pressure(table, state, lammps_n)
     x_nc = _positions(count, dimension)
-    arrays = {
-        "id": id_n,
-        "type": type_n,
-        "x": x_nc,
-        "rho": rho_n,
-        "box": np.stack([x_nc.min(0) - 0.25, x_nc.max(0) + 0.25]),
-    }
-    arrays |= {
-        "pressure.lammps": found.lammps_n,
-        "pressure.reference": found.reference_n,
-        "pressure.bound": found.bound_n,
-    }
-    arrays |= {"rho.lammps": rho_n, "rho.reference": rho_n, "rho.bound": np.zeros(count)}
+    box = np.stack([x_nc.min(0) - 0.25, x_nc.max(0) + 0.25])
+    arrays = {"id": id_n, "type": type_n, "x": x_nc, "rho": rho_n, "box": box}
+    sides = {"pressure": (found.lammps_n, found.reference_n, found.bound_n), "rho": (rho_n, rho_n, np.zeros(count))}
+    for field, values in sides.items():
+        arrays |= {f"{field}.{side}": of for side, of in zip(("lammps", "reference", "bound"), values, strict=True)}
     if state.e_n is not None:
         arrays["e"] = state.e_n
     files.write_arrays(folder / "fields" / f"{name}.npz", arrays)
@@ -187,16 +166,9 @@ def model(folder: Path, name: str, dimension: int) -> CaseRecord:
 
 
 def entry(name: str, **more: Any) -> Finding:
-    texts = {
-        "title": f"title of {name}",
-        "effect": f"effect of {name}",
-        "documented": "this",
-        "observed": "that",
-        "argument": "so",
-        "workaround": "-",
-    }
-    known: dict[str, Any] = {"number": 0, "engines": ("2025.7.22.4.0",)}
-    return finding(name, **(texts | known | more))
+    known = {"title": f"title of {name}", "effect": f"effect of {name}", "documented": "this", "observed": "that"}
+    known |= {"argument": "so", "workaround": "-", "number": 0, "engines": ("2025.7.22.4.0",)}
+    return finding(name, **(known | more))
 
 
 FINDINGS = (
@@ -205,9 +177,7 @@ FINDINGS = (
     entry("pairs", severity="high", applies_to=("*",), model=Variant(lambda scene: True)),
     entry("gone", severity="high", model=Variant(lambda scene: True)),
     entry("open", applies_to=("eos.broken",)),
-    entry(
-        "hostile", title=HOSTILE, effect=HOSTILE, documented=HOSTILE, observed=HOSTILE, argument=HOSTILE, scene=HOSTILE
-    ),
+    entry("hostile", **dict.fromkeys(("title", "effect", "documented", "observed", "argument", "scene"), HOSTILE)),
 )
 
 
@@ -278,36 +248,6 @@ def example(folder: Path) -> RunRecord:
         seconds=2.5,
     )
     return run.counted()
-
-
-class Page(HTMLParser):
-    """The page as a browser parses it: elements with attributes, and the scripts' text."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.elements: list[tuple[str, dict[str, str | None]]] = []
-        self.data: dict[str, Any] = {}
-        self.scripts = 0
-        self._case = ""
-        self._inside = ""
-        self.feed(html)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        attributes = dict(attrs)
-        self.elements.append((tag, attributes))
-        if tag == "article":
-            self._case = attributes["data-case"] or ""
-        if tag == "script":
-            self.scripts += 1
-            self._inside = attributes.get("class") or ""
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag == "script":
-            self._inside = ""
-
-    def handle_data(self, data: str) -> None:
-        if self._inside == "data":
-            self.data[self._case] = json.loads(data)
 
 
 def numbers(text: str | float, count: int = 1) -> np.ndarray:

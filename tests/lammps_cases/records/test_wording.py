@@ -9,7 +9,7 @@ import pytest
 
 from lammps_cases.records import wording
 from lammps_cases.records.case_parts import StepRecord
-from lammps_cases.records.folders import folder_name
+from lammps_cases.scene.fields import FIELDS
 
 
 @pytest.mark.parametrize(
@@ -44,26 +44,24 @@ def test_many_cases_are_counted_by_file_largest_first() -> None:
     assert wording.by_file(files) == "44 cases (9 a.*, 8 b.*, 7 c.*, 6 d.*, 5 e.*, 4 f.*, 2 more files)"
 
 
-def test_things_are_counted() -> None:
+def test_things_and_times_are_counted() -> None:
     assert [wording.counted(count, "case") for count in (0, 1, 2)] == ["0 cases", "1 case", "2 cases"]
-
-
-@pytest.mark.parametrize(
-    ("text", "name"),
-    [("pypi:2025.7.22.1.0", "pypi-2025.7.22.1.0"), ("path:../../etc", "path-..-..-etc"), ("../..", ""), ("ü/é", "")],
-)
-def test_folder_name_has_no_path_separators(text: str, name: str) -> None:
-    assert folder_name(text) == name
+    assert [wording.times(of) for of in (1.25, 101.0, 1000.0, 34_987.0, 999_999.0, 1.2e13, math.inf)] == [
+        *("1.25", "101", "1 000", "35 000", "1 000 000", "1.2e13", "∞")
+    ]
 
 
 def test_ratios_are_ordered_with_none_first_and_nan_last() -> None:
     assert sorted([math.nan, 2.0, None, 0.0], key=wording.size)[:3] == [None, 0.0, 2.0]
 
 
-def test_findings_and_fields_are_named() -> None:
+def test_findings_and_fields_are_named_and_names_parted() -> None:
     assert (wording.listed([]), wording.listed(["a", "b-c"])) == ("", "a, b-c")
     assert [wording.field_name("p", of) for of in (None, 2)] == ["p", "p (type 2)"]
     assert [wording.verdict_kind("refused", expected) for expected in (True, False)] == [
         "refused as expected",
         "refused",
     ]
+    assert [wording.parted(name) for name in FIELDS] == [(name, "") for name in FIELDS]
+    assert wording.parted(wording.given("rho")) == ("rho", wording.GIVEN)
+    assert wording.parted(wording.after_stop("grad/v", "data nofix", 12)) == ("grad/v", "data nofix at 12")

@@ -1,15 +1,20 @@
-"""YAML files: numbers of YAML 1.2, no duplicate key, no document that expands beyond a limit."""
+"""YAML files: numbers of YAML 1.2, no duplicate key, no document beyond a limit; parts for versions of the manual."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from eos_ref import InputError
+from eos_ref.syntax.manual import FIRST, MANUALS
 from lammps_cases.records import yaml_files
-from lammps_cases.records.yaml_files import FlowText, compose, flow, position, read_yaml, yaml_text
+from lammps_cases.records.yaml_files import FlowText, OfManual, compose, flow, position, read_yaml, yaml_text
 
 
 def _written(folder: Path, text: str) -> Path:
@@ -60,11 +65,26 @@ def test_aliases_are_counted_expanded(tmp_path: Path) -> None:
         read_yaml(_written(tmp_path, "\n".join(lines)))
 
 
-@pytest.mark.parametrize(
-    "data", [{"b": 1, "a": [1.5, {"c": None}]}, ["1e5", "true", "null", "", "a: b"], 1e-12, {"x": float("inf")}]
+PLAIN = (
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=False)
+    | st.text("abe15.:-#{}[]'\"& \n+yn~", max_size=6)
 )
-def test_round_trip(tmp_path: Path, data: Any) -> None:
-    assert read_yaml(_written(tmp_path, yaml_text(data))) == data
+LIKE_OTHERS = st.sampled_from(["1e5", "1E-3", ".5e1", "-2.5e+3", "true", "null", ".inf"])  # texts
+WORDS = st.text("abenoy15", min_size=1, max_size=4)
+
+
+@given(
+    st.recursive(
+        PLAIN | LIKE_OTHERS, lambda part: st.lists(part, max_size=3) | st.dictionaries(WORDS, part, max_size=3)
+    )
+)
+def test_whatever_is_written_is_read_back(data: Any) -> None:
+    """Texts that look like numbers stay texts, and the other way round."""
+    with TemporaryDirectory() as folder:
+        assert repr(read_yaml(_written(Path(folder), yaml_text(data)))) == repr(data)
 
 
 @pytest.mark.parametrize(
@@ -89,3 +109,14 @@ def test_places_count_from_1(tmp_path: Path) -> None:
     node = compose(_written(tmp_path, "a: 1\nb: [x, y]"))
     _, value = node.value[1]
     assert [(each.start_mark.line, each.start_mark.column) for each in value.value] == [(1, 4), (1, 7)]
+
+
+def test_statement_holds_from_its_first_to_its_last_manual() -> None:
+    newest = MANUALS[-1]
+    assert len(MANUALS) > 1 and all(OfManual().made_in(manual) for manual in MANUALS)
+    for since, until, holds in ((FIRST, FIRST, [1, 0]), (newest, newest, [0, 1]), (FIRST, newest, [1, 1])):
+        assert [OfManual(since=since, until=until).made_in(manual) for manual in (FIRST, newest)] == holds
+    with pytest.raises(ValidationError, match="since must not be later than until"):
+        OfManual(since=newest, until=FIRST)
+    with pytest.raises(ValidationError, match="since"):
+        OfManual(since="1995.1.1")

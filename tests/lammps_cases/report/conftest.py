@@ -8,8 +8,8 @@ import pytest
 
 from lammps_cases.records.run_record import RunRecord
 from lammps_cases.report.formats import write_report
-from tests.support.made_report import FINDINGS, Page, example
-from tests.support.pages import unpacked
+from tests.support.made_report import FINDINGS, example
+from tests.support.pages import Page, unpacked
 
 
 @pytest.fixture(scope="module")

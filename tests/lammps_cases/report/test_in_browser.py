@@ -14,7 +14,9 @@ from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import plots
 from lammps_cases.report.formats import write_report
 from tests.support.browser import browser
-from tests.support.made_report import Page
+from tests.support.pages import Page
+
+pytestmark = [pytest.mark.slow, pytest.mark.browser]
 
 
 def _shown(folder: Path, address: str, tmp_path: Path) -> tuple[Page, str]:
@@ -27,8 +29,6 @@ def _shown(folder: Path, address: str, tmp_path: Path) -> tuple[Page, str]:
     return Page(done.stdout[: done.stdout.rindex("</html>")]), done.stdout
 
 
-@pytest.mark.slow
-@pytest.mark.browser
 @pytest.mark.parametrize(("case", "figures"), [("eos.types", 4 + 3), ("model.flat", 4)])
 def test_a_browser_draws_a_case(run: RunRecord, folder: Path, tmp_path: Path, case: str, figures: int) -> None:
     shown, dom = _shown(folder, f"case={case}", tmp_path)
@@ -43,8 +43,6 @@ def test_a_browser_draws_a_case(run: RunRecord, folder: Path, tmp_path: Path, ca
     assert len(plotted) == figures
 
 
-@pytest.mark.slow
-@pytest.mark.browser
 def test_an_address_opens_a_field_and_an_atom(run: RunRecord, folder: Path, tmp_path: Path) -> None:
     with np.load(folder / "fields" / "model.flat.npz") as arrays:
         lammps_nc, reference_nc = arrays["f.lammps"], arrays["f.reference"]
@@ -59,8 +57,6 @@ def test_an_address_opens_a_field_and_an_atom(run: RunRecord, folder: Path, tmp_
     assert reference == pytest.approx(reference_nc[3, at], rel=digits, abs=digits * abs(lammps_nc[3, at]))
 
 
-@pytest.mark.slow
-@pytest.mark.browser
 def test_step_and_neighbours_by_keys_and_clicks(run: RunRecord, folder: Path, tmp_path: Path) -> None:
     step = "document.querySelector('article:not([hidden]) .step input')"
     box = "document.querySelector('.atom')?.innerText"
@@ -94,8 +90,6 @@ def test_step_and_neighbours_by_keys_and_clicks(run: RunRecord, folder: Path, tm
         assert page.complaints == []
 
 
-@pytest.mark.slow
-@pytest.mark.browser
 def test_address_keeps_filter_and_order_of_the_table(run: RunRecord, folder: Path, tmp_path: Path) -> None:
     shown, dom = _shown(folder, "find=eos.water&sort=atoms&down", tmp_path)
     rows = [a for tag, a in shown.elements if tag == "tr" and "data-kind" in a]
@@ -106,8 +100,6 @@ def test_address_keeps_filter_and_order_of_the_table(run: RunRecord, folder: Pat
     assert sorted_by == ["descending"]
 
 
-@pytest.mark.slow
-@pytest.mark.browser
 def test_unknown_case_in_the_address_is_searched(folder: Path, tmp_path: Path) -> None:
     shown, dom = _shown(folder, "case=nowhere.to-be-found", tmp_path)
     assert re.search(r"\b0 of \d+ cases", dom)
@@ -116,8 +108,6 @@ def test_unknown_case_in_the_address_is_searched(folder: Path, tmp_path: Path) -
     assert not [a for tag, a in shown.elements if tag == "article" and "hidden" not in a]
 
 
-@pytest.mark.slow
-@pytest.mark.browser
 def test_the_report_of_an_audit_opens_at_its_deck(run: RunRecord, tmp_path: Path) -> None:
     decks = [CaseRecord(case=name, verdict="pass", tags=["audit"]) for name in ("in.one", "in.two")]
     hidden = "document.getElementById('list').hidden"
@@ -134,8 +124,6 @@ def test_the_report_of_an_audit_opens_at_its_deck(run: RunRecord, tmp_path: Path
         assert page.complaints == []
 
 
-@pytest.mark.slow
-@pytest.mark.browser
 def test_audit_has_distinct_marks_and_one_derivation(run: RunRecord, tmp_path: Path) -> None:
     names = [f"field-{k}" for k in range(14)]
     look = CheckRecord(run=1, step=0, type=0, natoms=9, verdict="pass", max_over_bound=0.5, max_abs=1.0, worst_id=1)
@@ -160,8 +148,6 @@ def test_audit_has_distinct_marks_and_one_derivation(run: RunRecord, tmp_path: P
         assert page.complaints == []
 
 
-@pytest.mark.slow
-@pytest.mark.browser
 def test_addresses_of_the_table_show_its_heading(run: RunRecord, folder: Path, tmp_path: Path) -> None:
     top = "document.getElementById('list-of-cases').getBoundingClientRect().top"
     with browser(tmp_path) as page:

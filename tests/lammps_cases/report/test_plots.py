@@ -4,30 +4,23 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from eos_ref.eos import bounds
-from lammps_cases.records.case_parts import LawRecord
+from lammps_cases.records.case_parts import FieldRecord, LawRecord
 from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import page, plots
-from tests.support.made_report import NAME, WATER, Page, column, numbers
+from tests.support.made_report import NAME, WATER, column, numbers
+from tests.support.pages import Page
 
 
 def test_embedded_points(parsed: Page, run: RunRecord) -> None:
     shown = {case: data["n"] for case, data in parsed.data.items() if "id" in data}
-    assert shown == {
-        "eos.water.near": 400,
-        "eos.cubic.compressed": 400,
-        "eos.types": 400,
-        "flow.block3d": 400,
-        "eos.states": 400,
-        "eos.broken": 400,
-        "model.flat": 60,
-        "model.cube": 60,
-        f"hostile2.{NAME}": 60,
-    }
+    laws = ("eos.water.near", "eos.cubic.compressed", "eos.types", "flow.block3d", "eos.states", "eos.broken")
+    assert shown == dict.fromkeys(laws, 400) | dict.fromkeys(("model.flat", "model.cube", f"hostile2.{NAME}"), 60)
     for case, count in shown.items():
         data = parsed.data[case]
         if "steps" in data:
@@ -101,16 +94,26 @@ def test_curves_are_the_reference_on_a_fitting_axis(parsed: Page) -> None:
     np.testing.assert_allclose(numbers(gas["p"]), (1.4 - 1) * numbers(gas["x"]), rtol=3 * short)
 
 
-def test_no_curve_for_a_law_outside_its_domain() -> None:
-    case = CaseRecord(
-        case="x",
-        verdict="pass",
-        laws=[LawRecord(type=1, style="tait/general", rho0=-1.0, cs=1.0, parameter=0.0)],
-    )
-    side = {f"pressure.{name}": np.ones(3) for name in ("lammps", "reference", "bound")}
-    arrays = {"id": np.arange(3), "type": np.ones(3), "x": np.zeros((3, 3)), "rho": np.ones(3), **side}
+def side(
+    field: str, lammps: Any = 1.0, reference: Any = 1.0, bound: Any = 1.0, count: int = 3
+) -> dict[str, np.ndarray]:
+    """The three sides of a field."""
+    sides = {"lammps": lammps, "reference": reference, "bound": bound}
+    return {f"{field}.{name}": np.broadcast_to(np.asarray(of, float), count) for name, of in sides.items()}
+
+
+def payload(case: CaseRecord, **more: Any) -> dict[str, Any]:
+    """What is drawn of a case of some particles."""
+    count = len(more.get("rho", np.ones(3)))
+    arrays = {"id": np.arange(count), "type": np.ones(count), "x": np.zeros((count, 3)), "rho": np.ones(count)} | more
     data, _ = plots.payload(case, arrays, plots.differences(arrays))
-    assert data is not None and data["laws"] == []
+    assert data is not None
+    return data
+
+
+def test_no_curve_for_a_law_outside_its_domain() -> None:
+    laws = [LawRecord(type=1, style="tait/general", rho0=-1.0, cs=1.0, parameter=0.0)]
+    assert payload(CaseRecord(case="x", verdict="pass", laws=laws), **side("pressure"))["laws"] == []
 
 
 @pytest.mark.filterwarnings("error")
@@ -120,13 +123,11 @@ def test_extreme_states_are_packed(parameter: float) -> None:
     styles = ("linear", "cubic", "tait/water", "tait/general", "ideal/gas")
     laws = [LawRecord(type=t, style=s, rho0=1.0, cs=2.0, parameter=parameter) for t, s in enumerate(styles, 1)]
     laws[0].parameter = laws[2].parameter = None
-    count = len(laws) * rho_n.size
-    arrays = {"id": np.arange(count), "type": np.repeat([1, 2, 3, 4, 5], rho_n.size), "x": np.zeros((count, 3))}
-    arrays |= {"rho": np.tile(rho_n, len(laws)), "e": np.ones(count)}
-    arrays |= {f"pressure.{side}": arrays["rho"] for side in ("lammps", "reference", "bound")}
-    case = CaseRecord(case="x", verdict="pass", laws=laws)
-    data, _ = plots.payload(case, arrays, plots.differences(arrays))
-    assert data is not None and json.loads(page.embedded(data)) == data
+    density_n = np.tile(rho_n, len(laws))
+    of = {"rho": density_n, "type": np.repeat([1, 2, 3, 4, 5], rho_n.size), "e": np.ones(density_n.size)}
+    of |= side("pressure", density_n, density_n, density_n, density_n.size)
+    data = payload(CaseRecord(case="x", verdict="pass", laws=laws), **of)
+    assert json.loads(page.embedded(data)) == data
     assert {law["type"] for law in data["laws"]} >= {1, 2, 3, 4}
 
 
@@ -172,12 +173,8 @@ def test_only_the_nearest_pairs_are_listed() -> None:
 
 
 def test_significant_digits_are_kept() -> None:
-    case = CaseRecord(case="x", verdict="differs")
     bound_n = np.array([1.0, 2.0, 3.0]) / 3
-    arrays = {"id": np.arange(3), "type": np.ones(3), "x": np.zeros((3, 3)), "rho": np.ones(3)}
-    arrays |= {"f.lammps": np.nextafter(bound_n, 2), "f.reference": np.zeros(3), "f.bound": bound_n}
-    data, _ = plots.payload(case, arrays, plots.differences(arrays))
-    assert data is not None
+    data = payload(CaseRecord(case="x", verdict="differs"), **side("f", np.nextafter(bound_n, 2), 0.0, bound_n))
     assert np.all(numbers(data["fields"]["f"]["difference"]) > numbers(data["fields"]["f"]["bound"]))
     np.testing.assert_array_equal(numbers(plots._column([1e-300, 2e-300], plots.SIZE)), [1e-300, 2e-300])
     assert plots._column([2.5, 2.5]) == 2.5
@@ -203,3 +200,37 @@ def test_thinning() -> None:
     assert picked.size == np.unique(picked).size == 40
     assert {3, 500, 999} <= set(picked.tolist())
     assert plots.thinned(ratio_n, np.arange(1000.0), np.ones(1000), 1000).size == 1000
+
+
+@pytest.mark.parametrize(
+    ("values", "scale"),
+    [
+        ([1.0, 2.0, 3.0], {"kind": "linear"}),
+        ([0.0, np.nan, np.inf], {"kind": "linear"}),
+        ([], {"kind": "linear"}),
+        ([1.0, 1e-3, 1.0, 1.0, 1.0], {"kind": "linear"}),  # a thousandth exactly
+        ([1e-4, -1e-5, 1.0, 1.0, 1.0], {"kind": "symlog", "decade": -5}),
+        ([1e-320, 1e-320, 1.0], {"kind": "symlog", "decade": -307}),
+    ],
+)
+def test_scales(values: list[float], scale: dict[str, Any]) -> None:
+    """A fifth of the values three decades below the largest requires a logarithmic scale."""
+    assert plots.scale_of(np.array(values)) == scale
+
+
+def test_relative_offsets_from_rho0_of_every_type() -> None:
+    laws = [LawRecord(type=k, style="linear", rho0=rho0, cs=1.0, background=0.0) for k, rho0 in ((1, 2.0), (2, 4.0))]
+    case = CaseRecord(case="one", verdict="pass", laws=laws)
+    delta_n = plots.offsets(case, np.array([1, 2, 3, 1]), np.array([3.0, 3.0, 3.0, 1.0]))
+    assert np.array_equal(delta_n, [0.5, -0.25, np.nan, -0.5], equal_nan=True)
+
+
+def test_audit_begins_with_its_worst_field_and_step() -> None:
+    told = [("pressure", "exact", 0.0, 0.0, 0), ("drho", "pass", 0.5, 0.7, 40), ("f", "explained", 2.0, 2.0, 60)]
+    fields, arrays = [], {"step": np.array(60)}
+    for name, verdict, size, ratio, step in told:
+        arrays |= side(name, size, 0.0)
+        fields.append(FieldRecord(field=name, stage="", verdict=verdict, max_over_bound=ratio, worst_step=step))
+    data = payload(CaseRecord(case="in.deck", verdict="explained", natoms=3, tags=["audit"], fields=fields), **arrays)
+    assert data["first"] == "f" and data["step"] == 60
+    assert {field: step for field, (step, _) in data["elsewhere"].items()} == {"drho": 40}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 
@@ -132,37 +132,42 @@ def test_velocities_and_densities_count_as_changes(ran: Result) -> None:
     assert (atoms.get_forces() != moved).any()
 
 
-def without(name: str, atoms: ase.Atoms) -> ase.Atoms:
-    del atoms.arrays[name]
+def changed(atoms: ase.Atoms, **arrays: object) -> ase.Atoms:
+    """Atoms with another array, without one, or with another cell."""
+    for name, values in arrays.items():
+        if name == "cell":
+            atoms.set_cell(values)
+        elif values is None:
+            del atoms.arrays[name]
+        else:
+            atoms.arrays[name][:] = values
     return atoms
 
 
-def with_cell(cell: list[list[float]], atoms: ase.Atoms) -> ase.Atoms:
-    atoms.set_cell(cell)
-    return atoms
+UPWARD = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+GRAVITY = "external.gravity"
 
 
-def test_bad_input_is_one_line(ran: Result) -> None:
-    name = "external.gravity"
-    scene = scene_of_case(name)
-    upward = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    wrong = {
-        "Atoms: needs the per-atom array rho": without("rho", ran.atoms(name)),
-        "cell: must have edges along x": with_cell(upward, ran.atoms(name)),
-    }
-    for line, atoms in wrong.items():
-        with pytest.raises(InputError, match=line):
-            EosRefCalculator(scene).get_property("forces", atoms)
-    atoms = ran.atoms(name)
-    atoms.arrays["type"][:] = 7
-    with pytest.raises(InputError, match=r"type: must lie within 1 to \d, found 7"):
-        EosRefCalculator(scene).get_property("forces", atoms)
-    with pytest.raises(InputError, match="settings: must be a Scene or a Model, found 'str'"):
-        EosRefCalculator("scene")
-    with pytest.raises(InputError, match=r"no such finding .*did you mean 'force-per-volume'"):
-        EosRefCalculator(scene, ["force-per-volumes"])
-    with pytest.raises(InputError, match="bounds: need a calculation first"):
-        EosRefCalculator(scene).bounds()
+@pytest.mark.parametrize(
+    ("use", "line"),
+    [
+        (lambda of, atoms: of.get_property("forces", changed(atoms, rho=None)), "Atoms: needs the per-atom array rho"),
+        (lambda of, atoms: of.get_property("forces", changed(atoms, cell=UPWARD)), "cell: must have edges along x"),
+        (
+            lambda of, atoms: of.get_property("forces", changed(atoms, type=7)),
+            r"type: must lie within 1 to \d, found 7",
+        ),
+        (lambda of, atoms: EosRefCalculator("scene"), "settings: must be a Scene or a Model, found 'str'"),
+        (
+            lambda of, atoms: EosRefCalculator(scene_of_case(GRAVITY), ["force-per-volumes"]),
+            r"no such finding .*did you mean 'force-per-volume'",
+        ),
+        (lambda of, atoms: of.bounds(), "bounds: need a calculation first"),
+    ],
+)
+def test_bad_input_is_one_line(use: Callable[..., object], line: str, ran: Result) -> None:
+    with pytest.raises(InputError, match=line):
+        use(EosRefCalculator(scene_of_case(GRAVITY)), ran.atoms(GRAVITY))
 
 
 def test_failure_of_lammps_is_a_failed_calculation(ran: Result, monkeypatch: pytest.MonkeyPatch) -> None:

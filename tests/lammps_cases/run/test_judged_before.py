@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from lammps_cases.comparison import store as store_module
-from lammps_cases.comparison.store import Store, code, current, open_store
+from lammps_cases.comparison.store import Store, current, open_store
 from lammps_cases.engine.session import Answer, Job
-from lammps_cases.engine.workers import Failure
+from lammps_cases.engine.workers import Failure, KeptAnswer
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.run import flow, judged, prepared_case
 from lammps_cases.run.judged import JudgedBefore
@@ -30,11 +30,12 @@ pytestmark = pytest.mark.lammps
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
 CASES = {case.name: case for case in casefile.load()}
 PLAIN, STOPS, LISTED, TWIN = "forces.all.quintic.2d", "runs.fluid.atoms", "deformed.walls.remap", "twins.walls.boost"
+Answered = Callable[[str], tuple[PreparedCase, Outcomes]]
 
 
 @pytest.fixture(scope="module")
-def answered(solver: Solver) -> Callable[[str], tuple[PreparedCase, Outcomes]]:
-    """Return LAMMPS' answers to a case, computed once."""
+def answered(solver: Solver) -> Answered:
+    """LAMMPS' answers to a case, computed once."""
     known: dict[str, tuple[PreparedCase, Outcomes]] = {}
 
     def ask(name: str) -> tuple[PreparedCase, Outcomes]:
@@ -65,11 +66,23 @@ def store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Store:
     return open_store()
 
 
-def judged_into(
-    folder: Path, ready: PreparedCase, outcomes: Outcomes, of: Store | None, run_code: str = ""
-) -> CaseRecord:
-    kept = replace(of, context=run_code or store_module.code()) if of else None
-    return flow.record_case(None, folder, ready, outcomes, ENGINE, of, kept)
+@pytest.fixture
+def judge(tmp_path: Path, store: Store) -> Callable[..., CaseRecord]:
+    """Judge a case with the store, another or None, in a folder."""
+
+    def judge(
+        ready: PreparedCase, outcomes: Outcomes, folder: str = "", of: Store | None = store, run_code: str = ""
+    ) -> CaseRecord:
+        kept = replace(of, context=run_code or store_module.code()) if of else None
+        return flow.record_case(None, tmp_path / folder, ready, outcomes, ENGINE, of, kept)
+
+    return judge
+
+
+def before(store: Store, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord = ENGINE) -> JudgedBefore:
+    found = JudgedBefore.of(replace(store, context=store_module.code()), Answers(None, ready, outcomes), engine)
+    assert found is not None
+    return found
 
 
 def _files(folder: Path) -> dict[str, bytes]:
@@ -82,26 +95,22 @@ def _told(record: CaseRecord) -> dict[str, Any]:
     return told
 
 
-def _never(*arguments: object) -> Any:
-    raise AssertionError("judged again")
-
-
 @pytest.mark.parametrize("name", [PLAIN, STOPS, LISTED, TWIN])
 def test_known_answer_is_not_judged_again_and_gives_the_same_record(
     name: str,
-    answered: Callable[[str], tuple[PreparedCase, Outcomes]],
+    answered: Answered,
     asked: list[Job],
-    store: Store,
+    judge: Callable[..., CaseRecord],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ready, outcomes = answered(name)
-    first = judged_into(tmp_path / "first", ready, outcomes, store)
+    first = judge(ready, outcomes, "first")
     read = len(asked)
     assert (name == LISTED) == bool(read)
     assert first.predictions.judgements == 0
-    monkeypatch.setattr(flow, "_judged", _never)
-    second = judged_into(tmp_path / "second", ready, outcomes, store)
+    monkeypatch.delattr(flow, "_judged")
+    second = judge(ready, outcomes, "second")
     assert len(asked) == 2 * read  # LAMMPS runs once more for its lists
     assert _told(second) == _told(first)
     assert _files(tmp_path / "second") == _files(tmp_path / "first")
@@ -110,25 +119,28 @@ def test_known_answer_is_not_judged_again_and_gives_the_same_record(
     assert second.seconds.lammps == first.seconds.lammps
 
 
+def test_deleted_answer_is_requested_again(answered: Answered, asked: list[Job], tmp_path: Path) -> None:
+    """A cleaner of temporary files may delete answers while a run waits."""
+    gone = KeptAnswer(tmp_path / "answer")
+    record = flow.record_case(None, tmp_path, prepare(CASES["near-rho0.linear.2d"]), [gone], EngineRecord())
+    assert record.verdict == "exact" and len(asked) == 1
+    prepared_case.discard([gone])
+
+
 def _changed(answer: Answer) -> Iterator[tuple[str, Answer]]:
     """Yield answers that differ in the last bit of one number, with its place."""
     for name in answer.arrays:
         yield f"arrays {name}", replace(answer, arrays=_other(answer.arrays, name))
-    for k, arrays in enumerate(answer.snapshots):
-        for name in arrays:
-            others = list(answer.snapshots)
-            others[k] = _other(arrays, name)
-            yield f"snapshot {k} {name}", replace(answer, snapshots=tuple(others))
-    for k, arrays in enumerate(answer.lists):
-        for name in arrays:
-            yield f"list {k} {name}", replace(answer, lists=(*answer.lists[:k], _other(arrays, name)))
+    for part in ("snapshots", "lists"):
+        for k, arrays in enumerate(of := getattr(answer, part)):
+            for name in arrays:
+                others = (*of[:k], _other(arrays, name), *of[k + 1 :])
+                yield f"{part} {k} {name}", replace(answer, **{part: others})
     for k, carried in enumerate(answer.carried):
-        for name in carried.before:
-            before = replace(carried, before=_other(carried.before, name))
-            yield f"before {k} {name}", replace(answer, carried=(*answer.carried[:k], before))
-        for name in carried.after:
-            after = replace(carried, after=_other(carried.after, name))
-            yield f"after {k} {name}", replace(answer, carried=(*answer.carried[:k], after))
+        for side in ("before", "after"):
+            for name in getattr(carried, side):
+                moved = replace(carried, **{side: _other(getattr(carried, side), name)})
+                yield f"{side} {k} {name}", replace(answer, carried=(*answer.carried[:k], moved))
     yield "steps", replace(answer, steps=(*answer.steps[:-1], answer.steps[-1] + 1))
 
 
@@ -140,119 +152,98 @@ def _other(arrays: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", [PLAIN, STOPS])
-def test_every_returned_bit_counts(
-    name: str, answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store
-) -> None:
+def test_every_returned_bit_counts(name: str, answered: Answered, store: Store) -> None:
     ready, [answer] = answered(name)
     assert isinstance(answer, Answer)
     assert bool(answer.carried) == (name == STOPS)
-    own = JudgedBefore.of(store, Answers(None, ready, [answer]), ENGINE)
-    assert own is not None
-    keys = {"own": own.key}
-    for where, other in _changed(answer):
-        changed = JudgedBefore.of(store, Answers(None, ready, [other]), ENGINE)
-        assert changed is not None
-        keys[where] = changed.key
-    assert len(set(keys.values())) == len(keys) > len(answer.arrays) + 2
-    again = JudgedBefore.of(store, Answers(None, ready, [replace(answer, seconds=7.0, run_seconds=(7.0,))]), ENGINE)
-    assert again is not None
-    assert again.key == own.key  # times do not count
+    own = before(store, ready, [answer]).key
+    keys = [own, *(before(store, ready, [other]).key for _, other in _changed(answer))]
+    assert len(set(keys)) == len(keys) > len(answer.arrays) + 2
+    again = replace(answer, seconds=7.0, run_seconds=(7.0,))
+    assert before(store, ready, [again]).key == own  # times do not count
 
 
-def test_case_and_engine_count(answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store) -> None:
+def test_case_and_engine_count_and_parts_of_a_case_are_kept_apart(answered: Answered, store: Store) -> None:
     ready, outcomes = answered(PLAIN)
     case, atoms = ready.case, ready.atoms
-    moved = replace(atoms, mass_n=np.nextafter(atoms.mass_n, 9.0))
-    others = [
-        (replace(ready, case=replace(case, name="another")), ENGINE),
-        (replace(ready, case=replace(case, about="something else")), ENGINE),
-        (replace(ready, case=replace(case, exercises=("images",))), ENGINE),
-        (replace(ready, case=replace(case, scene=case.scene.model_copy(update={"compare": ("f",)}))), ENGINE),
-        (replace(ready, atoms=moved), ENGINE),
-        (ready, EngineRecord(distribution="2025.7.22.1.0")),
-        (ready, EngineRecord(name="path:elsewhere", distribution="2025.7.22.4.0")),
-        (ready, ENGINE),
+    cases = [
+        case,
+        *(
+            replace(case, **changes)
+            for changes in (
+                {"name": "another"},
+                {"about": "something else"},
+                {"exercises": ("images",)},
+                {"scene": case.scene.model_copy(update={"compare": ("f",)})},
+                {"tags": ("a", "b"), "exercises": ()},
+                {"tags": ("a",), "exercises": ("b",)},
+                {"about": "a\0b", "tags": ()},
+                {"about": "a", "tags": ("b",)},
+            )
+        ),
     ]
-    found = [JudgedBefore.of(store, Answers(None, other, outcomes), engine) for other, engine in others]
-    assert len({each.key for each in found if each}) == len(others)
+    found = [before(store, replace(ready, case=other), outcomes) for other in cases]
+    found.append(before(store, replace(ready, atoms=replace(atoms, mass_n=np.nextafter(atoms.mass_n, 9.0))), outcomes))
+    engines = ({"distribution": "2025.7.22.1.0"}, {"name": "path:elsewhere", "distribution": ENGINE.distribution})
+    found += [before(store, ready, outcomes, EngineRecord(**who)) for who in engines]
+    assert len({each.key for each in found}) == len(found)
+    run = RunRecord(engine=ENGINE, reference={}, date="d")
+    assert len({str(judged.start(run, [one]).cases) for one in cases}) == len(cases)
+    elsewhere, outcomes = answered("files.extxyz")  # a worker without the files of a case judges it nevertheless
+    moved = replace(elsewhere.case, source=Path("elsewhere") / "droplet.yaml")
+    assert before(store, replace(elsewhere, case=moved), outcomes)
 
 
 def test_different_lists_are_judged_again(
-    answered: Callable[[str], tuple[PreparedCase, Outcomes]],
-    asked: list[Job],
-    store: Store,
-    tmp_path: Path,
+    answered: Answered, asked: list[Job], store: Store, judge: Callable[..., CaseRecord], tmp_path: Path
 ) -> None:
     ready, outcomes = answered(LISTED)
-    before = _before(store, ready, outcomes)
-    judged_into(tmp_path, ready, outcomes, store)
+    judge(ready, outcomes)
     (every,) = Answers(None, ready, outcomes).with_lists()
     assert isinstance(every, Answer)
-    assert before.find(tmp_path, SimpleNamespace(with_lists=lambda: [every])) is not None
-    for where, other in _changed(every):
-        if where.startswith("list"):
-            changed = SimpleNamespace(with_lists=partial(list, [other]))
-            assert before.find(tmp_path, changed) is None, where
-    assert (
-        before.find(tmp_path, SimpleNamespace(with_lists=list)) is None
-    )  # LAMMPS ran differently when they were requested
+
+    def found(*answers: Answer) -> bool:
+        return (
+            before(store, ready, outcomes).find(tmp_path, SimpleNamespace(with_lists=partial(list, answers)))
+            is not None
+        )
+
+    assert found(every)
+    others = {where: other for where, other in _changed(every) if where.startswith("list")}
+    assert others and not [where for where, other in others.items() if found(other)]
+    assert not found()  # LAMMPS ran differently when they were requested
 
 
-def _before(store: Store, ready: PreparedCase, outcomes: Outcomes) -> JudgedBefore:
-    kept = replace(store, context=code())
-    before = JudgedBefore.of(kept, Answers(None, ready, outcomes), ENGINE)
-    assert before is not None
-    return before
-
-
-def test_only_expected_outcomes_are_kept(
-    answered: Callable[[str], tuple[PreparedCase, Outcomes]], asked: list[Job], store: Store, tmp_path: Path
+def test_only_expected_outcomes_of_the_same_code_are_kept(
+    answered: Answered,
+    asked: list[Job],
+    store: Store,
+    judge: Callable[..., CaseRecord],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ready, [answer] = answered(PLAIN)
     assert isinstance(answer, Answer)
-
-    spoilt: Outcomes = [
-        replace(answer, snapshots=tuple({**each, "rho": 1.1 * each["rho"]} for each in answer.snapshots))
-    ]
+    spoilt = replace(answer, snapshots=tuple({**each, "rho": 1.1 * each["rho"]} for each in answer.snapshots))
     for _ in range(2):
-        record = judged_into(tmp_path, ready, spoilt, store)
-        assert record.verdict == "differs"
-        assert record.predictions.judgements == 0
+        record = judge(ready, [spoilt])
+        assert (record.verdict, record.predictions.judgements) == ("differs", 0)
     assert JudgedBefore.of(store, Answers(None, ready, [Failure("crashed", "it died")]), ENGINE) is None
-
-
-def test_fresh_run_and_other_code_find_nothing(
-    answered: Callable[[str], tuple[PreparedCase, Outcomes]],
-    asked: list[Job],
-    store: Store,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    ready, outcomes = answered(PLAIN)
-
-    def judgements(of: Store | None) -> int:
-        record = judged_into(tmp_path, ready, outcomes, of)
-        return record.predictions.judgements
-
-    assert [judgements(each) for each in (store, store, open_store(fresh=True), store, None)] == [0, 1, 0, 1, 0]
+    stores = (store, store, open_store(fresh=True), store, None)
+    assert [judge(ready, [answer], of=each).predictions.judgements for each in stores] == [0, 1, 0, 1, 0]
     monkeypatch.setattr(store_module, "code", lambda *_: "another")
-    assert judgements(store) == 0
+    assert judge(ready, [answer]).predictions.judgements == 0
 
 
 def test_process_with_other_code_uses_no_stored_judgements(
-    answered: Callable[[str], tuple[PreparedCase, Outcomes]],
-    asked: list[Job],
-    store: Store,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    answered: Answered, asked: list[Job], judge: Callable[..., CaseRecord], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A worker that started after an edit, or imported modules after it."""
     ready, outcomes = answered(PLAIN)
-    of_run = code()
+    of_run = store_module.code()
     for of_process in ("edited", of_run, of_run):
         monkeypatch.setattr(store_module, "code", lambda *_, code=of_process: code)
         current.cache_clear()
-        record = judged_into(tmp_path, ready, outcomes, store, of_run)
+        record = judge(ready, outcomes, run_code=of_run)
         edited = of_process != of_run
         assert record.predictions.judgements == 0 if edited else record.predictions.computed == 0
     assert record.predictions.judgements == 1, "the second was kept, the first was not"
@@ -261,57 +252,32 @@ def test_process_with_other_code_uses_no_stored_judgements(
 @pytest.mark.parametrize("kept", [False, True])
 def test_lists_that_cannot_be_read_leave_no_verdict(
     kept: bool,
-    answered: Callable[[str], tuple[PreparedCase, Outcomes]],
+    answered: Answered,
     asked: list[Job],
-    store: Store,
-    tmp_path: Path,
+    judge: Callable[..., CaseRecord],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The verdict depends on them: a full disk is not a difference of LAMMPS, with or without a stored judgement."""
     ready, outcomes = answered(LISTED)
     if kept:
-        judged_into(tmp_path, ready, outcomes, store)
+        judge(ready, outcomes)
 
     def full(*_: object) -> Answer:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(prepared_case, "solve", full)
-    record = judged_into(tmp_path, ready, outcomes, store)
+    record = judge(ready, outcomes)
     assert record.verdict == "error"
     assert "neighbour lists: [Errno 28] No space left on device" in record.message
 
 
-@pytest.mark.parametrize("moved", ["from tags to rules", "within the text"])
-def test_key_keeps_the_parts_of_a_case_apart(
-    moved: str, answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store
-) -> None:
-    ready, outcomes = answered(PLAIN)
-    one, other = (
-        (replace(ready.case, tags=("a", "b"), exercises=()), replace(ready.case, tags=("a",), exercises=("b",)))
-        if moved == "from tags to rules"
-        else (replace(ready.case, about="a\0b", tags=()), replace(ready.case, about="a", tags=("b",)))
-    )
-    keys = [JudgedBefore.of(store, Answers(None, replace(ready, case=case), outcomes), ENGINE) for case in (one, other)]
-    assert keys[0] != keys[1]
-    run = RunRecord(engine=ENGINE, reference={}, date="d")
-    assert judged.start(run, [one]).cases != judged.start(run, [other]).cases
-
-
 def test_damaged_judgement_is_made_again(
-    answered: Callable[[str], tuple[PreparedCase, Outcomes]], asked: list[Job], store: Store, tmp_path: Path
+    answered: Answered, asked: list[Job], store: Store, judge: Callable[..., CaseRecord]
 ) -> None:
     ready, outcomes = answered(PLAIN)
-    first = judged_into(tmp_path, ready, outcomes, store)
+    first = judge(ready, outcomes)
     for path in store.folder.iterdir():
         path.write_bytes(path.read_bytes()[:-1] + b"?")
-    second = judged_into(tmp_path, ready, outcomes, store)
+    second = judge(ready, outcomes)
     assert second.predictions.judgements == 0
     assert _told(second) == _told(first)
-
-
-def test_worker_without_the_files_of_a_case_judges_it_nevertheless(
-    answered: Callable[[str], tuple[PreparedCase, Outcomes]], store: Store
-) -> None:
-    ready, outcomes = answered("files.extxyz")
-    elsewhere = replace(ready, case=replace(ready.case, source=Path("elsewhere") / "droplet.yaml"))
-    assert JudgedBefore.of(store, Answers(None, elsewhere, outcomes), ENGINE) is not None

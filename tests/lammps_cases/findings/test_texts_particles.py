@@ -14,7 +14,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.kernels.quintic import quintic
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.findings.shifting import CorrectedColor, CorrectingFirst
-from tests.support.printed import printed, recomputes
+from tests.support.printed import printed, recomputes, works_around
 from tests.support.small_scene import Engine, SmallScene, agree, engine, small_scene
 
 pytestmark = pytest.mark.lammps
@@ -44,6 +44,7 @@ def test_where_a_neighbour_counts_most() -> dict[str, Any]:
     return {"place": r[largest]}
 
 
+@works_around(SUPPORT, 1)
 @pytest.mark.parametrize(("dimension", "cells"), [(2, (9, 9)), (3, (6, 6, 6))])
 @recomputes(SUPPORT, "factor_2d factor_3d", given="spacings", some=True)
 def test_wmin_times_the_mean_distance(lammps: Engine, dimension: int, cells: tuple[int, ...]) -> dict[str, Any]:
@@ -177,6 +178,7 @@ def test_sums_that_cancel(lammps: Engine) -> None:
     assert np.any(np.all(found["shift/v"] == unscaled, axis=1)[open_n])
 
 
+@works_around(NORMAL, 2)
 def test_exclude_type_is_not_affected(lammps: Engine) -> None:
     for types in ("1", "2", "*"):
         excluded = interface(0.0, rheo={"shift": {"exclude": [types]}})
@@ -261,6 +263,7 @@ def layer(turn: int = 1, newton: bool = True) -> SmallScene:
     )
 
 
+@works_around(LAYER, 1)
 @recomputes(LAYER, "layer bulk")
 def test_layer_depends_on_pair_order(lammps: Engine) -> dict[str, Any]:
     seen = []

@@ -51,7 +51,7 @@ def test_sound_of_force_per_volume(lammps: Engine) -> dict[str, Any]:
             ("rheo 2.4 quintic", f"rheo {3 * spacing} quintic"),
             ("timestep 0.008", f"timestep {0.01 * spacing**2}"),
         )
-        return float(lammps.reply("wave", *edits).arrays["found"][0]) / n.c
+        return float(lammps.reply("wave", *edits).arrays["found"][0] / n.c)
 
     assert abs(travels(1.0) - 1) <= within, "at a volume of 1 it is right"
     page = (Path(__file__).parents[3] / "docs" / "accuracy.md").read_text()

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import yaml
@@ -83,6 +83,38 @@ class Workaround(BaseModel):
     nothing: str = ""
 
 
+class EditedDeck(BaseModel):
+    """A deck of the probes with other words, one after the other, and how it ends; run by the tests of the findings.
+
+    Attributes
+    ----------
+    base, edits : the deck, and old and new text in it
+    law, keywords, pair, ask : the arguments of fix rheo/pressure, the keywords of fix rheo, the pair style, the columns
+        that a compute outputs in place of the steps; one of these
+    ended : how LAMMPS ends; "nan": without a message, and with numbers that are none
+    says, lacks : what its error contains and does not contain, with @ for the first of the words
+    as_if, unlike : other such words, with which every number is the same, or not
+    forbidden : what the reference says of them
+    workaround : the line of the workaround that they are
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    base: str = "deck"
+    edits: tuple[tuple[str, str], ...] = ()
+    law: tuple[str, ...] = ()
+    keywords: tuple[str, ...] = ()
+    pair: tuple[str, ...] = ()
+    ask: tuple[str, ...] = ()
+    ended: Literal["answered", "refused", "crashed", "nan"] = "answered"
+    says: tuple[str, ...] = ()
+    lacks: tuple[str, ...] = ()
+    as_if: str = ""
+    unlike: str = ""
+    forbidden: str = ""
+    workaround: int = 0
+
+
 class Demonstration(OfManual, BaseModel):
     """What shows a finding: content of a deck, and of the tests of its text.
 
@@ -95,6 +127,7 @@ class Demonstration(OfManual, BaseModel):
     times : factor between the two numbers
     smaller : changes of the case that the finding applies to
     recomputed : named numbers of the text, as expressions of what the scene gives
+    decks : decks with the words of the text
     workaround : what runs lines of the workaround, by their number
     """
 
@@ -107,6 +140,7 @@ class Demonstration(OfManual, BaseModel):
     times: float = 1.0
     smaller: dict[str, Any] = {}
     recomputed: dict[str, str] = {}
+    decks: tuple[EditedDeck, ...] = ()
     workaround: dict[int, Workaround] = {}
 
 

@@ -14,15 +14,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from packaging.version import Version
 
+from eos_ref import InputError, parse_fix_rheo, parse_fix_rheo_pressure
+from eos_ref.model.commands import parse_pair_style_rheo
 from lammps_cases.bugs import deck
-from lammps_cases.bugs.report import Workaround
+from lammps_cases.bugs.report import EditedDeck, Workaround
+from lammps_cases.claims.probes.run import Reply
 from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON
 from lammps_cases.findings.entry import Finding
 from tests.support.bug_decks import engine_of, report_of, version_of
-from tests.support.printed import ENTRIES, RECOMPUTED, VERSION, WORKED_AROUND, shown, text_of, unnamed
+from tests.support.printed import ENTRIES, RECOMPUTED, VERSION, WORKED_AROUND, quoted, shown, text_of, unnamed
 from tests.support.recomputed import from_document, is_documented, recompute, scene_of
 from tests.support.small_scene import Engine
 
@@ -103,6 +107,69 @@ def test_versions_are_those_on_which_a_finding_was_seen() -> None:
     assert {name for name in new if KNOWN[-1] in SEEN_ON[name]} <= found, "a finding that is new says since when"
 
 
+# --- input
+
+PIECES = {  # of the deck of the probes, in which each occurs once
+    "law": "1 linear 2 tait/water",
+    "keywords": "density 1.2 0.7 speed/sound 3.0 8.0",
+    "pair": "pair_style rheo 3.0",
+}
+PARSERS: dict[str, Callable[[str], object]] = {
+    "law": lambda words: parse_fix_rheo_pressure(f"fix 3 all rheo/pressure {words}"),
+    "keywords": lambda words: parse_fix_rheo(f"fix 1 all rheo 3.0 quintic 0 {words}"),
+    "pair": parse_pair_style_rheo,
+}
+
+
+def words_of(given: EditedDeck) -> tuple[str, tuple[str, ...]]:
+    """What an edited deck has other words for, and these."""
+    return next(((kind, found) for kind in (*PIECES, "ask") if (found := getattr(given, kind))), ("", ("",)))
+
+
+def with_words(lammps: Engine, given: EditedDeck, kind: str, words: str) -> Reply:
+    if kind in PIECES:
+        return lammps.reply(given.base, *given.edits, (PIECES[kind], words))
+    asked = f"compute q all rheo/property/atom {words}\n" * bool(words)
+    return lammps.reply(given.base, *given.edits, *[("run 3 post no", f"{asked}run 0 post no")] * (kind == "ask"))
+
+
+DECKS = [(entry.id, given) for entry in LEDGER for given in shown(entry.id).decks]
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize(
+    ("name", "given"), [pytest.param(*one, id=f"{one[0]}: {words_of(one[1])[1][0][:30]}") for one in DECKS]
+)
+def test_decks_of_the_document(name: str, given: EditedDeck, lammps: Engine) -> None:
+    """Their ends, errors and numbers; a crash by a signal has no message."""
+    kind, all_words = words_of(given)
+    for words in all_words:
+        reply, first = with_words(lammps, given, kind, words), (words.split() or [""])[0]
+        assert reply.ended == given.ended.replace("nan", "answered"), (words, reply.error)
+        assert all(text.replace("@", first) in reply.error for text in given.says), (words, reply.error)
+        assert not any(text.replace("@", first) in reply.error for text in given.lacks), (words, reply.error)
+        assert "SIGSEGV" not in given.says or reply.error.endswith("SIGSEGV")
+        assert "WARNING" not in reply.log or not (given.forbidden or given.as_if)
+        if given.ended == "nan":
+            arrays = [reply.arrays[each] for each in ("x", "v", "rho", "pressure")]
+            assert all(np.isnan(values[:, :2] if values.ndim == 2 else values).all() for values in arrays)
+        for other, alike in ((given.as_if, True), (given.unlike, False)):
+            if other:
+                theirs = with_words(lammps, given, kind, other).arrays
+                assert all(np.array_equal(reply.arrays[each], theirs[each]) for each in theirs) == alike, words
+        if given.forbidden:
+            with pytest.raises(InputError, match=given.forbidden):
+                PARSERS[kind](words)
+
+
+@pytest.mark.parametrize("name", sorted({name for name, _ in DECKS}))
+def test_quoted_words_are_in_the_decks(name: str) -> None:
+    """Every command and message in quotation marks is given to LAMMPS, or compared with what it prints."""
+    given = " ".join(str(each.model_dump()) for each in shown(name).decks)
+    for part in ("documented", "observed", "argument", "workaround"):
+        assert [text for text in quoted(name, part) if text not in given] == [], part
+
+
 # --- workarounds
 
 
@@ -110,9 +177,11 @@ def test_every_line_of_a_workaround_is_run(registered: None) -> None:
     """A newer version is tested with the versions above; those that need a newer LAMMPS are not of this one."""
     for entry in LEDGER:
         hows = shown(entry.id).workaround
+        decks = {given.workaround for given in shown(entry.id).decks}
         for number, line in enumerate(lines_of(entry), 1):
             by_test = (entry.id, number) in WORKED_AROUND
-            assert by_test + (number in hows) == 1 or (LATER.search(line) and number not in hows), (entry.id, line)
+            run = by_test + (number in hows) + (number in decks)
+            assert run == 1 or (run == 0 and LATER.search(line)), (entry.id, line)
         assert {number for name, number in WORKED_AROUND if name == entry.id} | hows.keys() <= set(
             range(1, len(lines_of(entry)) + 1)
         )

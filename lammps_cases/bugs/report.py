@@ -67,7 +67,7 @@ class Workaround(BaseModel):
     Attributes
     ----------
     scenes : changes of the scene, each of which is effective
-    besides : other findings that show in these
+    also : other findings that show in these
     edits : edits of the deck, old and new text
     orders, wrong : commands before the last run of the deck, by name: effective ones, and ones that are not
     nothing : why there is nothing to run
@@ -76,7 +76,7 @@ class Workaround(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     scenes: tuple[dict[str, Any], ...] = ()
-    besides: tuple[str, ...] = ()
+    also: tuple[str, ...] = ()
     edits: tuple[tuple[str, str], ...] = ()
     orders: tuple[str, ...] = ()
     wrong: tuple[str, ...] = ()
@@ -91,7 +91,7 @@ class EditedDeck(BaseModel):
     base, edits : the deck, and old and new text in it
     law, keywords, pair, ask : the arguments of fix rheo/pressure, the keywords of fix rheo, the pair style, the columns
         that a compute outputs in place of the steps; one of these
-    ended : how LAMMPS ends; "nan": without a message, and with numbers that are none
+    ended : how LAMMPS ends; "nan": without a message, and with NaN for every number
     says, lacks : what its error contains and does not contain, with @ for the first of the words
     as_if, unlike : other such words, with which every number is the same, or not
     forbidden : what the reference says of them

@@ -123,7 +123,7 @@ def scene_of(name: str, shown: Demonstration, changes: Mapping[str, Any]) -> Sma
     return SmallScene(case.scene, prepared_case.prepare(case).atoms)
 
 
-def is_documented(fields: list[Snapshot], scene: SmallScene, besides: tuple[str, ...]) -> bool:
+def is_documented(fields: list[Snapshot], scene: SmallScene, also: tuple[str, ...]) -> bool:
     """Whether every field lies within its bound of the reference's, at every step that is compared."""
-    predicted = scene.predicted(*besides)
+    predicted = scene.predicted(*also)
     return all(agree(at[name], predicted, name, k) for k, at in enumerate(fields) for name in scene.scene.compare)

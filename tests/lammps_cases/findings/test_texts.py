@@ -156,7 +156,8 @@ def test_decks_of_the_document(name: str, given: EditedDeck, lammps: Engine) -> 
         for other, alike in ((given.as_if, True), (given.unlike, False)):
             if other:
                 theirs = with_words(lammps, given, kind, other).arrays
-                assert all(np.array_equal(reply.arrays[each], theirs[each]) for each in theirs) == alike, words
+                same = all(np.array_equal(reply.arrays[each], theirs[each]) for each in theirs)
+                assert theirs and same == alike, words
         if given.forbidden:
             with pytest.raises(InputError, match=given.forbidden):
                 PARSERS[kind](words)
@@ -205,8 +206,8 @@ def test_a_scene_changed_as_the_workaround_says(
 ) -> None:
     lammps = having(ENTRIES[name])
     wrong, *right = (scene_of(name, shown(name), changes) for changes in ({}, *how.scenes))
-    assert not is_documented(lammps.fields(wrong), wrong, how.besides)
-    assert all(is_documented(lammps.fields(scene), scene, how.besides) for scene in right)
+    assert not is_documented(lammps.fields(wrong), wrong, how.also)
+    assert all(is_documented(lammps.fields(scene), scene, how.also) for scene in right)
 
 
 def judged(name: str, *edits: tuple[str, str]) -> tuple[int, str]:

@@ -81,7 +81,7 @@ def test_wall_velocity_lost(lammps: Engine, rows: int, fluids: int, name: str) -
     force = {v: lammps.fields(scene)[0]["f"][fluid, 0] for v, scene in scenes.items()}
     right = {v: scene.predicted() for v, scene in scenes.items()}
     rounding = right[0.0].bounds[0]["f"].max()
-    # Beside: the row of fluid that sees solids.
+    # Those of the row of fluid that sees solids.
     assert np.all(np.abs(force[part * u]) < 4 * rounding) and np.all(force[0.0][beside] > 0), "drags towards it"
     # Together with the container: no force is right, LAMMPS' fluid sees a wall at 0.
     assert np.all(np.abs(right[u].fields[0]["f"][:, 0]) < rounding)

@@ -146,7 +146,7 @@ def test_special_bonds_remove_pairs(lammps: Engine) -> dict[str, Any]:
 
 @recomputes("wall-density-stored", "rho0", given="thinner least")
 def test_wall_density_stored(lammps: Engine) -> dict[str, Any]:
-    """Beside a fluid that is thinner still, a tenth of rho0; the pressure reported belongs to the density reported."""
+    """Next to a fluid that is thinner still, a tenth of rho0; the pressure reported belongs to the density reported."""
     n, below = printed("wall-density-stored"), put(lammps, "solid-density-floor")
     assert below.arrays["pressure"][0] == rounded(4 * (n.reported - 1), 3, terms=4 * (n.reported + 1))
     assert n.least == 0.1

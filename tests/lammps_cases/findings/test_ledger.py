@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from html import unescape
 from pathlib import Path
 
@@ -113,6 +114,12 @@ def test_the_generated_files_are_current() -> None:
         assert path.read_text() == content, f"{path.name} is old: python -m lammps_cases.versions.evidence"
 
 
+@cache
+def accepted() -> evidence.AcceptedEvidence:
+    """The evidence of the accepted runs, which takes seconds to read."""
+    return evidence.collect(evidence.BASELINES)
+
+
 def _commonmark(page: str) -> str:
     from markdown_it import MarkdownIt
 
@@ -132,7 +139,7 @@ def _paragraphs(html: str) -> list[str]:
 @pytest.mark.parametrize("rendered", [_commonmark, _site])
 def test_text_of_a_finding_has_no_markup(rendered: Callable[[str], str]) -> None:
     """Neither on its page nor in its source, rendered from Markdown."""
-    shown_by = evidence.collect(evidence.BASELINES)
+    shown_by = accepted()
     for entry in LEDGER:
         html = rendered(evidence.page(entry, shown_by))
         shown = _paragraphs(html)
@@ -148,7 +155,7 @@ def test_text_of_a_finding_has_no_markup(rendered: Callable[[str], str]) -> None
 def test_the_ledger_names_the_cases_of_the_accepted_runs(eos_ref_command: Run) -> None:
     entries = json.loads(eos_ref_command("ledger", "--json").out)["entries"]
     assert {entry["id"]: entry["cases"] for entry in entries} == {
-        name: list(cases) for name, cases in evidence.collect(evidence.BASELINES).cases.items()
+        name: list(cases) for name, cases in accepted().cases.items()
     }
     assert {case for entry in entries for case in entry["cases"]} <= {case.name for case in casefile.load()}
 

@@ -1,8 +1,8 @@
 """A bug report of a finding or a red case: the deck, and the data for the text for LAMMPS' tracker.
 
-A finding is demonstrated by a minimal scene, and a number in it (``demonstrations.yaml`` of the findings),
-which formulas over the pairs of one particle give by hand. A finding about input has no number: LAMMPS runs the first
-case or probe that it applies to, unchanged or smaller.
+A finding is demonstrated by a minimal scene, and a number in it (the last section of its document), which formulas
+over the pairs of one particle give by hand. A finding about input has no number: LAMMPS runs the first case or probe
+that it applies to, unchanged or smaller.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import yaml
@@ -25,7 +25,6 @@ from pydantic import BaseModel, ConfigDict
 from eos_ref import InputError
 from eos_ref.errors import unknown
 from eos_ref.syntax.manual import FIRST, Manual
-from lammps_cases import findings
 from lammps_cases.bugs import deck
 from lammps_cases.bugs.deck import BugDeck, Check
 from lammps_cases.claims.probes import manual
@@ -38,9 +37,10 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER, Finding
+from lammps_cases.findings.document import demonstration
 from lammps_cases.findings.variants import combined
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.records.yaml_files import OfManual, read_yaml
+from lammps_cases.records.yaml_files import OfManual
 from lammps_cases.run import campaign, prepared_case, provenance
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
@@ -48,8 +48,6 @@ from lammps_cases.scene.fields import FIELDS
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.problems import problem_of
-
-FILE = Path(findings.__file__).with_name("demonstrations.yaml")
 
 
 class AtomNumber(BaseModel):
@@ -63,8 +61,62 @@ class AtomNumber(BaseModel):
     step: int | None = None
 
 
+class Workaround(BaseModel):
+    """What runs a line of a workaround: one of these, which the tests of the findings do.
+
+    Attributes
+    ----------
+    scenes : changes of the scene, each of which is effective
+    also : other findings that show in these
+    edits : edits of the deck, old and new text
+    orders, wrong : commands before the last run of the deck, by name: effective ones, and ones that are not
+    nothing : why there is nothing to run
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    scenes: tuple[dict[str, Any], ...] = ()
+    also: tuple[str, ...] = ()
+    edits: tuple[tuple[str, str], ...] = ()
+    orders: tuple[str, ...] = ()
+    wrong: tuple[str, ...] = ()
+    nothing: str = ""
+
+
+class EditedDeck(BaseModel):
+    """A deck of the probes with other words, one after the other, and how it ends; run by the tests of the findings.
+
+    Attributes
+    ----------
+    base, edits : the deck, and old and new text in it
+    law, keywords, pair, ask : the arguments of fix rheo/pressure, the keywords of fix rheo, the pair style, the columns
+        that a compute outputs in place of the steps; one of these
+    ended : how LAMMPS ends; "nan": without a message, and with NaN for every number
+    says, lacks : what its error contains and does not contain, with @ for the first of the words
+    as_if, unlike : other such words, with which every number is the same, or not
+    forbidden : what the reference says of them
+    workaround : the line of the workaround that they are
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    base: str = "deck"
+    edits: tuple[tuple[str, str], ...] = ()
+    law: tuple[str, ...] = ()
+    keywords: tuple[str, ...] = ()
+    pair: tuple[str, ...] = ()
+    ask: tuple[str, ...] = ()
+    ended: Literal["answered", "refused", "crashed", "nan"] = "answered"
+    says: tuple[str, ...] = ()
+    lacks: tuple[str, ...] = ()
+    as_if: str = ""
+    unlike: str = ""
+    forbidden: str = ""
+    workaround: int = 0
+
+
 class Demonstration(OfManual, BaseModel):
-    """Content of a deck for a finding.
+    """What shows a finding: content of a deck, and of the tests of its text.
 
     Attributes
     ----------
@@ -74,6 +126,9 @@ class Demonstration(OfManual, BaseModel):
     other : changes for a second scene, which must give the same number
     times : factor between the two numbers
     smaller : changes of the case that the finding applies to
+    recomputed : named numbers of the text, as expressions of what the scene gives
+    decks : decks with the words of the text
+    workaround : what runs lines of the workaround, by their number
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -84,13 +139,16 @@ class Demonstration(OfManual, BaseModel):
     other: dict[str, Any] = {}
     times: float = 1.0
     smaller: dict[str, Any] = {}
+    recomputed: dict[str, str] = {}
+    decks: tuple[EditedDeck, ...] = ()
+    workaround: dict[int, Workaround] = {}
 
 
 @functools.cache
 def demonstrations() -> dict[str, Demonstration]:
-    """Return the demonstrations by finding."""
-    content = read_yaml(FILE, "demonstrations")
-    return {name: Demonstration.model_validate(one) for name, one in content.items()}
+    """Return the demonstrations of findings that have a scene or change a case, by finding."""
+    found = {entry.id: Demonstration.model_validate(demonstration(entry.id)) for entry in LEDGER}
+    return {name: shown for name, shown in found.items() if shown.scene or shown.smaller}
 
 
 def case_of(name: str, about: str, scene: Mapping[str, Any]) -> Case:

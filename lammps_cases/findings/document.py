@@ -1,8 +1,9 @@
 """The text of a finding: a Markdown file in ``lammps_cases/data/findings``, its source.
 
 The front matter holds the id, the place in the ledger, what a list of findings shows, and the numbers of the text by
-name, as they are printed: the text has ``{name}`` in their place. Four headings follow, each with a paragraph.
-A backslash removes the Markdown meaning of the next character.
+name, as they are printed. Four headings follow, each with a paragraph, in which a backslash removes the Markdown
+meaning of the next character. A fifth may follow, with a block of YAML: the smallest scene, how the numbers follow
+from it, and what runs the workaround (`lammps_cases.bugs.report.Demonstration`).
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ SECTIONS = {
     "workaround": "Workaround",
 }
 _ESCAPED = re.compile(r"\\([!-/:-@\[-`{-~])")  # as in CommonMark
-_NAME = re.compile(r"\{(\w+)\}")
+_BLOCK = re.compile(r"^## Demonstration\n\n```yaml\n(.*)^```\n\Z", re.MULTILINE | re.DOTALL)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +66,7 @@ _KEYS = {each.name: each.default is MISSING and each.name != "numbers" for each 
 
 
 def document(name: str, folder: Path = FOLDER) -> dict[str, Any]:
-    """Return the fields of the text of a finding, with its numbers in their places.
+    """Return the fields of the text of a finding.
 
     Raises
     ------
@@ -73,7 +74,7 @@ def document(name: str, folder: Path = FOLDER) -> dict[str, Any]:
         No such file, or a damaged one; the message names the key.
     """
     path = folder / f"{name}.md"
-    front, end, body = read_text(path, "finding", MIB).partition("\n---\n")
+    front, end, body = _BLOCK.sub("", read_text(path, "finding", MIB)).partition("\n---\n")
     data = parse_yaml(front, path, "finding") if end else None
     if not isinstance(data, dict):
         raise InputError("finding", "must begin with front matter between two lines of ---", where=str(path))
@@ -82,14 +83,20 @@ def document(name: str, folder: Path = FOLDER) -> dict[str, Any]:
         raise InputError("headings", f"must be {', '.join(SECTIONS.values())}", heads, str(path))
     data |= {key: _ESCAPED.sub(r"\1", " ".join(text.split())) for key, text in zip(SECTIONS, texts[1:], strict=True)}
     _check(data, name, path)
-    numbers = data.get("numbers", {})
-    for key, value in data.items():
-        if isinstance(value, str):
-            unnamed = [number for number in _NAME.findall(value) if number not in numbers]
-            if unnamed:
-                raise InputError(key, "must name numbers of the front matter", unnamed[0], str(path))
-            data[key] = _NAME.sub(lambda match: str(numbers[match[1]]), value)
     return data
+
+
+def demonstration(name: str, folder: Path = FOLDER) -> dict[str, Any]:
+    """Return the data of the last section of a document; empty without one.
+
+    Raises
+    ------
+    InputError
+        No such file, or a block that is not YAML.
+    """
+    path = folder / f"{name}.md"
+    block = _BLOCK.search(read_text(path, "finding", MIB))
+    return dict(parse_yaml(block[1], path, "demonstration of a finding")) if block else {}
 
 
 def _check(data: Mapping[str, Any], name: str, path: Path) -> None:

@@ -18,6 +18,7 @@ from lammps_cases.comparison.trajectory import Prediction, predict
 from lammps_cases.engine import installations
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Workers
+from lammps_cases.findings import finding
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
@@ -25,7 +26,6 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.case_arrays import read_snapshots
 from lammps_cases.verdict.problems import problem_of
-from tests.support.printed import ENTRIES
 
 Floats = npt.NDArray[np.floating]
 
@@ -51,7 +51,7 @@ class SmallScene:
 
     def predicted(self, *findings: str, snapshot: Snapshot | None = None) -> Prediction:
         """The prediction of the reference, with the variants of some findings."""
-        variants = [variant for name in findings if (variant := ENTRIES[name].model_variant)]
+        variants = [variant for name in findings if (variant := finding(name).model_variant)]
         made = combined(variants, self.problem, snapshot or {})
         assert made is not None and len(variants) == len(findings)
         stages, stepping = made

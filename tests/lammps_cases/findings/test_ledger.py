@@ -1,27 +1,33 @@
-"""One finding in one place: files derived from the ledger are current, and a new finding needs no other change."""
+"""Findings in one place: documents, files derived from the ledger, and a new finding that needs no other change."""
 
 from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from html import unescape
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from eos_ref import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases import findings
+from lammps_cases.bugs.report import Demonstration
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.findings import LEDGER, accepted_cases, by_cause, engines, forces, ledger_of
-from lammps_cases.findings.document import FOLDER, SECTIONS, document
+from lammps_cases.comparison.trajectory import predict
+from lammps_cases.findings import LEDGER, accepted_cases, by_cause, engines, ledger_of
+from lammps_cases.findings.document import FOLDER, SECTIONS, demonstration, document
 from lammps_cases.findings.engines import SEEN_ON
 from lammps_cases.findings.entry import ModelFinding, OutcomeFinding
-from lammps_cases.findings.variants import Variant
+from lammps_cases.findings.variants import Snapshot, Variant
 from lammps_cases.records.case_parts import Mismatch
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.records.wording import by_file
@@ -33,6 +39,9 @@ from lammps_cases.verdict.problems import problem_of
 from lammps_cases.versions import acceptance, baseline, evidence
 from tests.support.made_findings import finding
 from tests.support.outcome import Outcome
+from tests.support.printed import text_of, unnamed
+from tests.support.recomputed import from_document, is_documented, recompute, scene_of
+from tests.support.small_scene import SmallScene
 from tests.workshop.faults.alarms import KINDS
 
 Run = Callable[..., Outcome]
@@ -105,6 +114,12 @@ def test_the_generated_files_are_current() -> None:
         assert path.read_text() == content, f"{path.name} is old: python -m lammps_cases.versions.evidence"
 
 
+@cache
+def accepted() -> evidence.AcceptedEvidence:
+    """The evidence of the accepted runs, which takes seconds to read."""
+    return evidence.collect(evidence.BASELINES)
+
+
 def _commonmark(page: str) -> str:
     from markdown_it import MarkdownIt
 
@@ -124,7 +139,7 @@ def _paragraphs(html: str) -> list[str]:
 @pytest.mark.parametrize("rendered", [_commonmark, _site])
 def test_text_of_a_finding_has_no_markup(rendered: Callable[[str], str]) -> None:
     """Neither on its page nor in its source, rendered from Markdown."""
-    shown_by = evidence.collect(evidence.BASELINES)
+    shown_by = accepted()
     for entry in LEDGER:
         html = rendered(evidence.page(entry, shown_by))
         shown = _paragraphs(html)
@@ -134,13 +149,13 @@ def test_text_of_a_finding_has_no_markup(rendered: Callable[[str], str]) -> None
         cases = accepted_cases().get(entry.id)
         assert not cases or shown[-1] == f"Shown by {by_file(cases)}.", entry.id
         body = (FOLDER / f"{entry.id}.md").read_text(encoding="utf-8").partition("\n---\n")[2]
-        assert [text.format(**entry.numbers) for text in _paragraphs(rendered(body))] == texts, entry.id
+        assert _paragraphs(rendered(body.partition("## Demonstration")[0])) == texts, entry.id
 
 
 def test_the_ledger_names_the_cases_of_the_accepted_runs(eos_ref_command: Run) -> None:
     entries = json.loads(eos_ref_command("ledger", "--json").out)["entries"]
     assert {entry["id"]: entry["cases"] for entry in entries} == {
-        name: list(cases) for name, cases in evidence.collect(evidence.BASELINES).cases.items()
+        name: list(cases) for name, cases in accepted().cases.items()
     }
     assert {case for entry in entries for case in entry["cases"]} <= {case.name for case in casefile.load()}
 
@@ -184,6 +199,51 @@ def test_findings_are_sorted_by_how_many_cases_show_their_cause() -> None:
     assert [entry.id for entry in by_cause(shown, made)] == ["c", "b", "d", "a"]
 
 
+# --- documents
+
+NAME = "cubic-unit"
+
+
+def test_every_document_has_a_record() -> None:
+    assert {path.stem for path in FOLDER.iterdir()} == {entry.id for entry in LEDGER}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("---\n\n", "", "finding: must begin with front matter"),
+        ("number: 15", "number: fifteen", "number: must be a whole number, found 'fifteen'"),
+        ("severity: medium\n", "", "severity: is missing"),
+        ("severity: medium", "severity: grave", "severity: must be high, medium, low, found 'grave'"),
+        ("severity: medium", "severity: [medium", "finding: is not valid YAML"),
+        ("severity", "gravity", "gravity: is no key of a finding"),
+        ("id: cubic-unit", "id: other", "id: must be cubic-unit, as the file, found 'other'"),
+        ("---\n\n", "numbers:\n  ratio: 1.40\n---\n\n", "numbers.ratio: must be a name and text in quotes"),
+        ("## Workaround", "## Way out", "headings: must be What is documented, What LAMMPS does"),
+        ("Convert A3 as 1/density^2.", "", "workaround: must be text, found ''"),
+        ("```yaml", "```json", "headings: must be What is documented, What LAMMPS does"),
+        ("number: {field: pressure, atom: 1}", "number: {", "demonstration of a finding: is not valid YAML"),
+    ],
+)
+def test_a_damaged_document_is_refused_with_file_and_key(tmp_path: Path, old: str, new: str, complaint: str) -> None:
+    text, path = (FOLDER / f"{NAME}.md").read_text(), tmp_path / f"{NAME}.md"
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new))
+    with pytest.raises(InputError) as raised:
+        document(NAME, tmp_path)
+        demonstration(NAME, tmp_path)
+    assert str(raised.value).startswith(complaint) and str(path) in str(raised.value)
+
+
+def test_help_reads_no_document() -> None:
+    code = (
+        "import sys; from lammps_cases.cli import main; sys.argv[1:] = ['--help']\n"
+        "try: main.main()\nfinally: print('lammps_cases.findings.document' in sys.modules, file=sys.stderr)"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stderr == "False\n" and "findings" in ran.stdout
+
+
 # --- a new finding
 
 
@@ -195,20 +255,56 @@ class HalfVolume(ArrayEvaluator):
         return 0.5 * super().collecting_volume(rho_i)
 
 
-HALVED = ModelFinding(
-    id="halved",
-    number=len(LEDGER) + 1,
-    title="Forces are halved",
-    severity="low",
-    effect="Everything is half as fast",
-    documented="They are whole.",
-    observed="They are half.",
-    argument="Two halves make a whole.",
-    workaround="Twice the mass.",
-    engines=(ENGINE,),
-    scene="two particles",
-    variant=Variant(forces.has_forces, HalfVolume),
-)
+DOCUMENT = f"""---
+id: halved
+number: {len(LEDGER) + 1}
+title: Forces are halved
+severity: low
+effect: Everything is half as fast
+numbers:
+  right: "0.0932"
+  half: "0.0466"
+---
+
+## What is documented
+
+They are whole.
+
+## What LAMMPS does
+
+They are half.
+
+## Why this is wrong
+
+Two halves make a whole: 0.0932, not 0.0466.
+
+## Workaround
+
+Use no pressure.
+
+## Demonstration
+
+```yaml
+scene:
+  dimension: 2
+  types: [{{mass: 1.2, rho0: 1.0, cs: 1.0}}]
+  positions: {{lattice: sq, spacing: 1.0, cells: [2, 1], periodic: [false, false]}}
+  pressure: [{{types: "*", style: linear}}]
+  rho: {{constant: 1.2}}
+  compare: [f]
+recomputed:
+  right: documented("f")[1, 0]
+  half: observed("f")[1, 0]
+workaround:
+  1: {{scenes: [{{types: [{{mass: 1.0}}], rho: {{constant: 1.0}}}}]}}
+```
+"""
+
+
+def _fields(scene: SmallScene) -> list[Snapshot]:
+    """Of a LAMMPS that has this finding and no other."""
+    predicted = predict(scene.problem, HalfVolume)
+    return [{name: np.asarray(values, float) for name, values in at.items()} for at in predicted.fields]
 
 
 def _judged(name: str) -> CaseRecord:
@@ -224,12 +320,26 @@ def _judged(name: str) -> CaseRecord:
     return CaseRecord(case=name, verdict="explained", fields=records)
 
 
-def test_new_finding_needs_only_a_record_and_a_class(
+def test_new_finding_needs_a_document_a_record_and_a_case(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run
 ) -> None:
-    """Its record gives the explanation of a case, the report, the shown-by list, the documents and the command."""
-    ledger = ledger_of((LEDGER, (HALVED,)))
+    """Its numbers and workaround are tested, cases explained, report, lists and documents written without more."""
+    (tmp_path / "halved.md").write_text(DOCUMENT)
+    variant = Variant(lambda problem: "f" in problem.fields, HalfVolume)
+    halved = ModelFinding(**document("halved", tmp_path), engines=(ENGINE,), variant=variant)
+    ledger = ledger_of((LEDGER, (halved,)))
     monkeypatch.setattr(findings, "LEDGER", ledger)
+    assert unnamed(text_of("halved", tmp_path), halved.numbers.values()) == []
+    shows = Demonstration.model_validate(demonstration("halved", tmp_path))
+    assert from_document(halved, shows) == halved.numbers.keys()
+    recompute(halved, shows, _fields, ENGINE)
+    with pytest.raises(AssertionError, match=r"halved.*half"):
+        recompute(replace(halved, numbers={"right": "0.0932", "half": "0.0467"}), shows, _fields, ENGINE)
+    (change,) = shows.workaround[1].scenes
+    for changes, right in (({}, False), (change, True)):
+        scene = scene_of("halved", shows, changes)
+        assert is_documented(_fields(scene), scene, ()) == right
+
     record = _judged("images.quintic.two")
     assert "f" in {field.field for field in record.fields if field.verdict == "explained"}
 
@@ -243,7 +353,7 @@ def test_new_finding_needs_only_a_record_and_a_class(
     documents = evidence.documents(tmp_path / "accepted", ledger)
     row = "|  | low | Forces are halved ([`halved`](../lammps_cases/data/findings/halved.md)) | 2099.1.1 | 1 |\n"
     assert row in documents[evidence.TABLE]
-    assert evidence.page(HALVED, evidence.collect(tmp_path / "accepted", ledger)).startswith(
+    assert evidence.page(halved, evidence.collect(tmp_path / "accepted", ledger)).startswith(
         "# Forces are halved\n\n`halved`, severity low\n"
     )
     assert '"halved": ["2099.1.1"]' in documents[engines.FILE]

@@ -70,6 +70,17 @@ class Seen:
         """LAMMPS' list at every step."""
         return tuple(NeighbourList.read(self.every.arrays["id"], **arrays) for arrays in self.every.lists)
 
+    def following(self, stages: type[Any]) -> type[Any]:
+        """An evaluator that follows LAMMPS' lists."""
+        return type("Evaluator", (stages,), {"lists": self.lists})
+
+    def placed(self, stages: type[Any], x_nc: Any = None) -> Any:
+        """Such an evaluator at the first positions, or at others."""
+        state = self.problem.state
+        made = self.following(stages)(self.problem.model, self.problem.box, state.type_n, state.solid_n)
+        made.move(state.x_nc if x_nc is None else x_nc)
+        return made
+
 
 @pytest.fixture(scope="module")
 def seen(solver: Solver, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Seen]:
@@ -125,8 +136,7 @@ def test_lists_hold_every_pair_and_the_place_of_every_slot(seen: Callable[..., S
         assert np.abs(periods_sc - np.round(periods_sc)).max() < 8 * 2.0**-53
         assert listed.pair_ps[:, 0].max() < n
     assert len(given.answer.lists) == 0
-    stages = type("Evaluator", (FollowingLists,), {"lists": given.lists})
-    sim = given.problem.simulation(stages, CountingSteps)
+    sim = given.problem.simulation(given.following(FollowingLists), CountingSteps)
     crossing = 0
     for _ in visit(sim, given.problem.steps, given.problem.timestep):
         e = sim.evaluator
@@ -139,14 +149,11 @@ def test_lists_hold_every_pair_and_the_place_of_every_slot(seen: Callable[..., S
 
 def test_particles_that_left_the_box_are_found(seen: Callable[..., Seen]) -> None:
     given = seen(FIRST)
-    stages_of = type("Evaluator", (FollowingLists,), {"lists": given.lists})
     found = []
     for turns in (0.0, 3.0):
-        problem = given.problem
-        stages = stages_of(problem.model, problem.box, problem.state.type_n, problem.state.solid_n)
-        x_nc = problem.state.x_nc.copy()
-        x_nc[::5, 0] += turns * problem.box.edge_c[0]
-        stages.move(x_nc)
+        x_nc = given.problem.state.x_nc.copy()
+        x_nc[::5, 0] += turns * given.problem.box.edge_c[0]
+        stages = given.placed(FollowingLists, x_nc)
         found.append((stages.forward_p, stages.backward_p, stages.reverse_p))
     assert all(np.array_equal(one, other) for one, other in zip(*found, strict=True))
     assert np.all(found[0][0] * found[0][1] < 0) and np.all(found[0][2] >= 0)
@@ -154,18 +161,14 @@ def test_particles_that_left_the_box_are_found(seen: Callable[..., Seen]) -> Non
 
 def test_two_images_of_a_particle_are_two_pairs(seen: Callable[..., Seen]) -> None:
     given = seen(1, columns=4)  # shorter than two cutoffs
-    problem = given.problem
-    stages = type("Evaluator", (FollowingLists,), {"lists": given.lists})(
-        problem.model, problem.box, problem.state.type_n, problem.state.solid_n
-    )
-    stages.move(problem.state.x_nc)
+    stages = given.placed(FollowingLists)
     assert len(np.unique(np.column_stack([stages.i, stages.j]), axis=0)) < len(stages.i)
     entries_p = np.maximum(stages.forward_p, stages.backward_p)
     assert np.all(np.bincount(entries_p)[entries_p] == 2)  # each for both of its particles
     apart_sc = given.lists[0].x_sc[given.lists[0].pair_ps]
     r_p = np.sqrt(((apart_sc[:, 0] - apart_sc[:, 1]) ** 2).sum(axis=1))
     # Places of two boxes at most, rounded once each on either side; other images are a box away.
-    assert np.abs(r_p[entries_p] - stages.r).max() < 16 * 2.0**-53 * max(problem.box.edge_c)
+    assert np.abs(r_p[entries_p] - stages.r).max() < 16 * 2.0**-53 * max(given.problem.box.edge_c)
 
 
 @pytest.mark.parametrize(("by", "at"), [("continued", 0), ("continued", 2), ("dt/reset", 2), ("run", 2)])
@@ -262,12 +265,7 @@ def test_one_wrong_density_is_not_explained(seen: Callable[..., Seen], judged: C
 
 def test_slots_beyond_the_old_list_hold_zeros(seen: Callable[..., Seen]) -> None:
     given = seen(FIRST)
-    problem = given.problem
-    stages = type("Evaluator", (AccelerationsOfOldImages,), {"lists": given.lists})(
-        problem.model, problem.box, problem.state.type_n, problem.state.solid_n
-    )
-    stages.move(problem.state.x_nc)
-    n = len(given.ready.atoms)
+    stages, n = given.placed(AccelerationsOfOldImages), len(given.ready.atoms)
     stages.kept_sc = np.ones((n, 2))  # of the atoms alone: all images are new
     images_ps = given.lists[0].pair_ps >= n
     expected_p = (
@@ -286,8 +284,7 @@ def test_first_of_a_pair_keeps_the_values_of_the_second(seen: Callable[..., Seen
     """Against a loop over LAMMPS' list, pair by pair."""
     given = seen(2, newton, kernel="RK1")
     problem = given.problem
-    stages = type("Evaluator", (GradientOfSecond,), {"lists": given.lists})
-    sim = problem.simulation(stages, CountingSteps)
+    sim = problem.simulation(given.following(GradientOfSecond), CountingSteps)
     sim.setup()
     e, listed, n = sim.evaluator, given.lists[0], len(given.ready.atoms)
     rho_i, rho_j = e.density_pair(sim.state.rho_n)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -151,22 +152,18 @@ def test_commands_are_limited_to_those_shown() -> None:
 
 
 def test_code_quality() -> None:
-    run = a_run(
-        a_case("near-rho0.linear.2d", message="LAMMPS 1.0"), a_case("x", "timeout", ""), a_case("good", "exact")
-    )
-    one, other = json.loads(code_quality(run, ROOT))
+    def issues(*cases: CaseRecord) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = json.loads(code_quality(a_run(*cases), ROOT))
+        return found
+
+    good, red = a_case("good", "exact"), [a_case("near-rho0.linear.2d", message=f"LAMMPS {n}.0") for n in (1, 2)]
+    one, other = issues(red[0], a_case("x", "timeout", ""), good)
     assert (one["check_name"], one["severity"], one["description"]) == ("eos-ref/timeout", "critical", "x: timeout")
     assert (other["severity"], other["description"]) == ("major", "near-rho0.linear.2d: LAMMPS 1.0")
-    assert (
-        other["location"]["path"] == "lammps_cases/data/cases/near-rho0.yaml"
-        and other["location"]["lines"]["begin"] > 1
-    )
-    assert one["fingerprint"] != other["fingerprint"]
-    later = a_run(a_case("near-rho0.linear.2d", message="LAMMPS 2.0"))
-    assert json.loads(code_quality(later, ROOT))[0]["fingerprint"] == other["fingerprint"], (
-        "the same fault, other numbers"
-    )
-    assert json.loads(code_quality(a_run(a_case("good", "exact")), ROOT)) == []
+    assert other["location"]["path"] == "lammps_cases/data/cases/near-rho0.yaml"
+    assert other["location"]["lines"]["begin"] > 1 and one["fingerprint"] != other["fingerprint"]
+    assert issues(red[1])[0]["fingerprint"] == other["fingerprint"], "the same fault, other numbers"
+    assert issues(good) == []
 
 
 def test_summary_stays_below_the_limit_of_github() -> None:

@@ -94,12 +94,8 @@ def _commands(node: Any) -> list[str]:
     if not isinstance(node, dict):
         return []
     found = [text for key, each in node.items() if key not in ("run", "script") for text in _commands(each)]
-    if isinstance(node.get("run"), str):
-        found.append(node["run"])
-    if "script" in node:
-        script = node["script"]
-        found.append(script if isinstance(script, str) else "\n".join(script))
-    return found
+    own = [node[key] for key in ("run", "script") if isinstance(node.get(key), str | list)]
+    return found + [each if isinstance(each, str) else "\n".join(each) for each in own]
 
 
 def test_workflows_pass_no_untrusted_text_to_a_shell_and_request_no_rights(unpacked: list[Path]) -> None:
@@ -135,12 +131,8 @@ def test_matrix_of_engines_is_that_of_the_ledger() -> None:
 
 def test_make_targets_of_ci_exist() -> None:
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    named = [text for path in (".github/workflows/ci.yml", ".gitlab-ci.yml") for text in _words(ROOT / path)]
-    assert named and set(named) <= targets
-
-
-def _words(path: Path) -> list[str]:
-    return re.findall(r"make ([a-z]+)", path.read_text())
+    services = "".join((ROOT / path).read_text() for path in (".github/workflows/ci.yml", ".gitlab-ci.yml"))
+    assert set() < set(re.findall(r"make ([a-z]+)", services)) <= targets
 
 
 # --- eos-ref kit
@@ -183,10 +175,7 @@ def test_missing_location_of_eos_ref_is_reported(eos_ref_command: Run) -> None:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (
-            ["githb"],
-            f"eos-ref: kit: must be one of {NAMES} (did you mean 'github'?), found 'githb'",
-        ),
+        (["githb"], f"eos-ref: kit: must be one of {NAMES} (did you mean 'github'?), found 'githb'"),
         (["github", "--repository", "a b; rm"], "eos-ref: repository: must be OWNER/NAME, found 'a b; rm'"),
         (["slurm", "--run", "--tga eos"], "eos-ref: No such option '--tga'."),
         (["slurm", "--run", "'"], "eos-ref: --run: must be words as a shell takes them: No closing quotation"),
@@ -289,6 +278,16 @@ def stub(tmp_path: Path) -> Path:
     return program.parent
 
 
+def write_deck(folder: Path) -> Path:
+    """A deck of a user, with the file that it includes."""
+    folder.mkdir(parents=True)
+    shutil.copy(ROOT / "tests" / "decks" / "fluid.inc", folder)
+    fixes = "fix 1 all rheo 3.0 quintic 0\nfix 2 all rheo/viscosity * constant 0.1\nfix 3 all rheo/pressure * linear\n"
+    deck = folder / "in.one"
+    deck.write_text(f"variable style string rheo\ninclude fluid.inc\n{fixes}run 2\n")
+    return deck
+
+
 def test_steps_of_the_action(case_file: Write, stub: Path, tmp_path: Path) -> None:
     case_file().rename(tmp_path / "my cases.yaml")
     given = {
@@ -330,11 +329,7 @@ def test_exit_code_reaches_the_job(code: str, stub: Path, tmp_path: Path, monkey
 def test_action_with_a_fault_and_decks(case_file: Write, faulty: Path, tmp_path: Path) -> None:
     """The reports are kept, every deck is audited, and then the job fails with the worst exit code."""
     case_file()
-    decks = tmp_path / "decks" / "a b"
-    decks.mkdir(parents=True)
-    shutil.copy(ROOT / "tests" / "decks" / "fluid.inc", decks)
-    fixes = "fix 1 all rheo 3.0 quintic 0\nfix 2 all rheo/viscosity * constant 0.1\nfix 3 all rheo/pressure * linear\n"
-    (decks / "in.one").write_text(f"variable style string rheo\ninclude fluid.inc\n{fixes}run 2\n")
+    write_deck(tmp_path / "decks" / "a b")
     given = {"engine": f"path:{faulty}", "cases": "mine.yaml", "decks": "**/in.*", "audit-options": "--every 1"}
     done = run_action(ACTION, given, tmp_path, BIN)
     assert done.code == 1 and done.outputs["exit-code"] == "1", done.out
@@ -350,24 +345,10 @@ def test_action_with_a_fault_and_decks(case_file: Write, faulty: Path, tmp_path:
 @pytest.mark.lammps
 @pytest.mark.slow
 def test_summary_leads_with_changes_of_decks_against_the_target_branch(tmp_path: Path) -> None:
-    decks = tmp_path / "decks"
-    decks.mkdir()
-    shutil.copy(ROOT / "tests" / "decks" / "fluid.inc", decks)
-    fixes = "fix 1 all rheo 3.0 quintic 0\nfix 2 all rheo/viscosity * constant 0.1\nfix 3 all rheo/pressure * linear\n"
-    deck = decks / "in.one"
-    deck.write_text(f"variable style string rheo\ninclude fluid.inc\n{fixes}run 2\n")
-    accept = [
-        BIN / "python",
-        "-m",
-        "lammps_cases.cli.main",
-        "audit",
-        "decks",
-        "--accept",
-        "--out",
-        tmp_path / "accepted",
-    ]
+    deck, audit = write_deck(tmp_path / "decks"), [BIN / "python", "-m", "lammps_cases.cli.main", "audit"]
+    accept = [*audit, "decks", "--accept", "--out", tmp_path / "accepted"]
     subprocess.run(accept, cwd=tmp_path, check=True, capture_output=True)
-    shutil.copytree(decks, tmp_path / "target" / "decks")
+    shutil.copytree(deck.parent, tmp_path / "target" / "decks")
     deck.write_text(deck.read_text().replace("constant 0.1", "constant 0.2"))
     subprocess.run(accept, cwd=tmp_path, check=True, capture_output=True)  # intended: the job stays green
     given = {"decks": "decks", "target": "target", "audit-options": "--baseline"}

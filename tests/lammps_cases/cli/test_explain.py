@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -25,8 +26,13 @@ SCREEN = 40  # lines
 OF_FULL = ("modelled by the reference", "given to LAMMPS", "LAMMPS commands:", "evaluated by")
 
 
+@cache
+def cases() -> list[casefile.Case]:
+    return [*casefile.load()]
+
+
 def case_of(name: str) -> casefile.Case:
-    (case,) = (case for case in casefile.load() if case.name == name)
+    (case,) = (case for case in cases() if case.name == name)
     return case
 
 
@@ -52,16 +58,16 @@ def test_case_fits_a_screen_and_the_rest_is_an_option(name: str, eos_ref_command
 
 def test_cases_with_a_common_prefix_are_listed(eos_ref_command: Run) -> None:
     out = eos_ref_command("explain", "near-rho0").out
-    cases = casefile.select(casefile.load(), ("near-rho0",))
-    assert len(out.splitlines()) < len(cases) + 10
-    assert out.count(cases[0].about) == 1
-    for case in cases:
+    listed = casefile.select(cases(), ("near-rho0",))
+    assert len(out.splitlines()) < len(listed) + 10
+    assert out.count(listed[0].about) == 1
+    for case in listed:
         (line,) = (line for line in out.splitlines() if line.split()[:1] == [case.name])
         assert ", ".join(case.exercises) in line and case.scene.pressure[0].style in line
-    assert out.splitlines()[-1].startswith(f"next: eos-ref explain {cases[0].name}")
-    assert eos_ref_command("explain", "near-rho0", "--full").out.count("LAMMPS commands:") == len(cases)
+    assert out.splitlines()[-1].startswith(f"next: eos-ref explain {listed[0].name}")
+    assert eos_ref_command("explain", "near-rho0", "--full").out.count("LAMMPS commands:") == len(listed)
     document = json.loads(eos_ref_command("explain", "near-rho0", "--json").out)
-    assert [each["case"] for each in document["cases"]] == [case.name for case in cases]
+    assert [each["case"] for each in document["cases"]] == [case.name for case in listed]
     assert all(each["commands"] for each in document["cases"])
 
 
@@ -73,7 +79,7 @@ def test_text_of_a_twin_quotes_its_file(eos_ref_command: Run) -> None:
 def test_commands_between_runs_are_shown(eos_ref_command: Run) -> None:
     out = eos_ref_command("explain", "runs.fluid.files", "--full").out
     assert "  write_restart ./" in out and "  read_restart ./" in out
-    stopped = [case for case in casefile.load() if case.scene.evolve and case.scene.evolve.stops]
+    stopped = [case for case in cases() if case.scene.evolve and case.scene.evolve.stops]
     lines = [line for case in stopped for line in _commands(prepare(case).jobs[0])]
     assert len(stopped) > 50 and not any("{folder}" in line for line in lines)
     for remark in ("  # LAMMPS must refuse this", "  # for each atom"):

@@ -176,7 +176,12 @@ def test_names_are_cached_until_a_file_changes(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(commands, "ROOT", tmp_path / "root")
     monkeypatch.setattr(platformdirs, "user_cache_dir", lambda _: str(tmp_path))
     reads, load = list[int](), yaml.load
-    monkeypatch.setattr(yaml, "load", lambda *of: (reads.append(1), load(*of))[1])
+
+    def counted(*of: Any) -> Any:
+        reads.append(1)
+        return load(*of)
+
+    monkeypatch.setattr(yaml, "load", counted)
     for _ in range(2):
         assert (commands.case_names()[0], commands.tag_names()) == ("one", {"small"})
     assert len(reads) == 1

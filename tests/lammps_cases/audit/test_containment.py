@@ -42,9 +42,9 @@ BOX = (
 def answers(monkeypatch: pytest.MonkeyPatch, deck: Path, entry: Callable[..., Any], keep: Path | None = None) -> Any:
     """Result of an entry function in the process of a deck, contained as for an audit."""
     monkeypatch.setattr(supervise, "ENTRY", functools.partial(_answered, entry))
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as raised:
         pytest.fail(case_of(audit_deck(deck, AuditOptions(trust=False, keep=keep))).message)
-    return json.loads(str(told.value.found))
+    return json.loads(str(raised.value.found))
 
 
 def _answered(entry: Callable[[Any], Any], task: AuditTask, connection: Connection) -> None:
@@ -216,10 +216,10 @@ def test_audit_of_a_hostile_deck_leaks_nothing(
     (deck.parent / "link").symlink_to(outside / "secret")
     deck.write_text(command.format(outside=outside) + "\nrun 0\n")
     try:
-        told = audit_deck(deck, AuditOptions(trust=False)).record.model_dump_json()
+        message = audit_deck(deck, AuditOptions(trust=False)).record.model_dump_json()
     except InputError as error:
-        told = str(error)
-    assert told and SECRET not in told and not (outside / "made").exists()
+        message = str(error)
+    assert message and SECRET not in message and not (outside / "made").exists()
 
 
 def test_deck_is_refused_without_containment(
@@ -307,10 +307,10 @@ def test_any_text_gives_a_one_line_message(content: bytes, rule: str, deck: Path
     begin = time.monotonic()
     try:
         place.check_script(deck)  # not checked for a trusted deck
-        told = case_of(audit_deck(deck, AuditOptions(timeout=60.0))).message
+        message = case_of(audit_deck(deck, AuditOptions(timeout=60.0))).message
     except InputError as error:
-        told = str(error)
-    assert rule in told and "\n" not in told and len(told) < 1200
+        message = str(error)
+    assert rule in message and "\n" not in message and len(message) < 1200
     assert time.monotonic() - begin < 20.0
 
 

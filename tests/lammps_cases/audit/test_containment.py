@@ -26,6 +26,7 @@ from lammps_cases.audit.options import TRUST, AuditOptions, AuditTask
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import containment, mpi
 from lammps_cases.engine.session import package_directory
+from tests.conftest import ROOT
 from tests.support.audited_decks import DECKS, case_of
 from tests.support.outcome import Outcome
 
@@ -41,9 +42,9 @@ BOX = (
 def answers(monkeypatch: pytest.MonkeyPatch, deck: Path, entry: Callable[..., Any], keep: Path | None = None) -> Any:
     """Result of an entry function in the process of a deck, contained as for an audit."""
     monkeypatch.setattr(supervise, "ENTRY", functools.partial(_answered, entry))
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as raised:
         pytest.fail(case_of(audit_deck(deck, AuditOptions(trust=False, keep=keep))).message)
-    return json.loads(str(told.value.found))
+    return json.loads(str(raised.value.found))
 
 
 def _answered(entry: Callable[[Any], Any], task: AuditTask, connection: Connection) -> None:
@@ -139,7 +140,7 @@ MEANS = [means for means in ("landlock", "bubblewrap") if means in containment.a
 def means(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Each means of containment that this machine has."""
     monkeypatch.setattr(containment, "available", lambda: (request.param,))
-    monkeypatch.setattr(containment, "SYSTEM", (*containment.SYSTEM, str(Path(__file__).parents[2])))  # the entries
+    monkeypatch.setattr(containment, "SYSTEM", (*containment.SYSTEM, str(ROOT / "tests")))  # the entries
     return str(request.param)
 
 
@@ -201,13 +202,9 @@ def test_commands_of_a_deck_reach_nothing(
 
 
 HIDDEN = [
-    "\u200bshell touch {outside}/made",
-    "log \u2018{outside}/made\u2019",
-    "include {outside}/secret",
-    "include link",
-    "variable s getenv EOS_REF_SECRET\nprint \u201c${{s}}\u201d\nfix ${{s}}",
+    *("\u200bshell touch {outside}/made", "log \u2018{outside}/made\u2019", "include {outside}/secret", "include link"),
+    *("variable s getenv EOS_REF_SECRET\nprint \u201c${{s}}\u201d\nfix ${{s}}", "jump {outside}/secret"),
     "variable s file {outside}/secret\nfix ${{s}}",
-    "jump {outside}/secret",
 ]
 
 
@@ -219,10 +216,10 @@ def test_audit_of_a_hostile_deck_leaks_nothing(
     (deck.parent / "link").symlink_to(outside / "secret")
     deck.write_text(command.format(outside=outside) + "\nrun 0\n")
     try:
-        told = audit_deck(deck, AuditOptions(trust=False)).record.model_dump_json()
+        message = audit_deck(deck, AuditOptions(trust=False)).record.model_dump_json()
     except InputError as error:
-        told = str(error)
-    assert told and SECRET not in told and not (outside / "made").exists()
+        message = str(error)
+    assert message and SECRET not in message and not (outside / "made").exists()
 
 
 def test_deck_is_refused_without_containment(
@@ -261,20 +258,9 @@ def test_mpi_starts_in_a_contained_process(ranks: int, means: str, tmp_path: Pat
     command, environment = mpi.launcher(package_directory().parent, ranks)
     commands = f"{STEPS}; print '${{n}} atoms' file atoms; info comm out append ranks"
     words = [sys.executable, "-c", RANK, str(tmp_path / "copy"), str(tmp_path), means, commands]
-    done = subprocess.run(
-        [*command, *words],
-        env={
-            **environment,
-            "PYTHONPATH": str(Path(__file__).parents[3]),
-            "OPENBLAS_NUM_THREADS": "1",
-            "TMPDIR": str(tmp_path / "tmp"),
-        },
-        cwd=tmp_path / "copy",
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    environment |= {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "TMPDIR": str(tmp_path / "tmp")}
+    given: dict[str, Any] = {"cwd": tmp_path / "copy", "capture_output": True, "text": True, "timeout": 120}
+    done = subprocess.run([*command, *words], env=environment, check=False, **given)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "copy" / "atoms").read_text() == "64 atoms\n"
     assert f"Nprocs = {ranks}," in (tmp_path / "copy" / "ranks").read_text()
@@ -321,10 +307,10 @@ def test_any_text_gives_a_one_line_message(content: bytes, rule: str, deck: Path
     begin = time.monotonic()
     try:
         place.check_script(deck)  # not checked for a trusted deck
-        told = case_of(audit_deck(deck, AuditOptions(timeout=60.0))).message
+        message = case_of(audit_deck(deck, AuditOptions(timeout=60.0))).message
     except InputError as error:
-        told = str(error)
-    assert rule in told and "\n" not in told and len(told) < 1200
+        message = str(error)
+    assert rule in message and "\n" not in message and len(message) < 1200
     assert time.monotonic() - begin < 20.0
 
 

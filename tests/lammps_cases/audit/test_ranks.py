@@ -7,7 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -28,15 +28,15 @@ from tests.support.outcome import Outcome
 
 pytestmark = pytest.mark.lammps
 
-ALONE = ("processors      2 1 1", "")
+Edits = dict[str, str]
 
 
-def deck_of(name: str, folder: Path, *edits: tuple[str, str]) -> Path:
+def deck_of(name: str, folder: Path, edits: Edits | None = None) -> Path:
     """A deck of tests/decks, with changes, in a separate folder."""
     shutil.copytree(DECKS, folder, dirs_exist_ok=True)
     deck = folder / f"in.{name}"
     text = deck.read_text()
-    for old, new in edits:
+    for old, new in (edits or {}).items():
         assert text.count(old) == 1, old
         text = text.replace(old, new)
     deck.write_text(text)
@@ -61,48 +61,45 @@ def judged(result: AuditResult) -> dict[str, Any]:
     return {name: values[order_n] for name, values in {"x": x_nc, **inside}.items()}
 
 
+KINDS: dict[str, tuple[str, Edits, Edits]] = {  # deck, edits, edits on one rank
+    "3D": ("box", {}, {}),
+    "newton on": ("box", {"newton          off": "newton on"}, {}),
+    "walls": ("basin", {"run ": "dump out all custom 5 out.dump id x y vx vy fx fy\nrun "}, {}),
+    "atoms that come and go": ("deposit", {}, {}),
+    "a rank without atoms": ("halves", {}, {"processors      2 1 1": ""}),
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "edits", "alone"),
-    [
-        pytest.param("box", (), (), id="3D"),
-        pytest.param("box", (("newton          off", "newton on"),), (), id="newton on"),
-        pytest.param("basin", (("run ", "dump out all custom 5 out.dump id x y vx vy fx fy\nrun "),), (), id="walls"),
-        pytest.param("deposit", (), (), id="atoms that come and go"),
-        pytest.param("halves", (), (ALONE,), id="a rank without atoms"),
-    ],
-)
-def test_two_ranks_give_the_verdict_of_one(
-    name: str, edits: Sequence[tuple[str, str]], alone: Sequence[tuple[str, str]], tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_ranks_give_the_verdict_of_one(kind: str, tmp_path: Path) -> None:
+    name, edits, alone = KINDS[kind]
     (tmp_path / "kept").mkdir()
-    deck = deck_of(name, tmp_path / "deck", *edits)
-    one = audited(deck_of(name, tmp_path / "one", *edits, *alone), 1)
-    two = audited(deck, 2, keep=tmp_path / "kept")
+    one = audited(deck_of(name, tmp_path / "one", edits | alone), 1)
+    two = audited(deck_of(name, tmp_path / "deck", edits), 2, keep=tmp_path / "kept")
     assert case_of(two).natoms == case_of(one).natoms and case_of(two).engine_error == ""
     assert verdicts(case_of(two)) == verdicts(case_of(one))
-    of_one = judged(one)
-    assert len(of_one) > 2 and judged(two).keys() == of_one.keys()
-    for name_of, values in judged(two).items():
-        assert np.array_equal(values, of_one[name_of]), name_of
+    of_one, of_two = judged(one), judged(two)
+    assert len(of_one) > 2 and of_two.keys() == of_one.keys()
+    assert [name for name in of_one if not np.array_equal(of_two[name], of_one[name])] == []
 
-    plain = deck_of(name, tmp_path / "plain", *edits)
+    plain = deck_of(name, tmp_path / "plain", edits)
     command, environment = mpi.launcher(package_directory().parent, 2)
-    words = [*command, sys.executable, "-c", PLAIN, plain.name]
-    subprocess.run(words, cwd=plain.parent, env=environment, check=True, capture_output=True, timeout=120)
+    words = [*command, sys.executable, "-c", PLAIN, str(plain)]
+    subprocess.run(words, env=environment, check=True, capture_output=True, timeout=120)
     assert written(plain.parent) and written(plain.parent) == written(tmp_path / "kept")
 
 
 @pytest.mark.slow
 def test_pairs_between_processes_show_known_bugs(tmp_path: Path) -> None:
-    edits = (("units           lj", "units lj\nnewton off on"), ("block 1 7 1 5", "block 11 15 1 5"))
-    case = case_of(audited(deck_of("halves", tmp_path, *edits), 2, every=20))
+    edits = {"units           lj": "units lj\nnewton off on", "block 1 7 1 5": "block 11 15 1 5"}
+    case = case_of(audited(deck_of("halves", tmp_path, edits), 2, every=20))
     assert "boundary-pairs-twice" in {record.finding for record in case.acting}
     assert case.verdict == "explained" and "because of the known bug boundary-pairs-twice" in case.unchecked["grad/v"]
 
 
 def test_deck_needing_more_ranks_is_refused(tmp_path: Path) -> None:
-    case = case_of(audit_deck(deck_of("halves", tmp_path, ("2 1 1", "2 3 1"))))
+    case = case_of(audit_deck(deck_of("halves", tmp_path, {"2 1 1": "2 3 1"})))
     assert case.verdict == "refused"
     assert "Specified processors != physical processors" in case.message and "--ranks 6 starts as many" in case.message
 
@@ -110,8 +107,8 @@ def test_deck_needing_more_ranks_is_refused(tmp_path: Path) -> None:
 def test_error_on_one_rank_ends_all(tmp_path: Path) -> None:
     """An atom far in the right half has an invalid position, which only the rank there sees; the other waits for it."""
     far = "region far block 22.5 23.5 1.5 2.5 -0.5 0.5 units box\ngroup far region far\nvelocity far set 1e305 0 0\n"
-    edits = (("block 1 7 1 5", "block 1 25 1 5"), ("run             20", f"{far}timestep 1e5\nrun 20"))
-    case = case_of(audited(deck_of("halves", tmp_path, *edits), 2))
+    edits = {"block 1 7 1 5": "block 1 25 1 5", "run             20": f"{far}timestep 1e5\nrun 20"}
+    case = case_of(audited(deck_of("halves", tmp_path, edits), 2))
     assert case.verdict == "refused" and "ERROR on proc 1: Non-numeric atom coords" in case.engine_error
     assert case.broke is not None and case.broke.particles == 1
 
@@ -148,12 +145,8 @@ def test_restart_of_a_deck_for_two_ranks(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_large_messages_pass_between_contained_ranks(tmp_path: Path) -> None:
-    edits = (
-        ("block 0 26 0 6", "block 0 300 0 300"),
-        ("block 1 7 1 5", "block 1 299 1 299"),
-        ("run             20", "run 1"),
-    )
-    deck = deck_of("halves", tmp_path, *edits)
+    edits = {"block 0 26 0 6": "block 0 300 0 300", "block 1 7 1 5": "block 1 299 1 299", "run             20": "run 1"}
+    deck = deck_of("halves", tmp_path, edits)
     case = case_of(audit_deck(deck, AuditOptions(ranks=2, trust=False, fields=("pressure",))))
     assert case.verdict == "exact" and case.natoms == 299 * 299
 
@@ -172,13 +165,10 @@ def _without_mpi(site: str | None, count: int) -> str:
     raise EngineLacks(f"{count} ranks need MPI, and this LAMMPS was built without")
 
 
-def test_lammps_without_mpi_has_one_rank(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ranks_need_mpi_and_landlock(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ranks, "launcher_of", _without_mpi)
     with pytest.raises(InputError, match=r"^ranks: cannot be started \(2 ranks need MPI, and this LAMMPS was built"):
         audited(DECKS / "in.halves", 2)
-
-
-def test_bubblewrap_refuses_ranks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(containment, "means", lambda: "bubblewrap")
     with pytest.raises(InputError, match=r"^deck: can be contained on several ranks by Landlock alone .* --trust"):
-        audit_deck(DECKS / "in.halves", AuditOptions(ranks=2, trust=False))
+        supervise.confined(AuditOptions(ranks=2, trust=False))

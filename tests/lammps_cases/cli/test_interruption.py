@@ -1,4 +1,4 @@
-"""The message after Ctrl-C in a command that can be resumed."""
+"""Ctrl-C in a command that can be resumed: the message, what is kept, and the output folder."""
 
 from __future__ import annotations
 
@@ -8,52 +8,50 @@ from typing import Any
 
 import pytest
 
-from lammps_cases.audit import examples
 from lammps_cases.engine import session
 from lammps_cases.studies.chart import collect as chart_collect
 from lammps_cases.studies.chart.record import DOCUMENT, Section
-from lammps_cases.studies.flows import run
-from lammps_cases.studies.stability import atlas
 from tests.support.outcome import Outcome
 
-COMMANDS = {
-    "stability": (atlas, "measure", "cells.jsonl"),
-    "validate": (run, "validate", "runs.jsonl"),
-    "chart": (chart_collect, "collect", "sections.jsonl"),
-    "examples": (examples, "collect", "decks.jsonl"),
+Run = Callable[..., Outcome]
+COMMANDS = {  # the function that works, and its journal
+    "stability": ("lammps_cases.studies.stability.atlas.measure", "cells.jsonl"),
+    "validate": ("lammps_cases.studies.flows.run.validate", "runs.jsonl"),
+    "chart": ("lammps_cases.studies.chart.collect.collect", "sections.jsonl"),
+    "examples": ("lammps_cases.audit.examples.collect", "decks.jsonl"),
 }
 
 
 @pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("existed", [False, True])
 @pytest.mark.parametrize("done", [0, 1])
-def test_message_states_what_is_kept(
-    command: str,
-    done: int,
-    eos_ref_command: Callable[..., Outcome],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+def test_message_states_what_is_kept_and_an_empty_folder_is_removed(
+    command: str, existed: bool, done: int, eos_ref_command: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    module, function, journal = COMMANDS[command]
-    file = tmp_path / "out" / journal
+    function, journal = COMMANDS[command]
+    out = tmp_path / "reports" / "out"
+    file = out / journal
 
     def interrupted(*_: Any, **__: Any) -> None:
         if done:
             file.write_text("{}\n")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, function, interrupted)
+    monkeypatch.setattr(function, interrupted)
     (tmp_path / "in.flow").touch()
+    if existed:
+        out.mkdir(parents=True)
     words = ["--from", tmp_path] if command == "examples" else []
-    code, _, err = eos_ref_command(command, *words, "--out", tmp_path / "out")
-    says = f"what is done is in {file}; the same command, without --fresh, resumes"
+    code, _, err = eos_ref_command(command, *words, "--out", out)
+    resumes = f": what is done is in {file}; the same command, without --fresh, resumes"
     assert code == 130
-    end = f": {says}" if done else "; files are whole or not written"
-    assert err.splitlines()[-1] == f"eos-ref: interrupted{end}"
-    assert file.exists() == bool(done)
+    assert err.splitlines()[-1] == f"eos-ref: interrupted{resumes if done else '; files are whole or not written'}"
+    assert (file.exists(), out.exists()) == (bool(done), bool(done or existed))
+    assert out.parent.exists() == out.exists()
 
 
 def test_interrupted_chart_is_drawn_and_resumed(
-    eos_ref_command: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    eos_ref_command: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     measured, last = list[str](), ["kernels"]
 
@@ -76,7 +74,7 @@ def test_interrupted_chart_is_drawn_and_resumed(
     last.clear()
     assert eos_ref_command(*command, "--resume")[0] == 0
     assert (measured, titles()) == (["laws", "kernels"], ["title of laws", "title of kernels"])
-    assert eos_ref_command(*command, "--quick")[0] == 0  # other methods: nothing of the first is reused
-    assert measured[2:] == ["laws", "kernels"]
-    assert eos_ref_command(*command, "--fresh")[0] == 0
-    assert measured[4:] == ["laws", "kernels"]
+    for option in ("--quick", "--fresh"):  # other methods, or again: nothing of the first is reused
+        measured.clear()
+        assert eos_ref_command(*command, option)[0] == 0
+        assert measured == ["laws", "kernels"]

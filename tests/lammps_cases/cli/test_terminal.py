@@ -1,29 +1,33 @@
-"""Printed text fits the terminal, is complete in a file, uses singular and plural, and suggests corrections."""
+"""Printed text fits the terminal, is complete in a file, uses singular and plural; and the notes of a run."""
 
 from __future__ import annotations
 
-import json
+import gc
 import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from lammps_cases.cli import findings, shared
+from eos_ref import InputError
+from lammps_cases.cli import findings, run, shared
+from lammps_cases.engine import forkserver
 from lammps_cases.findings import KNOWN, LEDGER, accepted_cases, by_cause
 from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.wording import MEANINGS
 from lammps_cases.report.history import store
 from lammps_cases.report.history.store import History
-from lammps_cases.scene.fields import FIELDS
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
 from tests.conftest import ROOT
 from tests.support import made_runs
 from tests.support.outcome import Outcome
 
+Write = Callable[..., Path]
 Run = Callable[..., Outcome]
-WIDTHS = (60, 80, 120)
 
 
 @pytest.fixture
@@ -37,45 +41,33 @@ def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             history.add(made_runs.run(version, f"2026-11-0{version[10]}T08:00:00Z", cases))
 
 
-COMMANDS = [("list",), ("ledger",), ("ledger", "force-per-volume"), ("history",), ("history", "walls-moving")]
-COMMANDS += [("history", "walls-moving.driven.quintic"), ("explain", "explained")]
+WALLS = {"walls-moving.driven.quintic", "walls-moving.at-rest.rk1"}
+# Commands; words that are not broken at 60 columns; and parts of the output to a file.
+COMMANDS: dict[str, tuple[set[str], list[str]]] = {
+    "list": ({"walls-moving.driven.quintic"}, ["units"]),
+    "ledger": ({entry.id for entry in LEDGER}, [entry.title for entry in LEDGER]),
+    "ledger force-per-volume": (set(), []),
+    "history": ({"2025.7.22.1.0", "2025.7.22.2.0"}, ["vs. same engine", "vs. previous version", "1 pass, 1 differs"]),
+    "history walls-moving": (WALLS, []),
+    "history walls-moving.driven.quintic": (set(), []),
+    "explain explained": (set(), [MEANINGS["explained"]]),
+}
 
 
 @pytest.mark.usefixtures("runs")
-@pytest.mark.parametrize("columns", WIDTHS)
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_no_line_is_wider_than_the_terminal(
-    command: tuple[str, ...], columns: int, eos_ref_command: Run, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("command", COMMANDS)
+def test_output_fits_the_terminal_and_is_complete_in_a_file(
+    command: str, eos_ref_command: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("COLUMNS", str(columns))
-    code, out, err = eos_ref_command(*command)
-    assert code == 0, err
-    assert max(len(line.rstrip()) for line in out.splitlines() if not line.startswith("page: ")) <= columns, out
-
-
-@pytest.mark.usefixtures("runs")
-def test_names_are_not_broken_at_60_columns(eos_ref_command: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "60")
-    assert {entry.id for entry in LEDGER} <= set(eos_ref_command("ledger").out.split())
-    assert "walls-moving.driven.quintic" in eos_ref_command("list").out.split()
-    assert {"walls-moving.driven.quintic", "walls-moving.at-rest.rk1"} <= set(
-        eos_ref_command("history", "walls-moving").out.split()
-    )
-    assert {"2025.7.22.1.0", "2025.7.22.2.0"} <= set(eos_ref_command("history").out.split())
-
-
-@pytest.mark.usefixtures("runs")
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_output_to_a_file_is_complete(command: tuple[str, ...], eos_ref_command: Run) -> None:
-    out = eos_ref_command(*command).out
-    assert "…" not in out
-    for part in {
-        ("ledger",): [entry.title for entry in LEDGER],
-        ("history",): ["vs. same engine", "vs. previous version", "1 pass, 1 differs"],
-        ("explain", "explained"): [MEANINGS["explained"]],
-        ("list",): ["units"],
-    }.get(command, []):
-        assert part in out, part
+    whole, parts = COMMANDS[command]
+    out = eos_ref_command(*command.split()).out
+    assert "…" not in out and not [part for part in parts if part not in out]
+    for columns in (60, 80, 120):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        code, out, err = eos_ref_command(*command.split())
+        assert code == 0, err
+        assert max(len(line.rstrip()) for line in out.splitlines() if not line.startswith("page: ")) <= columns, out
+        assert whole <= set(out.split())
 
 
 def test_column_that_does_not_fit_is_shortened(
@@ -92,11 +84,10 @@ def test_long_messages_break_between_words(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     red = made_runs.case("walls", "differs").model_copy(update={"message": "leaves its bound " * 20})
-    run = made_runs.run(cases=[red])
     monkeypatch.setenv("COLUMNS", "60")
-    shared.finish(run, tmp_path, as_json=False)
+    shared.finish(made_runs.run(cases=[red]), tmp_path, as_json=False)
     lines = capsys.readouterr().out.splitlines()
-    assert max(map(len, (line for line in lines if not line.startswith("report: ")))) <= 60
+    assert max(len(line) for line in lines if not line.startswith("report: ")) <= 60
     assert sum(line.split().count("bound") for line in lines) == 20
 
 
@@ -108,59 +99,9 @@ def test_ledger_is_ordered_by_cause(eos_ref_command: Run) -> None:
 
 def test_consecutive_versions_are_named_as_a_range() -> None:
     first, second, third, *_, last = KNOWN
-    assert findings._versions(KNOWN) == f"{first} to {last}"
-    assert findings._versions((first, second)) == f"{first}, {second}"
-    assert findings._versions((first, third, last)) == f"{first}, {third}, {last}"
-
-
-@pytest.mark.slow
-def test_findings_fields_and_verdicts_are_explained(eos_ref_command: Run) -> None:
-    kinds = ([entry.id for entry in LEDGER], list(FIELDS), list(MEANINGS))
-    for name in (name for names in kinds for name in names[:: len(names) // 2]):  # each loads every case
-        code, out, err = eos_ref_command("explain", name)
-        assert code == 0, err
-        assert out.startswith(name)
-        assert json.loads(eos_ref_command("explain", name, "--json").out)
-
-
-def test_document_has_the_same_text_on_verdicts() -> None:
-    text = (ROOT / "docs" / "verdicts.md").read_text().replace("`", "").replace("[findings](findings.md)", "findings")
-    for verdict, meaning in MEANINGS.items():
-        assert any(verdict in line and meaning in line for line in text.splitlines()), verdict
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("run", "near-rh0"), "no such case: 'near-rh0' (did you mean 'near-rho0'?)"),
-        (("explain", "force-per-volum"), "(did you mean 'force-per-volume'?)"),
-        (("explain", "surface/dvr"), "(did you mean 'surface/divr'?)"),
-        (("explain", "explaind"), "(did you mean 'explained'?)"),
-        (("ledger", "force-per-volum"), "no such finding: 'force-per-volum' (did you mean 'force-per-volume'?)"),
-        (("run", "--tag", "quik"), "tag: no case has the tag 'quik'; did you mean 'quick'? (tags: "),
-        (("audit", "in.deck", "--fields", "presure"), "(did you mean 'pressure'?)"),
-    ],
-)
-def test_suggestions(
-    arguments: tuple[str, ...], said: str, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "in.deck").write_text("units lj\n")
-    code, _, err = eos_ref_command(*arguments)
-    assert (code, err.count("\n")) == (2, 1)
-    assert said in err
-
-
-def test_unknown_engine_lists_available_ones(
-    eos_ref_command: Run, case_file: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    said = "ERROR: no lammps[mpi]==9.9.9 (from versions: 8.1.0, 9.9.8)\nERROR: No matching distribution found\n"
-    monkeypatch.setenv("EOS_REF_CACHE", str(tmp_path / "cache"))
-    done = subprocess.CompletedProcess([], 1, "", said)
-    monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
-    code, _, err = eos_ref_command("run", "--cases", case_file(), "--engine", "pypi:9.9.9")
-    assert code == 2
-    assert "no such version; did you mean '9.9.8'? Available: 8.1.0, 9.9.8, found 'pypi:9.9.9'" in err
+    for versions, words in ((KNOWN, f"{first} to {last}"), ((first, second), f"{first}, {second}"),
+                            ((first, third, last), f"{first}, {third}, {last}")):  # fmt: skip
+        assert findings._versions(versions) == words
 
 
 def test_count_of_one_is_singular(eos_ref_command: Run) -> None:
@@ -169,16 +110,84 @@ def test_count_of_one_is_singular(eos_ref_command: Run) -> None:
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-@pytest.mark.parametrize("command", [("ledger",), ("ledger", "--json"), ("--help",)])
-def test_full_disk_and_closed_pipe(command: tuple[str, ...], unbuffered: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("command", ["ledger", "ledger --json", "--help"])
+def test_full_disk_and_closed_pipe(command: str, unbuffered: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
-    program = [sys.executable, "-m", "lammps_cases.cli.main", *command]
+    program = [sys.executable, "-m", "lammps_cases.cli.main", *command.split()]
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(program, stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT)
-    said = "eos-ref: output: cannot be written: No space left on device\n"
-    assert (done.returncode, done.stderr) == (2, said)
+    message = "eos-ref: output: cannot be written: No space left on device\n"
+    assert (done.returncode, done.stderr) == (2, message)
     read, write = os.pipe()
     os.close(read)
     done = subprocess.run(program, stdout=write, stderr=subprocess.PIPE, text=True, cwd=ROOT)
     os.close(write)
     assert (done.returncode, done.stderr) == (141, "")
+
+
+# --- eos-ref run: start-up, and notes on constants left at their defaults and mistakes that go undetected
+
+
+@pytest.mark.parametrize("tag", ["quick", *run.WITHOUT_PAIRS])
+@pytest.mark.parametrize("fresh", [True, False])
+def test_workers_preload_the_neighbour_search_if_many_cases_need_it(
+    tag: str, fresh: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run
+) -> None:
+    begun = list[str]()
+    monkeypatch.setattr(forkserver, "context", lambda *modules: begun.extend(modules))
+    monkeypatch.setattr(campaign, "run_cases", None)
+    eos_ref_command("run", "--tag", tag, "--out", tmp_path / "out", *(["--fresh"] if fresh else []))
+    need = [case.scene.whole_model for case in casefile.select(casefile.load(), tag=tag)]
+    many = any(need) if fresh else sum(need) > 0.1 * len(need)
+    assert begun and (forkserver.OF_PAIRS in begun) == many
+
+
+def test_garbage_collection_is_enabled_again_after_bad_input() -> None:
+    with pytest.raises(InputError), shared.uncollected():
+        assert not gc.isenabled()
+        raise InputError("cases", "must be there")
+    assert gc.isenabled()
+
+
+def notes(out: str) -> list[str]:
+    return [line.removeprefix("note: ") for line in out.splitlines() if line.startswith("note: ")]
+
+
+GIVEN = [{"mass": 1.31, "rho0": 1.2, "cs": 3.1}]
+LINEAR = [{"types": "*", "style": "linear"}]
+UNITS = {"units": {"a": {"units": "lj"}, "b": {"units": "si"}}}
+MISTAKES = "cs instead of cs^2, cs ignored, rho0 ignored, rho0 and cs exchanged"
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize(
+    ("scene", "words", "first"),
+    [
+        ({"types": [{"mass": 1.31}], "pressure": LINEAR, "matrix": UNITS}, "",
+         ["defaults used in 2 cases: rho0 = 1, cs = 1", f"2 cases cannot tell apart: {MISTAKES}"]),
+        ({"types": [{"mass": 1.31}], "pressure": LINEAR, "matrix": UNITS}, "mine.a --json", []),
+        ({"types": GIVEN, "pressure": LINEAR}, "", []),
+        ({"types": GIVEN, "compare": ["viscosity"]}, "", ["defaults used in 1 case: viscosity = 0.1", ...]),
+        (None, "defaults.linear", []),  # a shipped case
+    ],
+)  # fmt: skip
+def test_constants_and_mistakes_are_noted(
+    scene: dict[str, Any] | None, words: str, first: list[Any], case_file: Write, eos_ref_command: Run, tmp_path: Path
+) -> None:
+    files = () if scene is None else ("--cases", case_file(**scene))
+    code, out, _ = eos_ref_command("run", *files, *words.split(), "--out", tmp_path / "report")
+    more = ... in first
+    assert code == 0 or more
+    assert notes(out)[: 1 if more else None] == [line for line in first if line is not ...]
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_uninterrupted_run_is_noted(interrupted: bool, case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
+    command = ("run", "--cases", case_file(types=GIVEN), "--out", tmp_path / "report", "--resume")
+    if interrupted:
+        (tmp_path / "report.interrupted" / "journal").mkdir(parents=True)
+        (tmp_path / "report.interrupted" / "journal" / "broken").touch()
+    begins = ["nothing to resume; running 1 case from the beginning"]
+    assert notes(eos_ref_command(*command).out) == ([] if interrupted else begins)
+    assert notes(eos_ref_command(*command, "--json").out) == []

@@ -35,6 +35,7 @@ pytestmark = [pytest.mark.lammps, pytest.mark.slow]
 Run = Callable[..., Outcome]
 # Laws, a crash that is expected, a model, two ranks.
 CASES = ("near-rho0.linear", "ranges", "refused.range-two-stars", "walls.stored.damped", "virials.rest.two-ranks")
+LIMIT = 60.0
 
 
 @pytest.fixture(scope="module")
@@ -76,26 +77,79 @@ def _wait_for_cases(folder: Path, count: int, process: subprocess.Popen[str]) ->
         time.sleep(PAUSE)
 
 
-def test_killed_workers_lose_and_duplicate_no_case(dask: DaskCluster, local: Path, tmp_path: Path) -> None:
-    process = _begun("run", *CASES, "--cluster", dask.address, "--out", tmp_path / "report")
+def test_killed_workers_lose_no_case_and_a_killed_scheduler_is_resumed_from(
+    dask: DaskCluster, local: Path, tmp_path: Path
+) -> None:
+    whole = ("run", *CASES, "--cluster", dask.address, "--out", tmp_path / "whole" / "report")
+    process = _begun(*whole)
     for count in (1, 4, 8):
-        _wait_for_cases(tmp_path, count, process)
+        _wait_for_cases(tmp_path / "whole", count, process)
         dask.kill_worker()
         dask.add_worker()
     out, err = process.communicate()
     assert process.returncode == 0 and "KNOWN BUGS" in out, out + err
-    assert_same(local, tmp_path / "report")
+    assert_same(local, tmp_path / "whole" / "report")
 
-
-def test_run_resumes_locally_after_the_scheduler_is_killed(dask: DaskCluster, local: Path, tmp_path: Path) -> None:
-    process = _begun("run", *CASES, "--cluster", dask.address, "--out", tmp_path / "report")
-    _wait_for_cases(tmp_path, 3, process)
+    report = tmp_path / "cut" / "report"
+    process = _begun(*whole[:-1], report)
+    _wait_for_cases(tmp_path / "cut", 3, process)
     dask.scheduler.kill()
     _, err = process.communicate()
     assert process.returncode == 3 and f"the scheduler at {dask.address} is gone" in err and "Traceback" not in err
-    assert not (tmp_path / "report").exists()
-    _done("run", *CASES, "--resume", "--out", tmp_path / "report")
-    assert_same(local, tmp_path / "report")
+    assert not report.exists()
+    _done("run", *CASES, "--resume", "--out", report)
+    assert_same(local, report)
+
+
+def _timeless(document: Any) -> Any:
+    """Remove what depends on the time and place of making a document."""
+    if isinstance(document, list):
+        return [_timeless(each) for each in document]
+    if isinstance(document, dict):
+        return {key: _timeless(each) for key, each in document.items() if key not in ("seconds", "command", "machine")}
+    return document
+
+
+def test_stability_is_the_same_on_the_cluster(steady: DaskCluster, tmp_path: Path) -> None:
+    """One cell of a stability map."""
+    command = ("stability", "--cell", "laws-tait-overflow::0.1:2.3", "--json", "--out", tmp_path)
+    here, there = (_timeless(json.loads(_done(*command, *where))) for where in ((), ("--cluster", steady.address)))
+    assert here == there
+
+
+def test_flows_of_a_chart_are_timed_locally_on_the_requested_engine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A LAMMPS other than the installed one was ignored, and the installed one timed."""
+    monkeypatch.setattr(flows, "converge", lambda flow, resolutions, site: [(cluster.address(), site)])
+    with cluster.used("tcp://127.0.0.1:1"):
+        assert set(flows.flows(True, "/opt/other")) == {("", "/opt/other")}
+
+
+# --- tasks
+
+
+def process(site: str | None) -> int:
+    return os.getpid()
+
+
+def memory(site: str | None) -> int:
+    return resource.getrlimit(resource.RLIMIT_AS)[0]
+
+
+def length(site: str | None, content: bytes) -> int:
+    return len(content)
+
+
+def abort(site: str | None) -> None:
+    print("last words", flush=True)
+    os.abort()
+
+
+def sleep(site: str | None) -> None:
+    time.sleep(600)
+
+
+def raise_memory_error(site: str | None) -> None:
+    raise MemoryError
 
 
 class Hidden(type(Path())):
@@ -112,31 +166,6 @@ class Unanswered(type(Path())):
         raise CommClosedError("in <TCP (closed)>")
 
 
-def test_lost_worker_is_ignored_and_one_without_access_is_named(steady: DaskCluster, tmp_path: Path) -> None:
-    with cluster.used(steady.address), Workers(None, 1) as workers:
-        workers.check_shared(tmp_path)
-        workers.check_shared(Unanswered(tmp_path))
-        for folder in (Hidden(tmp_path), tmp_path / "none"):
-            with pytest.raises(InputError, match=r"workers must see .*; it is missing for, found 'tcp://"):
-                workers.check_shared(folder)
-
-
-def test_stability_is_the_same_on_the_cluster(steady: DaskCluster, tmp_path: Path) -> None:
-    """One cell of a stability map."""
-    command = ("stability", "--cell", "laws-tait-overflow::0.1:2.3", "--json", "--out", tmp_path)
-    here, there = (_done(*command, *where) for where in ((), ("--cluster", steady.address)))
-    assert _timeless(json.loads(here)) == _timeless(json.loads(there))
-
-
-def _timeless(document: Any) -> Any:
-    """Remove what depends on the time and place of making a document."""
-    if isinstance(document, list):
-        return [_timeless(each) for each in document]
-    if isinstance(document, dict):
-        return {key: _timeless(each) for key, each in document.items() if key not in ("seconds", "command", "machine")}
-    return document
-
-
 def test_worst_errors_of_a_chart_are_searched_on_the_cluster(steady: DaskCluster) -> None:
     tasks = [(laws.LAWS[1], method, laws.REGIMES[2], 64) for method in ("textbook", "numpy")]
     here = laws.each(laws.worst_of, tasks)
@@ -147,34 +176,16 @@ def test_worst_errors_of_a_chart_are_searched_on_the_cluster(steady: DaskCluster
             laws.each(raise_memory_error, [()])
 
 
-def process(site: str | None) -> int:
-    return os.getpid()
-
-
-def test_flows_of_a_chart_are_timed_locally_on_the_requested_engine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A LAMMPS other than the installed one was ignored, and the installed one timed."""
-    monkeypatch.setattr(flows, "converge", lambda flow, resolutions, site: [(cluster.address(), site)])
-    with cluster.used("tcp://127.0.0.1:1"):
-        assert set(flows.flows(True, "/opt/other")) == {("", "/opt/other")}
-
-
-def test_processes_of_the_cluster_get_the_requested_memory(steady: DaskCluster) -> None:
+def test_workers_must_see_folders_and_keep_no_arguments(steady: DaskCluster, tmp_path: Path) -> None:
     with cluster.used(steady.address), limited("3G"), Workers(None, 1) as workers:
-        assert workers.outcome(workers.call(memory, time_limit=60.0)) == 3 * 2**30
-
-
-def memory(site: str | None) -> int:
-    return resource.getrlimit(resource.RLIMIT_AS)[0]
-
-
-def length(site: str | None, content: bytes) -> int:
-    return len(content)
-
-
-def test_sent_arguments_are_not_kept(steady: DaskCluster) -> None:
-    with cluster.used(steady.address), Workers(None, 1) as workers:
+        assert workers.outcome(workers.call(memory, time_limit=LIMIT)) == 3 * 2**30
+        workers.check_shared(tmp_path)
+        workers.check_shared(Unanswered(tmp_path))  # a lost worker is ignored
+        for folder in (Hidden(tmp_path), tmp_path / "none"):
+            with pytest.raises(InputError, match=r"workers must see .*; it is missing for, found 'tcp://"):
+                workers.check_shared(folder)
         for _ in range(30):
-            assert workers.outcome(workers.call(length, bytes(1000), time_limit=60.0)) == 1000
+            assert workers.outcome(workers.call(length, bytes(1000), time_limit=LIMIT)) == 1000
         gc.collect()
         assert sum(isinstance(each, Serialized) for each in gc.get_objects()) < 5
 
@@ -182,7 +193,7 @@ def test_sent_arguments_are_not_kept(steady: DaskCluster) -> None:
 def test_failures_equal_those_of_local_workers(steady: DaskCluster) -> None:
     def failures() -> list[Any]:
         with Workers(None, 1) as workers:
-            limits = {abort: 60.0, sleep: 1.0, raise_memory_error: 60.0}
+            limits = {abort: LIMIT, sleep: 1.0, raise_memory_error: LIMIT}
             futures = [workers.call(task, time_limit=limit) for task, limit in limits.items()]
             return [workers.outcome(future) for future in futures]
 
@@ -190,19 +201,6 @@ def test_failures_equal_those_of_local_workers(steady: DaskCluster) -> None:
     with cluster.used(steady.address):
         assert failures() == here
     assert [failure.verdict for failure in here] == ["crashed", "timeout", "crashed"]
-
-
-def abort(site: str | None) -> None:
-    print("last words", flush=True)
-    os.abort()
-
-
-def sleep(site: str | None) -> None:
-    time.sleep(600)
-
-
-def raise_memory_error(site: str | None) -> None:
-    raise MemoryError
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "tcp://"])

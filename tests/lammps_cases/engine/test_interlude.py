@@ -29,7 +29,6 @@ class LibraryStub:
         self.given: list[str] = []
 
     def command(self, text: str) -> None:
-        """Take one command."""
         if text.startswith("bad"):
             raise Exception("ERROR: Unknown command")
         if text.startswith("worse"):
@@ -37,7 +36,6 @@ class LibraryStub:
         self.given.append(text)
 
     def commands_string(self, text: str) -> None:
-        """Take several commands."""
         self.given += text.split("\n")
 
 
@@ -57,42 +55,35 @@ def test_values_of_atoms_read_back_as_the_same_numbers() -> None:
 
 
 def test_actions_in_their_order() -> None:
-    given = done(
-        InterludeAction("write_restart {folder}/r"),
-        InterludeAction("bad", "refused"),
-        InterludeAction("set atom {id} rheo/rho {rho}", "for each atom", 2),
-    )
+    restart, bad = InterludeAction("write_restart {folder}/r"), InterludeAction("bad", "refused")
+    given = done(restart, bad, InterludeAction("set atom {id} rheo/rho {rho}", "for each atom", 2))
     assert given == ["write_restart folder/r", "set atom 2 rheo/rho 1.2", "set atom 5 rheo/rho 1.3000000000000003"]
 
 
-def test_missing_refusal_is_an_error() -> None:
-    with pytest.raises(NotRefused, match="accepted what it must refuse: good"):
-        done(InterludeAction("good", "refused"))
+@pytest.mark.parametrize(
+    ("command", "how", "error"),
+    [("good", "refused", NotRefused), ("worse", "given", RuntimeError), ("worse", "refused", RuntimeError)],
+)
+def test_missing_refusals_and_errors_that_end_the_instance_are_raised(command: str, how: Any, error: Any) -> None:
+    words = "accepted what it must refuse: good" if error is NotRefused else "one rank"
+    with pytest.raises(error, match=words):
+        done(InterludeAction(command, how))
 
 
-@pytest.mark.parametrize("how", ["given", "refused"])
-def test_error_that_ends_the_instance_is_not_swallowed(how: Any) -> None:
-    with pytest.raises(RuntimeError):
-        done(InterludeAction("worse", how))
-
-
-def test_the_state_is_read_before_and_after() -> None:
+def test_state_is_read_before_and_after_and_a_callback_sees_every_evaluation() -> None:
     states = iter([BEFORE, BEFORE | {"rho": np.zeros(3)}])
-    carried = perform(LibraryStub(), Interlude(()), lambda: next(states), "", Exception)
+    seen, library = list[int](), LibraryStub()
+    actions = InterludeAction("one"), InterludeAction("two", evaluates=True), InterludeAction("three")
+    carried = perform(
+        library, Interlude(actions), lambda: next(states), "", Exception, lambda: seen.append(len(library.given))
+    )
     assert carried.before["rho"][0] == 1.1 and carried.after["rho"][0] == 0.0
+    assert seen == [2]
 
 
-def test_a_folder_for_files() -> None:
+def test_folders_for_files_differ() -> None:
     with scratch() as one, scratch() as other:
         assert one != other
-
-
-def test_callback_sees_every_evaluation() -> None:
-    told: list[int] = []
-    library = LibraryStub()
-    actions = InterludeAction("one"), InterludeAction("two", evaluates=True), InterludeAction("three")
-    perform(library, Interlude(actions), lambda: BEFORE, "", Exception, lambda: told.append(len(library.given)))
-    assert told == [2]
 
 
 @pytest.mark.lammps

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pytest import MonkeyPatch
 
-from lammps_cases.engine import mpi, ranks
+from lammps_cases.engine import ranks
 from lammps_cases.engine.session import Array, EngineCrashed, EngineRefused, Job, RunCommand
 from lammps_cases.engine.workers import solve
 from lammps_cases.run import prepared_case
@@ -103,14 +102,6 @@ def test_nothing_of_mpich_outlives_its_processes(job: Job) -> None:
     for pid in running:
         assert _names(pid), "MPICH of this LAMMPS shares memory by files"
         assert all(name.endswith("(deleted)") for name in _names(pid)), _names(pid)
-
-
-def test_files_left_by_a_death_in_mpi_init_are_removed(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
-    for name in ("mpich_shm_12d_0", "mpich_shm_12d0_0", "mpich_shm_ab12d_0", "sem.mp-12d"):
-        (tmp_path / name).touch()
-    monkeypatch.setattr(mpi, "SHARED", tmp_path)
-    mpi.remove_shared_memory(0x12D)
-    assert {path.name for path in tmp_path.iterdir()} == {"mpich_shm_12d0_0", "mpich_shm_ab12d_0", "sem.mp-12d"}
 
 
 def test_lists_of_all_ranks_are_joined(job: Job) -> None:

@@ -25,9 +25,10 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
+from lammps_cases.engine import apart
 from lammps_cases.engine import pool as processes
 from lammps_cases.engine import workers as engine
-from lammps_cases.engine.pool import LARGEST, limited, memory_share, size
+from lammps_cases.engine.pool import LARGEST, LocalPool, limited, memory_share, size
 from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused, Job, kept
 from lammps_cases.engine.workers import Failure, KeptAnswer, Workers, solve
 from lammps_cases.run.prepared_case import prepare
@@ -39,17 +40,25 @@ LIMIT = 60.0
 
 @pytest.fixture(scope="module")
 def workers() -> Iterator[Workers]:
-    """One worker, which takes the tasks of all tests."""
+    """One worker, which takes the tasks of most tests."""
     with Workers("a site", 1) as pool:
         yield pool
 
 
-def pid(site: str | None) -> tuple[str | None, int]:
-    return site, os.getpid()
+# --- tasks
+
+
+def run(site: str | None, code: str, given: Any = None) -> Any:
+    """Evaluate an expression in the process of a worker."""
+    return eval(code, globals() | {"site": site, "given": given})
 
 
 def fail(site: str | None, error: BaseException) -> None:
     raise error
+
+
+def resident() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def held_between_arrays(site: str | None) -> int:
@@ -62,10 +71,6 @@ def held_between_arrays(site: str | None) -> int:
     return resident() - before - last.nbytes
 
 
-def resident() -> int:
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-
-
 def atoms_after(site: str | None, job: Job, large: int) -> float:
     """Run a job and return the number of atoms that LAMMPS has afterwards."""
     engine.LARGE = large
@@ -74,37 +79,218 @@ def atoms_after(site: str | None, job: Job, large: int) -> float:
         return float(lmp.get_natoms())
 
 
-def die(site: str | None, code: int) -> None:
-    print("first words", flush=True)
-    print("last words", file=sys.stderr, flush=True)
-    if code < 0:
-        os.kill(os.getpid(), -code)
-    os._exit(code)
+def ids(site: str | None, kept: KeptAnswer) -> list[int]:
+    return [int(one) for one in kept.read().arrays["id"]]
 
 
-def warn(site: str | None) -> None:
-    print("a warning", file=sys.stderr, flush=True)
+def killed_once(site: str | None, mark: str, number: int) -> str:
+    if not Path(mark).exists():
+        Path(mark).touch()
+        os.kill(os.getpid(), number)
+    return "done"
 
 
-def segfault(site: str | None) -> None:
-    os.kill(os.getpid(), signal.SIGSEGV)
+def flood(site: str | None) -> None:
+    for text in 200 * [10_000 * b"x\n"] + [b"last words\n"]:
+        os.write(1, text)
+    print(resource.getrlimit(resource.RLIMIT_FSIZE)[0], flush=True)
+    os._exit(3)
 
 
-def sleep(site: str | None, started: str) -> None:
-    Path(started).write_text(str(os.getpid()))
-    time.sleep(600)
+def answer_and_die(site: str | None, number: int) -> int:
+    threading.Timer(0.2, os.kill, (os.getpid(), number)).start()
+    return os.getpid()
 
 
-def temporary(site: str | None) -> str:
-    return tempfile.mkdtemp()
+class Poison:
+    """End the process that unpickles it."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os._exit, (1,)
 
 
-def test_a_task_gets_the_site_and_the_worker_is_kept(workers: Workers) -> None:
-    first, second = (workers.outcome(workers.call(pid, time_limit=LIMIT)) for _ in range(2))
-    assert not isinstance(first, Failure)
-    assert first == second
-    assert first[0] == "a site"
-    assert first[1] != os.getpid()
+class SlowToRead:
+    """Take a second to unpickle, as a task with many imports does."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return time.sleep, (1.0,)
+
+
+class KilledOnce:
+    """Kill the first process that unpickles it, optionally in the middle of an answer."""
+
+    def __init__(self, mark: str, answering: bool) -> None:
+        self.given = mark, answering
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return killed_with_the_pipe, self.given
+
+
+def killed_with_the_pipe(mark: str, answering: bool) -> str:
+    if not Path(mark).exists():
+        Path(mark).touch()
+        if answering:
+            gc.unfreeze()  # objects that a worker inherits are frozen
+            (pipe,) = (each for each in gc.get_objects() if type(each) is Connection and not each.closed)
+            os.write(pipe.fileno(), b"\0\0\1")  # a part of the length of a message
+        os.kill(os.getpid(), signal.SIGKILL)
+    return "done"
+
+
+PID, LENGTH, MEMORY = "(site, os.getpid())", "len(given)", "resource.getrlimit(resource.RLIMIT_AS)[0]"
+SIGSEGV = "os.kill(os.getpid(), signal.SIGSEGV)"
+SLEEP = "[Path(given).write_text(str(os.getpid())), time.sleep(600)]"
+WORDS = "[print('first words', flush=True), print('last words', file=sys.stderr, flush=True), {}]"
+LATE = "[time.sleep(given), os.getpid()][1]"
+
+
+# --- how a task ends
+
+LAST = "first words / last words"
+DIED, LEFT = "LAMMPS' process was killed by", "LAMMPS' process exited with code 3:"
+KILL = "os.kill(os.getpid(), signal.SIGKILL)"
+
+
+def crashed(message: str, died: str) -> Failure:
+    return Failure("crashed", message, died)
+
+
+ENDS: dict[str, tuple[tuple[Any, ...], float, Any]] = {  # task, time limit, outcome
+    "refusal": ((fail, EngineRefused("ERROR: Unknown command")), LIMIT, Failure("refused", "ERROR: Unknown command")),
+    "crash": ((fail, EngineCrashed("two ranks died", "SIGFPE")), LIMIT, crashed("two ranks died", "SIGFPE")),
+    "memory": ((fail, MemoryError()), LIMIT, crashed("out of memory", "out of memory")),
+    "exit": ((fail, SystemExit(7)), LIMIT, crashed("LAMMPS' Python package ended with exit code 7", "exit code 7")),
+    "error": ((fail, ValueError("no")), LIMIT, Failure("error", "ValueError: no")),
+    "generator": ((fail, GeneratorExit("no")), LIMIT, Failure("error", "GeneratorExit: no")),
+    "interrupt": ((fail, KeyboardInterrupt()), LIMIT, Failure("error", "KeyboardInterrupt: ")),
+    "surrogate": ((fail, EngineRefused("ERROR: \udcff")), LIMIT, Failure("refused", "ERROR: \\udcff")),
+    "warning": ((run, "print('a warning', file=sys.stderr, flush=True)"), LIMIT, None),
+    "slow to read": ((run, "given", SlowToRead()), 0.5, None),  # the limit starts after a task is read
+    # from here on the worker dies; the last output is the message, and no output of earlier tasks
+    "signal": ((run, SIGSEGV), LIMIT, crashed(f"{DIED} SIGSEGV", "SIGSEGV")),
+    "code": ((run, WORDS.format("os._exit(3)")), LIMIT, crashed(f"{LEFT} {LAST}", "exit code 3")),
+    "kill": ((run, WORDS.format(KILL)), LIMIT, crashed(f"{DIED} SIGKILL: {LAST}", "SIGKILL")),
+    "flood": ((flood,), LIMIT, crashed(f"{LEFT} x / last words / {LARGEST}", "exit code 3")),
+    "timeout": ((run, SLEEP, "started"), 0.5,
+                Failure("timeout", "LAMMPS did not finish within the time limit of 0.5 s")),
+    # killed from outside: the task is repeated, except after a signal of its own
+    "killed": ((killed_once, "mark", signal.SIGKILL), LIMIT, "done"),
+    "terminated": ((killed_once, "mark", signal.SIGTERM), LIMIT, "done"),
+    "segfault once": ((killed_once, "mark", signal.SIGSEGV), LIMIT, crashed(f"{DIED} SIGSEGV", "SIGSEGV")),
+}  # fmt: skip
+STAYS = [*ENDS][: [*ENDS].index("signal")]
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_end_of_a_task_costs_no_other(
+    end: str, workers: Workers, capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (task, *arguments), limit, expected = ENDS[end]
+    arguments = [str(tmp_path / each) if each in ("mark", "started") else each for each in arguments]
+    before = workers.outcome(workers.call(run, PID, time_limit=LIMIT))
+    ended, after = workers.call(task, *arguments, time_limit=limit), workers.call(run, PID, time_limit=LIMIT)
+    assert workers.outcome(ended) == expected
+    assert before[0] == workers.outcome(after)[0] == "a site" and before[1] != os.getpid()
+    assert (workers.outcome(after) == before) == (end in STAYS)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_missing_lammps_is_raised_not_a_failure_of_one_task(workers: Workers) -> None:
+    with pytest.raises(EngineMissing, match="no LAMMPS here"):
+        workers.outcome(workers.call(fail, EngineMissing("no LAMMPS here"), time_limit=LIMIT))
+
+
+def test_control_characters_in_messages_are_escaped() -> None:
+    message = Failure("refused", "a\x1b[2J\x9b1m\x00\nb\tc \u00e9\udcff").message
+    assert message == "a\\x1b[2J\\x9b1m\\x00\nb\tc \u00e9\\udcff"
+
+
+def test_killed_idle_worker_costs_no_task(workers: Workers) -> None:
+    for _ in range(2):
+        os.kill(workers.outcome(workers.call(run, PID, time_limit=LIMIT))[1], signal.SIGKILL)
+        time.sleep(0.5)  # until the pool has seen it
+    assert not isinstance(workers.outcome(workers.call(run, PID, time_limit=LIMIT)), Failure)
+
+
+@pytest.mark.parametrize("how", ["poison", "reading", "answering"])
+def test_queued_tasks_survive_the_death_of_workers(how: str, tmp_path: Path) -> None:
+    """A worker dies while it reads a task or answers; the arguments of the other tasks fill a pipe."""
+    with Workers(None, 1 if how == "poison" else 2) as pool:
+        killer = Poison() if how == "poison" else KilledOnce(str(tmp_path / "mark"), how == "answering")
+        first = pool.call(run, "given", killer, time_limit=LIMIT)
+        others = [pool.call(run, LENGTH, bytes(100_000), time_limit=LIMIT) for _ in range(20)]
+        assert not wait([first, *others], LIMIT / 4).not_done
+        died = Failure("crashed", "LAMMPS' process exited with code 1", "exit code 1")
+        assert pool.outcome(first) == (died if how == "poison" else "done")
+        assert [pool.outcome(each) for each in others] == 20 * [100_000]
+        assert [pool.outcome(pool.call(run, LENGTH, b"", time_limit=LIMIT)) for _ in range(4)] == 4 * [0]
+
+
+@pytest.mark.parametrize("read", [0, 1, 2])
+def test_death_is_attributed_to_the_task_begun_last(read: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker's answers are read before its death is reported, however late the reader is."""
+    end, waits = LIMIT / 10, count()
+
+    def slow(*arguments: Any) -> Any:
+        if next(waits) > 2 * read:  # one wait for the start of a task, one for its answer
+            time.sleep(0.5)
+        return connection.wait(*arguments)
+
+    monkeypatch.setattr(processes, "connection", SimpleNamespace(wait=slow, Connection=Connection))
+    with Workers("a site", 1) as pool:
+        tasks = [(run, PID), (answer_and_die, signal.SIGSEGV), (run, WORDS.format(SIGSEGV)), (run, PID)]
+        futures = [pool.call(*task, time_limit=end) for task in tasks]
+        first, answered, died, last = map(pool.outcome, futures)
+    assert not isinstance(first, Failure) and answered == first[1]
+    assert isinstance(died, Failure) and died.verdict == "crashed" and "SIGSEGV" in died.message
+    assert not isinstance(last, Failure)
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_worker_death_is_reported_after_its_last_result(fresh: bool) -> None:
+    pool = LocalPool(1, fresh)
+    try:
+        tasks = [(abs, (-2,)), (os._exit, (3,)), (abs, (-4,))]
+        done, died, after = (pool.schedule(*task, LIMIT) for task in tasks)
+        assert (done.result(LIMIT), after.result(LIMIT)) == (2, 4)
+        with pytest.raises(EngineCrashed) as death:
+            died.result(LIMIT)
+        assert death.value.died == "exit code 3"
+    finally:
+        pool.stop()
+    with pytest.raises(RuntimeError, match="has ended"):
+        pool.schedule(abs, (-5,), LIMIT)
+
+
+def test_exception_stops_the_workers_at_once_and_leaves_nothing(tmp_path: Path) -> None:
+    started = tmp_path / "started"
+    with pytest.raises(KeyboardInterrupt), Workers(None, 1) as pool:
+        made = pool.outcome(pool.call(run, "tempfile.mkdtemp()", time_limit=LIMIT))
+        assert Path(made).is_dir()
+        task = pool.call(run, SLEEP, str(started), time_limit=10.0)
+        while not (started.exists() and started.read_text()):
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+    assert task.done(), "no caller waits forever"
+    assert task.cancelled() or not isinstance(task.exception(), TimeoutError), "it ran into its own limit"
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(started.read_text()), 0)
+    assert not Path(made).exists(), "what a killed worker leaves goes with the pool"
+
+
+def test_killed_server_costs_no_task() -> None:
+    """It is the parent of all workers, and only it can report how they ended."""
+    with Workers(None, 1) as pool:
+        task = pool.call(run, LATE, 1.0, time_limit=LIMIT)
+        assert isinstance(pool.outcome(pool.call(run, LATE, 0.0, time_limit=LIMIT)), int)
+        server = pool.outcome(pool.call(run, "os.getppid()", time_limit=LIMIT))
+        again = pool.call(run, LATE, 1.0, time_limit=LIMIT)
+        os.kill(server, signal.SIGKILL)
+        assert isinstance(pool.outcome(again), int)
+        assert isinstance(pool.outcome(task), int)
+
+
+# --- memory and disk
 
 
 def test_memory_of_large_arrays_goes_back_to_the_system(workers: Workers) -> None:
@@ -112,15 +298,38 @@ def test_memory_of_large_arrays_goes_back_to_the_system(workers: Workers) -> Non
     assert not isinstance(held, Failure) and held < 2 * 2**23  # of 15 arrays of 2**23 bytes
 
 
-@pytest.mark.lammps
-def ids(site: str | None, kept: KeptAnswer) -> list[int]:
-    return [int(one) for one in kept.read().arrays["id"]]
+def test_workers_collect_garbage_except_among_imports_of_the_server(workers: Workers) -> None:
+    enabled, set_aside = workers.outcome(workers.call(run, "(gc.isenabled(), gc.get_freeze_count())", time_limit=LIMIT))
+    assert enabled and set_aside > 10_000
+
+
+def test_lammps_keeps_no_atoms_of_a_large_job(case_file: Callable[..., Path], workers: Workers) -> None:
+    (job,) = prepare(load((case_file(),))[0]).jobs
+    n = len(job.id_n)
+    left = [workers.outcome(workers.call(atoms_after, job, large, time_limit=LIMIT)) for large in (n, n - 1)]
+    assert left == [n, 0]
+
+
+def test_processes_get_the_requested_memory_and_their_children_end_with_them() -> None:
+    with limited("3G"), Workers(None, 1) as pool:
+        assert pool.outcome(pool.call(run, MEMORY, time_limit=LIMIT)) == 3 * 2**30
+        child = pool.outcome(pool.call(run, "subprocess.Popen(['sleep', '600']).pid", time_limit=LIMIT))
+        os.kill(child, 0)
+    assert memory_share(2) // 2 == memory_share(4) > 0, "again that of the machine"
+    deadline = time.monotonic() + 5
+    while Path(f"/proc/{child}").exists() and "Z" not in Path(f"/proc/{child}/stat").read_text().split()[2]:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize("text", ["4", "4g", "0.5G", "-1G", "G", "9999999T", "4GB", "\u0664G"])
+def test_bad_memory_size_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="memory: must be a whole number of M, G or T bytes, as 4G, found"):
+        size(text)
 
 
 @pytest.mark.lammps
-def test_answer_is_kept_until_discarded_or_the_pool_ends(
-    case_file: Callable[..., Path],
-) -> None:
+def test_answer_is_kept_until_discarded_or_the_pool_ends(case_file: Callable[..., Path]) -> None:
     job = prepare(load([case_file()])[0]).jobs[0]
     with Workers(None, 2) as pool:
         answers = [pool.outcome(pool.submit_for_task(job, LIMIT)) for _ in range(2)]
@@ -170,269 +379,60 @@ def test_folders_of_killed_pools_are_removed_by_the_next(tmp_path: Path, monkeyp
     assert alive not in [*tmp_path.iterdir()]
 
 
-def test_lammps_keeps_no_atoms_of_a_large_job(case_file: Callable[..., Path], workers: Workers) -> None:
-    (job,) = prepare(load((case_file(),))[0]).jobs
-    n = len(job.id_n)
-    left = [workers.outcome(workers.call(atoms_after, job, large, time_limit=LIMIT)) for large in (n, n - 1)]
-    assert left == [n, 0]
+# --- the server that workers are forked from
+
+FRESH = """
+from lammps_cases.engine import forkserver
+from lammps_cases.engine.pool import LocalPool
+
+forkserver.start_for_judging()
+for fresh in (False, True, False):
+    pool = LocalPool(1, fresh)
+    print(pool.schedule(eval, ("'eos_ref' in __import__('sys').modules",), 60.0).result())
+    pool.finish()
+"""
+
+
+def test_fresh_processes_import_nothing_in_advance() -> None:
+    printed = subprocess.run([sys.executable, "-c", FRESH], capture_output=True, text=True, check=True).stdout
+    assert printed.split() == ["True", "False", "True"]
+
+
+@pytest.mark.lammps
+def test_modules_in_the_current_folder_are_not_imported(tmp_path: Path) -> None:
+    for name in ("lammps_cases", "lammps", "yaml", "numbers"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('not this one')\n")
+    cases = "units.si.linear", "newton.bonds-two-ranks.thermal-3d"
+    command = [sys.executable, Path(sys.executable).with_name("eos-ref"), "run", *cases, "--out", "out"]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert run.returncode == 0 and "2 cases: 1 exact" in run.stdout, run.stdout + run.stderr
+
+
+# --- tasks in a fork of this process
+
+
+def refuse() -> None:
+    raise ValueError("no")
+
+
+def last_words(number: int) -> None:
+    os.write(1, b"last words\n")
+    os.kill(os.getpid(), number)
 
 
 @pytest.mark.parametrize(
-    ("error", "failure"),
+    ("task", "limit", "error", "words"),
     [
-        (EngineRefused("ERROR: Unknown command"), Failure("refused", "ERROR: Unknown command")),
-        (EngineCrashed("two ranks died", "SIGFPE"), Failure("crashed", "two ranks died", "SIGFPE")),
-        (MemoryError(), Failure("crashed", "out of memory", "out of memory")),
-        (SystemExit(7), Failure("crashed", "LAMMPS' Python package ended with exit code 7", "exit code 7")),
-        (ValueError("no"), Failure("error", "ValueError: no")),
-        (GeneratorExit("no"), Failure("error", "GeneratorExit: no")),
-        (KeyboardInterrupt(), Failure("error", "KeyboardInterrupt: ")),
-        (EngineRefused("ERROR: \udcff"), Failure("refused", "ERROR: \\udcff")),
+        ((refuse,), 10.0, ValueError, "no"),
+        ((last_words, signal.SIGKILL), 10.0, EngineCrashed, "LAMMPS' process was killed by SIGKILL: last words"),
+        ((os._exit, 7), 10.0, EngineCrashed, "exited with code 7"),
+        ((time.sleep, 60.0), 0.2, TimeoutError, "did not finish within the time limit"),
     ],
 )
-def test_an_exception_is_a_failure_and_costs_no_worker(
-    error: BaseException, failure: Failure, workers: Workers
-) -> None:
-    before = workers.outcome(workers.call(pid, time_limit=LIMIT))
-    assert workers.outcome(workers.call(fail, error, time_limit=LIMIT)) == failure
-    assert workers.outcome(workers.call(pid, time_limit=LIMIT)) == before
-
-
-def test_missing_lammps_is_raised_not_a_failure_of_one_task(workers: Workers) -> None:
-    with pytest.raises(EngineMissing, match="no LAMMPS here"):
-        workers.outcome(workers.call(fail, EngineMissing("no LAMMPS here"), time_limit=LIMIT))
-
-
-@pytest.mark.parametrize(
-    ("code", "message", "died"),
-    [
-        (3, "LAMMPS' process exited with code 3: first words / last words", "exit code 3"),
-        (-signal.SIGKILL, "LAMMPS' process was killed by SIGKILL: first words / last words", "SIGKILL"),
-    ],
-)
-def test_death_costs_its_task_and_the_last_output_is_its_message(
-    code: int, message: str, died: str, workers: Workers, capfd: pytest.CaptureFixture[str]
-) -> None:
-    dead, next_one = workers.call(die, code, time_limit=LIMIT), workers.call(pid, time_limit=LIMIT)
-    assert workers.outcome(dead) == Failure("crashed", message, died)
-    assert not isinstance(workers.outcome(next_one), Failure)
-    assert capfd.readouterr() == ("", "")
-
-
-def test_output_of_earlier_tasks_is_not_reported(workers: Workers) -> None:
-    warned, died = (workers.call(task, time_limit=LIMIT) for task in (warn, segfault))
-    assert workers.outcome(warned) is None
-    assert workers.outcome(died) == Failure("crashed", "LAMMPS' process was killed by SIGSEGV", "SIGSEGV")
-
-
-def test_control_characters_in_messages_are_escaped() -> None:
-    assert (
-        Failure("refused", "a\x1b[2J\x9b1m\x00\nb\tc \u00e9\udcff").message
-        == "a\\x1b[2J\\x9b1m\\x00\nb\tc \u00e9\\udcff"
-    )
-
-
-def killed_once(site: str | None, mark: str, number: int) -> str:
-    if not Path(mark).exists():
-        Path(mark).touch()
-        os.kill(os.getpid(), number)
-    return "done"
-
-
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_worker_killed_from_outside_costs_no_task(number: int, workers: Workers, tmp_path: Path) -> None:
-    task = workers.call(killed_once, str(tmp_path / "mark"), number, time_limit=LIMIT)
-    assert workers.outcome(task) == "done"
-    crash = workers.call(killed_once, str(tmp_path / "other"), signal.SIGSEGV, time_limit=LIMIT)
-    assert workers.outcome(crash) == Failure("crashed", "LAMMPS' process was killed by SIGSEGV", "SIGSEGV")
-
-
-def test_killed_idle_worker_costs_no_task(workers: Workers) -> None:
-    for _ in range(2):
-        found = workers.outcome(workers.call(pid, time_limit=LIMIT))
-        assert not isinstance(found, Failure)
-        os.kill(found[1], signal.SIGKILL)
-        time.sleep(0.5)  # until the pool has seen it
-    assert not isinstance(workers.outcome(workers.call(pid, time_limit=LIMIT)), Failure)
-
-
-class Poison:
-    """End the process that unpickles it."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return os._exit, (1,)
-
-
-def length(site: str | None, content: bytes) -> int:
-    return len(content)
-
-
-def test_queued_tasks_survive_the_death_of_all_workers() -> None:
-    """The worker dies while it reads a task; the arguments of the other tasks fill a pipe."""
-    with Workers(None, 1) as pool:
-        first = pool.call(length, Poison(), time_limit=LIMIT)
-        others = [pool.call(length, bytes(100_000), time_limit=LIMIT) for _ in range(20)]
-        assert not wait([first, *others], LIMIT / 4).not_done
-        assert pool.outcome(first) == Failure("crashed", "LAMMPS' process exited with code 1", "exit code 1")
-        assert not wait(others, LIMIT / 4).not_done
-        assert [pool.outcome(each) for each in others] == 20 * [100_000]
-
-
-class KilledOnce:
-    """Kill the first process that unpickles it, optionally in the middle of an answer."""
-
-    def __init__(self, mark: str, answering: bool) -> None:
-        self.given = mark, answering
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return killed_with_the_pipe, self.given
-
-
-def killed_with_the_pipe(mark: str, answering: bool) -> str:
-    if not Path(mark).exists():
-        Path(mark).touch()
-        if answering:
-            gc.unfreeze()  # objects that a worker inherits are frozen
-            (pipe,) = (each for each in gc.get_objects() if type(each) is Connection and not each.closed)
-            os.write(pipe.fileno(), b"\0\0\1")  # a part of the length of a message
-        os.kill(os.getpid(), signal.SIGKILL)
-    return "done"
-
-
-def given(site: str | None, content: str) -> str:
-    return content
-
-
-@pytest.mark.parametrize("answering", [False, True])
-def test_worker_killed_while_reading_or_answering_costs_no_task(answering: bool, tmp_path: Path) -> None:
-    with Workers(None, 2) as pool:
-        task = pool.call(given, KilledOnce(str(tmp_path / "mark"), answering), time_limit=LIMIT)
-        others = [pool.call(length, bytes(100_000), time_limit=LIMIT) for _ in range(20)]
-        assert pool.outcome(task) == "done"
-        assert [pool.outcome(each) for each in others] == 20 * [100_000]
-        assert [pool.outcome(pool.call(length, b"", time_limit=LIMIT)) for _ in range(4)] == 4 * [0]
-
-
-def start_child(site: str | None) -> int:
-    return subprocess.Popen(["sleep", "600"]).pid
-
-
-def test_children_of_an_engine_end_with_the_workers() -> None:
-    with Workers(None, 1) as pool:
-        child = pool.outcome(pool.call(start_child, time_limit=LIMIT))
-        assert isinstance(child, int)
-        os.kill(child, 0)
-    deadline = time.monotonic() + 5
-    while Path(f"/proc/{child}").exists() and "Z" not in Path(f"/proc/{child}/stat").read_text().split()[2]:
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-
-
-def flood(site: str | None) -> None:
-    for text in 200 * [10_000 * b"x\n"] + [b"last words\n"]:
-        os.write(1, text)
-    print(resource.getrlimit(resource.RLIMIT_FSIZE)[0], flush=True)
-    os._exit(3)
-
-
-def memory(site: str | None) -> int:
-    return resource.getrlimit(resource.RLIMIT_AS)[0]
-
-
-def test_processes_get_the_requested_memory() -> None:
-    with limited("3G"), Workers(None, 1) as pool:
-        assert pool.outcome(pool.call(memory, time_limit=LIMIT)) == 3 * 2**30
-    assert memory_share(2) // 2 == memory_share(4) > 0, "again that of the machine"
-
-
-@pytest.mark.parametrize("text", ["4", "4g", "0.5G", "-1G", "G", "9999999T", "4GB", "\u0664G"])
-def test_bad_memory_size_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="memory: must be a whole number of M, G or T bytes, as 4G, found"):
-        size(text)
-
-
-def answer_and_die(site: str | None, number: int) -> int:
-    threading.Timer(0.2, os.kill, (os.getpid(), number)).start()
-    return os.getpid()
-
-
-@pytest.mark.parametrize("read", [0, 1, 2])
-def test_death_is_attributed_to_the_task_begun_last(read: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A worker's answers are read before its death is reported, however late the reader is."""
-    end, waits = LIMIT / 10, count()
-
-    def late(*arguments: Any) -> Any:
-        if next(waits) > 2 * read:  # one wait for the start of a task, one for its answer
-            time.sleep(1.0)
-        return connection.wait(*arguments)
-
-    monkeypatch.setattr(processes, "connection", SimpleNamespace(wait=late, Connection=Connection))
-    with Workers("a site", 1) as pool:
-        tasks = [(pid,), (answer_and_die, signal.SIGSEGV), (die, -signal.SIGSEGV), (pid,)]
-        futures = [pool.call(*task, time_limit=end) for task in tasks]
-        first, answered, died, last = map(pool.outcome, futures)
-    assert not isinstance(first, Failure) and answered == first[1]
-    assert isinstance(died, Failure) and died.verdict == "crashed" and "SIGSEGV" in died.message
-    assert not isinstance(last, Failure)
-
-
-def test_only_the_end_of_endless_output_is_kept_and_reported(workers: Workers) -> None:
-    told = workers.outcome(workers.call(flood, time_limit=LIMIT))
-    assert told == Failure("crashed", f"LAMMPS' process exited with code 3: x / last words / {LARGEST}", "exit code 3")
-
-
-def test_a_task_beyond_its_time_limit_costs_no_other(workers: Workers, tmp_path: Path) -> None:
-    slow = workers.call(sleep, str(tmp_path / "started"), time_limit=0.5)
-    next_one = workers.call(pid, time_limit=LIMIT)
-    expected = Failure("timeout", "LAMMPS did not finish within the time limit of 0.5 s")
-    assert workers.outcome(slow) == expected
-    assert not isinstance(workers.outcome(next_one), Failure)
-
-
-class SlowToRead:
-    """Take a second to unpickle, as a task with many imports does."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return time.sleep, (1.0,)
-
-
-def test_time_limit_starts_after_a_task_is_read(workers: Workers) -> None:
-    assert workers.outcome(workers.call(given, SlowToRead(), time_limit=0.5)) is None
-
-
-def test_exception_stops_the_workers_at_once_and_leaves_nothing(tmp_path: Path) -> None:
-    started = tmp_path / "started"
-    with pytest.raises(KeyboardInterrupt), Workers(None, 1) as pool:
-        made = pool.outcome(pool.call(temporary, time_limit=LIMIT))
-        assert isinstance(made, str) and Path(made).is_dir()
-        task = pool.call(sleep, str(started), time_limit=10.0)
-        while not (started.exists() and started.read_text()):
-            time.sleep(0.01)
-        raise KeyboardInterrupt
-    assert task.done(), "no caller waits forever"
-    assert task.cancelled() or not isinstance(task.exception(), TimeoutError), "it ran into its own limit"
-    with pytest.raises(ProcessLookupError):
-        os.kill(int(started.read_text()), 0)
-    assert not Path(made).exists(), "what a killed worker leaves goes with the pool"
-
-
-def _late(site: str | None, seconds: float) -> int:
-    time.sleep(seconds)
-    return os.getpid()
-
-
-def parent(site: str | None) -> int:
-    return os.getppid()
-
-
-def test_killed_server_costs_no_task() -> None:
-    """It is the parent of all workers, and only it can report how they ended."""
-    with Workers(None, 1) as pool:
-        task = pool.call(_late, 1.0, time_limit=LIMIT)
-        assert isinstance(pool.outcome(pool.call(_late, 0.0, time_limit=LIMIT)), int)
-        server = pool.outcome(pool.call(parent, time_limit=LIMIT))
-        assert isinstance(server, int)
-        again = pool.call(_late, 1.0, time_limit=LIMIT)
-        os.kill(server, signal.SIGKILL)
-        assert isinstance(pool.outcome(again), int)
-        assert isinstance(pool.outcome(task), int)
+def test_failures_of_a_fork(task: tuple[Any, ...], limit: float, error: type[Exception], words: str) -> None:
+    begin = time.monotonic()
+    with pytest.raises(error, match=words):
+        apart.call(*task, time_limit=limit)
+    assert time.monotonic() - begin < 30
+    assert apart.call(abs, -42, time_limit=10.0) == 42
+    assert apart.call(os.getpid, time_limit=10.0) != os.getpid()

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from eos_ref import InputError
@@ -70,6 +70,7 @@ def test_places_are_evenly_spaced_and_include_the_ends(axis: Axis) -> None:
 
 
 @pytest.mark.parametrize("axis", [LINEAR, LOG])
+@settings(deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_boundaries_are_found_to_the_width_in_order(axis: Axis, data: st.DataObject) -> None:
     """Kinds change at some edges, at most one between two coarse places; each edge is found, with few cells."""

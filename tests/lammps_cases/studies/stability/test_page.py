@@ -13,7 +13,7 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from eos_ref import InputError
@@ -25,6 +25,7 @@ from lammps_cases.studies.stability import draw, maps, page
 from lammps_cases.studies.stability.maps import ExpectedDifference
 from lammps_cases.studies.stability.model import ENGINES, KINDS, Boundary, Kind, MapCell
 from tests.support.made_atlas import MAP, PLACES, TEXT, kind, made_atlas, made_map
+from tests.support.pages import words
 
 pytestmark = pytest.mark.slow
 
@@ -46,9 +47,7 @@ def text(folder: Path) -> str:
 
 def test_words_of_the_page(text: str, snapshot: Any) -> None:
     """Every cell has its numbers and its command, every disagreement both sides."""
-    bare = re.sub(r"<(svg|style|script|head)\b.*?</\1>|data:image/png;base64,[^\"]*", "", text, flags=re.DOTALL)
-    words = re.sub(r"<[^>]+>", "|", bare)
-    assert re.sub(r"(\s*\|\s*)+", " | ", words).strip().replace(" | ", "\n") == snapshot
+    assert words(text) == snapshot
 
 
 def test_page_has_unique_ids_valid_links_and_escaped_text(folder: Path, text: str) -> None:
@@ -101,6 +100,7 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 CELLS = st.builds(MapCell, st.just("made"), NUMBERS, NUMBERS, st.text("ab:_- <>,0", max_size=5))
 
 
+@settings(deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(CELLS, min_size=1, max_size=6))
 def test_names_of_cells_round_trip_and_have_different_addresses(cells: list[MapCell]) -> None:
     assert [MapCell.parse(cell.name) for cell in cells] == cells

@@ -7,14 +7,15 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 
 from eos_ref import InputError
 from eos_ref.methods.laws import METHODS as LAW_METHODS
@@ -87,6 +88,7 @@ def _points(methods: dict[str, tuple[float, float]]) -> tuple[MethodPoint, ...]:
     return compared(given, timings)
 
 
+@settings(deadline=None)
 @given(
     st.dictionaries(
         st.text("abcdefgh", min_size=1, max_size=3),
@@ -220,7 +222,7 @@ def test_legend_has_every_method_and_lammps_shares_its_shape() -> None:
     assert len({marks[name] for name in names}) == 24
 
 
-def test_methods_have_one_explanation_per_section(tmp_path: Path) -> None:
+def test_methods_have_one_explanation_and_one_mark_per_section(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     interval = ConfidenceInterval(1.0, 0.9, 1.1)
     named = {"one": "the first way", "two": "the second way", "two again": "the second way", "LAMMPS": "its output"}
     points = [MethodPoint("q", "r", name, 1e-9, interval, reason=reason) for name, reason in named.items()]
@@ -229,23 +231,16 @@ def test_methods_have_one_explanation_per_section(tmp_path: Path) -> None:
     section = Section("laws", "Laws", "about", 1.0, tuple(both))
     listed = [(["one"], named["one"]), (["two", "two again"], named["two"]), (["LAMMPS"], named["LAMMPS"])]
     assert page.methods(section) == listed
-    text = written(tmp_path, made_chart(sections=(section,)))
-    assert text.count("<dt>two; two again</dt> <dd>the second way</dd>") == 1 and "not listed:" not in text
-
-
-def test_methods_have_one_mark_in_all_panels_of_a_section(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[page.Marks] = []
-    draw = page.panel_figure
 
-    def drawing(panel: Panel, others: Any, marks: page.Marks) -> Any:
+    def drawing(panel: Panel, others: object, marks: page.Marks) -> Figure:
         drawn.append(marks)
-        return draw(panel, others, marks)
+        return Figure()
 
-    panel = made_panel()
-    less = replace(panel, id="less", points=panel.points[1:])
     monkeypatch.setattr(page, "panel_figure", drawing)
-    page.write(made_chart(sections=(Section("laws", "", "", 1.0, (panel, less)),)), tmp_path)
-    assert drawn[0] == drawn[1] and {"fast", "exact"} <= set(drawn[0])
+    text = written(tmp_path, made_chart(sections=(section,)))
+    assert drawn[0] == drawn[1] and {"one", "two"} <= set(drawn[0])
+    assert text.count("<dt>two; two again</dt> <dd>the second way</dd>") == 1 and "not listed:" not in text
 
 
 def test_other_engine_is_drawn_over_the_first_and_named(tmp_path: Path) -> None:
@@ -274,6 +269,13 @@ def test_other_engine_is_drawn_over_the_first_and_named(tmp_path: Path) -> None:
 # --- real LAMMPS
 
 SECOND_ORDER = ("shear-wave", "heat-wave", "taylor-green", "sound-wave-tait-water")
+in_turns = measure.in_turns
+
+
+def briefly(calls: Mapping[str, measure.Call], *_: Any, **__: Any) -> dict[str, Timing]:
+    """Times without precision; that of an output without a law is 0, so that no difference is negative."""
+    took, bare = in_turns(calls, 2, 0.0), "LAMMPS, no law"
+    return took | {bare: Timing((0.0, 0.0), 1, 0.0)} if bare in took else took
 
 
 @pytest.fixture(scope="module")
@@ -285,7 +287,7 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Chart, Path]:
         patch.setattr(laws, "LAWS", laws.LAWS[:3])
         patch.setattr(laws, "SAMPLES", 512)
         patch.setattr(laws, "QUICK_STATES", 20_000)
-        patch.setattr(laws, "in_turns", lambda calls, at_least: measure.in_turns(calls, 5, at_least / 10))
+        patch.setattr(laws, "in_turns", briefly)
         return collect.collect(("laws", "flows"), True, out, "test"), out
 
 
@@ -326,7 +328,8 @@ def test_flows_converge_with_second_order_on_both_engines(quick: tuple[Chart, Pa
 
 
 @pytest.mark.lammps
-def test_command(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_command(eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measure, "in_turns", briefly)
     done = eos_ref_command("chart", "timestep", "--quick", "--out", tmp_path / "out", "--json")
     assert done.code == 0
     assert {row["quantity"] for row in json.loads(done.out)["points"]}

@@ -89,9 +89,11 @@ def test_bad_answers_of_pysph(tmp_path: Path) -> None:
     start = SWIRL.start(N, SWIRL.options)
     result = by_pysph(answering(tmp_path, [vortices(1.0) | {"x": [np.nan] * N**2}]), VORTICES, "tvf", N, start)
     assert result.message == "a position of PySPH is no finite number"
+    other = tmp_path / "other"
+    other.mkdir()
     shot = {"time": 1.0, "x": [0.0], "y": [0.0], "u": [0.0], "v": [0.0]}
     with pytest.raises(InputError, match="PySPH: must have 64 particles of fluid, found 1"):
-        by_pysph(answering(tmp_path, [shot]), VORTICES, "tvf", N, start)
+        by_pysph(answering(other, [shot]), VORTICES, "tvf", N, start)
 
 
 def test_omitted_options_leave_the_vortices_unchanged() -> None:

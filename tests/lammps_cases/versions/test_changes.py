@@ -293,7 +293,7 @@ def test_digest_of_a_twin_includes_its_second_run() -> None:
     assert (other.fields[0].kind, other.fields[0].step) == ("within bounds", 1)
 
 
-def test_case_with_numbers_counts_as_answered_and_fields_of_an_audit_are_told_by_type() -> None:
+def test_case_with_numbers_counts_as_answered_and_fields_of_an_audit_are_distinguished_by_type() -> None:
     one, two = (FieldRecord(field="pressure", stage="eos", verdict="pass", atom_type=t, digest=f"{t}") for t in (1, 2))
     assert comparable(CaseRecord(case="one", verdict="refused", ended="refused")).ended == "refused"
     assert comparable(CaseRecord(case="one", verdict="refused", ended="refused", fields=[one])).ended == "answered"

@@ -1,4 +1,4 @@
-"""Flows of all kinds: orders on the reference, faults that they detect, what findings make of them in LAMMPS.
+"""Flows of all kinds: orders on the reference, faults that they detect, how findings change them in LAMMPS.
 
 Flows at which a measure falls with another order than expected have an error in the formulas; a planted mistake in a
 property that the flow depends on must do that.
@@ -167,7 +167,7 @@ def test_order_detects_faults(flow: Flow, plant: Plant, request: pytest.FixtureR
     assert found.fit(measure).order < promised(flow) - 0.5
 
 
-# --- what findings make of flows in LAMMPS
+# --- how findings change flows in LAMMPS
 
 
 class ForceAndWall(ForcePerVolume, WallVelocityLost):

@@ -198,7 +198,7 @@ RUNS: dict[str, tuple[FlowRecord, ...]] = {
 
 
 @pytest.mark.parametrize("name", RUNS)
-def test_effects_and_stops_are_told_in_the_users_quantities(name: str, snapshot: Any) -> None:
+def test_effects_and_stops_are_reported_in_the_users_quantities(name: str, snapshot: Any) -> None:
     """A side that stopped has no order of convergence; a missing number is explained in words."""
     assert tables_validation.table(validated(*RUNS[name])) == snapshot
 

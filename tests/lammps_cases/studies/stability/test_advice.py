@@ -156,7 +156,7 @@ def test_judgement(name: str, snapshot: Any) -> None:
         (at(), "examined"),
     ],
 )
-def test_nothing_is_said_of_what_is_far_from_a_limit(made: Start, subject: str) -> None:
+def test_subjects_far_from_a_limit_are_omitted(made: Start, subject: str) -> None:
     assert subject not in [line.subject for line in judge(*parts(made), WITH_TENSIONS)]
 
 

@@ -1,4 +1,4 @@
-"""Mistakes planted in flows, and the order of convergence of the results."""
+"""Mistakes planted in flows."""
 
 from __future__ import annotations
 
@@ -6,17 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.engine.session import Session
 from lammps_cases.scene import Scene
-from lammps_cases.setup import reference_side
-from lammps_cases.studies.flows.flow import Flow, Start
-from lammps_cases.studies.flows.solve import by_lammps, converge, fit
+from lammps_cases.studies.flows.flow import Start
 
 Plant = Callable[[Start], Start]
-Law = Callable[[Any], Any]
 
 
 def in_scene(change: Callable[[Scene], dict[str, Any]]) -> Plant:
@@ -80,30 +73,3 @@ def faster(factor: float) -> Plant:
         return replace(start, atoms=replace(start.atoms, v_nc=factor * start.atoms.v_nc))
 
     return planted
-
-
-def order(flow: Flow, resolutions: Sequence[int], plant: Plant | None = None, law: Law = np.ones_like) -> float:
-    """Order at which the headline error, over a law of the resolution, falls on the reference."""
-    if plant is not None:
-        planted, begin = plant, flow.start
-        flow = replace(flow, start=lambda n, options: planted(begin(n, options)))
-    (found,) = converge(flow, engines=("reference",), resolutions=resolutions)
-    errors_n = np.array(next(iter(found.errors.values())))
-    return fit(resolutions, errors_n / law(np.array(resolutions, float))).order
-
-
-def last_state(start: Start, stages: Any) -> dict[str, Any]:
-    """Velocities and densities at the end, by stages of the reference or of a variant."""
-    scene = start.case.scene
-    model, box = reference_side.model(scene, start.atoms, ""), reference_side.box(scene, start.atoms)
-    simulation = Simulation(model, box, reference_side.state(scene, start.atoms), (), stages)
-    simulation.run(start.steps[-1], start.timestep)
-    return {"v": simulation.output("v"), "rho": simulation.output("rho")}
-
-
-def differences(flow: Flow, n: int, stages: Any, session: Session) -> tuple[float, float]:
-    """Largest difference of LAMMPS' velocities from stages, over the largest velocity; of densities, relative."""
-    start = flow.start(n, flow.options)
-    found, ours = by_lammps(start, session).snapshots[-1], last_state(start, stages)
-    v = np.abs(found.v_nc - ours["v"]).max() / np.abs(ours["v"]).max()
-    return float(v), float(np.abs(found.rho_n / ours["rho"] - 1).max())

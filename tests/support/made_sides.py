@@ -10,8 +10,6 @@ import numpy as np
 from lammps_cases.records.case_parts import Ended, Verdict, as_expected
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
 from lammps_cases.records.run_record import EngineRecord
-from lammps_cases.versions.change import Policy, SideChange
-from lammps_cases.versions.changes import compare
 from lammps_cases.versions.outcomes import Sample, Samples, Side
 
 
@@ -61,11 +59,3 @@ def side(*cases: CaseOutcome, name: str = "side", **more: Any) -> Side:
     kept: Kept = more.pop("kept", Kept())
     engine = EngineRecord(version_string="20250722", distribution=more.pop("version", "1"))
     return Side(name, engine, {"eos-ref": "0.1.0"}, {c.case: c for c in cases}, lambda case: kept)
-
-
-def one_field(a: FieldOutcome, b: FieldOutcome, policy: Policy = Policy(), **kept: tuple[Sample, Sample]) -> SideChange:  # noqa: B008
-    """The change of a single field of a single case."""
-    ours, theirs = (Kept(**{name: both[at] for name, both in kept.items()}) for at in (0, 1))
-    found = compare(side(case("one", a), kept=ours), side(case("one", b), kept=theirs), policy)
-    (change,) = found.fields
-    return change

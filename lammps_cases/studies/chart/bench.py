@@ -174,10 +174,10 @@ def programs_against_python(repeats: int) -> Iterator[Ratio]:
     yield _processes("eos-ref --help", "empty Python program", [*EOS_REF, "--help"], "pass", repeats)
     for words in ("eos-ref r", "eos-ref run forces.", "eos-ref findings f", "eos-ref run --tag q"):
         what = f"completion of {words}"
-        yield _processes(what, "empty Python program", [*EOS_REF], "pass", repeats, _asked(words))
+        yield _processes(what, "empty Python program", [*EOS_REF], "pass", repeats, asked(words))
 
 
-def _asked(words: str) -> dict[str, str]:
+def asked(words: str) -> dict[str, str]:
     """Return the variables that bash sets to complete the last of some words."""
     return {"_EOS_REF_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
 
@@ -192,11 +192,12 @@ def _processes(
     theirs = [sys.executable, "-c", code]
     with tempfile.TemporaryDirectory() as folder:
         installed = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": folder}
-        call, peer_call = partial(_process, ours, installed | (environment or {})), partial(_process, theirs, installed)
+        call, peer_call = partial(process, ours, installed | (environment or {})), partial(process, theirs, installed)
         return against(scene, peer, call, peer_call, repeats, at_least=0)
 
 
-def _process(command: list[str], environment: dict[str, str] | None = None) -> None:
+def process(command: list[str], environment: dict[str, str] | None = None) -> None:
+    """Run a program; RuntimeError with its output if it fails."""
     environ = os.environ | (environment or {})
     done = subprocess.run(command, check=False, capture_output=True, text=True, env=environ)
     if done.returncode:
@@ -322,8 +323,8 @@ def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 5) -> It
 def model_bytes_per_particle(option: str = "RK1", edge: int = 1000) -> float:
     """Return the peak memory that a million particles add to a process that has everything loaded, per particle."""
     code = f"from lammps_cases.studies.chart.bench import grown; print(grown({option!r}, {edge}))"
-    process = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    return float(process.stdout.split()[-1]) / edge**2
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    return float(done.stdout.split()[-1]) / edge**2
 
 
 def grown(option: str, edge: int) -> float:

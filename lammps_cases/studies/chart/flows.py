@@ -235,12 +235,12 @@ def stability(flow: Flow, n: int, session: Session | None) -> ConfidenceInterval
     limit, where LAMMPS would lose its atoms.
     """
     low, high = 1.0, 1.25
-    while not _grows(flow, n, high, session):
+    while not grows(flow, n, high, session):
         low, high = high, 1.25 * high
-    return bisected(lambda fraction: not _grows(flow, n, fraction, session), low, high, CLOSE)
+    return bisected(lambda fraction: not grows(flow, n, fraction, session), low, high, CLOSE)
 
 
-def _grows(flow: Flow, n: int, fraction: float, session: Session | None) -> bool:
+def grows(flow: Flow, n: int, fraction: float, session: Session | None) -> bool:
     """Return whether energy grows tenfold, or the run fails, within some steps."""
     start = _noisy(started(flow, n, fraction))
     run = stepping(start, session)

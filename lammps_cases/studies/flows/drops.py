@@ -134,7 +134,7 @@ DROP_SOUND = 12.0  # over B R: the pressure in the middle, 0.58, compresses the 
 SWINGS = tuple(np.linspace(0.2, 9.6, 48).tolist())  # times B
 
 
-def _ellipse(times: FloatArray) -> FloatArray:
+def ellipse(times: FloatArray) -> FloatArray:
     """Return the axis along which the drop is stretched first, over R."""
 
     def rates(_: float, state: FloatArray) -> list[float]:
@@ -198,7 +198,7 @@ AXIS = FlowPanel(
     "axis",
     "time · B",
     "half axis along x / R",
-    (line("ellipse", _T, _ellipse(_T), "Monaghan & Rafiee (2013): the equations of the ellipse, integrated"),),
+    (line("ellipse", _T, ellipse(_T), "Monaghan & Rafiee (2013): the equations of the ellipse, integrated"),),
     _axis,
 )
 DROP = Flow(
@@ -218,7 +218,7 @@ DROP = Flow(
         FlowQuantity(
             "period times B",
             lambda *of: _period(*_axis(*of)),
-            _period(SWINGS, _ellipse(np.array(SWINGS)).tolist()),
+            _period(SWINGS, ellipse(np.array(SWINGS)).tolist()),
             "ellipse",
         ),
     ),

@@ -20,13 +20,14 @@ from lammps_cases.records.run_record import EngineRecord, read_run
 from lammps_cases.versions import acceptance, baseline, pairs
 from lammps_cases.versions.acceptance import Accepted, portable
 from lammps_cases.versions.changes import Changes
-from tests.support.edited_runs import NAMES, of_field
+from tests.support.edited_runs import NAMES, Edit, of_field
 from tests.support.outcome import Outcome
 
 pytestmark = pytest.mark.lammps
 
 Change = Callable[..., Path]
 OTHER = "f" * 16  # a digest of no array
+REFUSED = "refused.type-zero"
 
 
 def accept(run: Path, baselines: Path, **more: Any) -> Accepted:
@@ -60,11 +61,13 @@ def _folder(accepted: Path) -> Path:
 # --- content
 
 
-def test_accepted_run_agrees_with_its_baseline(small_run: Path, accepted: Path) -> None:
-    found = check(small_run, accepted)
+def test_accepted_run_agrees_with_its_baseline_and_is_not_written_again(small_run: Path, accepted: Path) -> None:
+    found, before = check(small_run, accepted), content(_folder(accepted))
     assert (found.faults, found.notes) == ((), ())
     assert set(found.counts) == {"same bits", "same outcome"}
     assert len({change.case for change in found.fields}) == len(NAMES)
+    assert not accept(small_run, accepted).written
+    assert content(_folder(accepted)) == before
 
 
 def test_files_have_the_content_of_the_run(small_run: Path, accepted: Path) -> None:
@@ -82,7 +85,7 @@ def test_files_have_the_content_of_the_run(small_run: Path, accepted: Path) -> N
     assert [row[0] for row in rows[1:]] == sorted(row[0] for row in rows[1:])
     assert all(len(row) == len(rows[0]) and all(row) for row in rows)
     lines = {(row[0], row[1]): row for row in rows}
-    refused = next(case for case in run.cases if case.case == "refused.type-zero")
+    refused = next(case for case in run.cases if case.case == REFUSED)
     assert lines[refused.case, "(case)"][2:4] == ["refused", "refused"]
     assert lines[refused.case, "(case)"][-1] == refused.expects
     force = next(f for c in run.cases if c.case == "images.quintic.two" for f in c.fields if f.field == "f")
@@ -105,22 +108,16 @@ def test_quick_cases_save_lammps_arrays_and_a_bound_rounded_up(small_run: Path, 
 
 def test_acceptance_elsewhere_gives_the_same_bytes(small_run: Path, accepted: Path, tmp_path: Path) -> None:
     accept(small_run, tmp_path / "again")
-    ours, theirs = content(_folder(accepted)), content(_folder(tmp_path / "again"))
-    ours.pop("reasons.jsonl"), theirs.pop("reasons.jsonl")
+    ours, theirs = (content(_folder(folder)) | {"reasons.jsonl": b""} for folder in (accepted, tmp_path / "again"))
     assert ours == theirs
 
 
-def test_baseline_round_trips(accepted: Path, tmp_path: Path) -> None:
-    folder = _folder(accepted)
-    read = baseline.read(folder)
-    assert baseline.lines(read.cases) == (folder / "verdicts.tsv").read_text()
-
-
-def test_text_with_tabs_and_quotes_round_trips(small_run: Path, changed_run: Change, tmp_path: Path) -> None:
+def test_baseline_round_trips_with_hostile_text(changed_run: Change, tmp_path: Path) -> None:
     hostile = 'a\tb "c" # d\\e'
-    run = changed_run(lambda record: record.update(expects=hostile), "refused.type-zero")
-    accept(run, tmp_path / "accepted")
-    assert baseline.read(_folder(tmp_path / "accepted")).cases["refused.type-zero"].expects == hostile
+    accept(changed_run(lambda record: record.update(expects=hostile), REFUSED), tmp_path / "accepted")
+    read = baseline.read(_folder(tmp_path / "accepted")).cases
+    assert read[REFUSED].expects == hostile
+    assert baseline.lines(read) == (_folder(tmp_path / "accepted") / "verdicts.tsv").read_text()
 
 
 @pytest.mark.parametrize(
@@ -139,44 +136,48 @@ def test_names_of_engines_are_safe_as_folders(engine: EngineRecord, name: str) -
 # --- check of a run
 
 
+PRESSURE = ("defaults.linear", "pressure")
+FORCE = ("images.quintic.two", "f")
+BITS = of_field("pressure", digest=OTHER)
+WORSE = of_field("pressure", digest=OTHER, verdict="differs")
+
+
+def elsewhere(document: dict[str, Any]) -> None:
+    document["machine"]["kind"] = "another processor"
+
+
+def fewer(document: dict[str, Any]) -> None:
+    document["cases"] = document["cases"][:1]
+
+
 @pytest.mark.parametrize(
-    ("case", "field", "changes", "kind"),
+    ("where", "edit", "whole", "kind"),
     [
-        ("defaults.linear", "pressure", {"digest": OTHER}, "within bounds"),
-        ("defaults.linear", "pressure", {"digest": OTHER, "verdict": "pass"}, "within bounds"),
-        ("defaults.linear", "pressure", {"digest": OTHER, "verdict": "differs"}, "changed"),
-        ("defaults.linear", "pressure", {"verdict": "differs"}, "judged otherwise"),
-        ("images.quintic.two", "f", {"explained_by": ["another-finding"]}, "judged otherwise"),
-        ("images.quintic.two", "f", {"verdict": "pass", "explained_by": [], "digest": OTHER}, "changed"),
+        (PRESSURE, BITS, None, "within bounds"),
+        (PRESSURE, of_field("pressure", digest=OTHER, verdict="pass"), None, "within bounds"),
+        (PRESSURE, WORSE, None, "changed"),
+        (PRESSURE, of_field("pressure", verdict="differs"), None, "judged otherwise"),
+        (FORCE, of_field("f", explained_by=["another-finding"]), None, "judged otherwise"),
+        (FORCE, of_field("f", verdict="pass", explained_by=[], digest=OTHER), None, "changed"),
+        ((REFUSED, ""), lambda record: record.update(verdict="differs"), None, "changed"),
+        (
+            *((REFUSED, ""), lambda record: record.update(verdict="crashed", ended="crashed", message="killed")),
+            *(None, "newly crashed"),
+        ),
+        (PRESSURE, of_field("pressure", field="p"), None, "missing field"),
+        # Other bits on another kind of machine are only reported.
+        (PRESSURE, BITS, elsewhere, ""),
+        (PRESSURE, WORSE, elsewhere, "changed"),
     ],
 )
-def test_change_of_bits_verdict_or_finding_fails(
-    changed_run: Change, accepted: Path, case: str, field: str, changes: dict[str, Any], kind: str
+def test_change_of_bits_verdict_finding_or_ending_fails(
+    changed_run: Change, accepted: Path, where: tuple[str, str], edit: Edit, whole: Edit | None, kind: str
 ) -> None:
-    run = changed_run(of_field(field, **changes), case)
-    assert faults(check(run, accepted)) == [(case, field, kind)]
-
-
-@pytest.mark.parametrize(
-    "change", [{"verdict": "differs"}, {"verdict": "crashed", "ended": "crashed", "message": "killed"}]
-)
-def test_change_of_the_ending_of_a_case_fails(changed_run: Change, accepted: Path, change: dict[str, Any]) -> None:
-    run = changed_run(lambda record: record.update(change), "refused.type-zero")
-    assert [case for case, _, _ in faults(check(run, accepted))] == ["refused.type-zero"]
-
-
-def test_other_bits_on_another_kind_of_machine_are_only_reported(changed_run: Change, accepted: Path) -> None:
-    def elsewhere(document: dict[str, Any]) -> None:
-        document["machine"]["kind"] = "another processor"
-
-    changes = {verdict: of_field("pressure", digest=OTHER, verdict=verdict) for verdict in ("pass", "differs")}
-    assert check(changed_run(changes["pass"], name="here"), accepted).faults
-    found = check(changed_run(changes["pass"], whole=elsewhere), accepted)
-    assert found.faults == ()
-    assert found.counts["within bounds"] == 1
-    assert any("another kind of machine" in note for note in found.notes)
-    worse = changed_run(changes["differs"], whole=elsewhere, name="worse")
-    assert faults(check(worse, accepted)) == [("defaults.linear", "pressure", "changed")]
+    found = check(changed_run(edit, where[0], whole), accepted)
+    assert faults(found) == ([(*where, kind)] if kind else [])
+    assert any("another kind of machine" in note for note in found.notes) == bool(whole)
+    assert kind or found.counts["within bounds"] == 1
+    assert [c.field for c in found.fields if c.kind == "new field"] == ["p"] * (kind == "missing field")
 
 
 def test_run_without_a_machine_counts_as_from_this_one(
@@ -188,30 +189,19 @@ def test_run_without_a_machine_counts_as_from_this_one(
     assert check(old, accepted).faults == ()
 
 
-def test_renamed_field_is_missing_under_its_old_name(changed_run: Change, accepted: Path) -> None:
-    found = check(changed_run(of_field("pressure", field="p")), accepted)
-    assert faults(found) == [("defaults.linear", "pressure", "missing field")]
-    assert [c.field for c in found.fields if c.kind == "new field"] == ["p"]
-
-
-def test_only_cases_of_the_run_are_checked_and_new_ones_reported(changed_run: Change, accepted: Path) -> None:
-    def fewer(document: dict[str, Any]) -> None:
-        document["cases"] = document["cases"][:1]
+def test_only_cases_of_the_run_are_checked_and_new_or_removed_ones_reported(
+    changed_run: Change, accepted: Path
+) -> None:
+    def another(document: dict[str, Any]) -> None:
+        fewer(document)
         document["cases"].append({**document["cases"][0], "case": "defaults.new"})
 
-    found = check(changed_run(whole=fewer), accepted)
-    assert (found.faults, found.notes) == ((), ())
-    assert found.counts["new case"] == 1
-
-
-def test_case_removed_from_the_files_is_reported(changed_run: Change, accepted: Path) -> None:
-    def fewer(document: dict[str, Any]) -> None:
-        document["cases"] = document["cases"][:1]
-
-    run = changed_run(whole=fewer)
+    run = changed_run(whole=another)
+    found = check(run, accepted)
+    assert (found.faults, found.notes, found.counts["new case"]) == ((), (), 1)
     found = baseline.check(read_run(run), run, accepted, known=NAMES[:3])
     assert found.faults == ()
-    assert any("refused.type-zero" in note and NAMES[1] not in note for note in found.notes)
+    assert any(REFUSED in note and NAMES[1] not in note for note in found.notes)
 
 
 def test_engine_without_a_baseline_needs_a_named_one(small_run: Path, changed_run: Change, accepted: Path) -> None:
@@ -225,7 +215,7 @@ def test_engine_without_a_baseline_needs_a_named_one(small_run: Path, changed_ru
 
 
 def test_reasons_are_saved(small_run: Path, changed_run: Change, accepted: Path) -> None:
-    other = changed_run(of_field("pressure", digest=OTHER))
+    other = changed_run(BITS)
     done = acceptance.accept(other, "  the law\nis better ", accepted, "eos-ref accept changed")
     assert done.changes is not None
     assert [(c.field, c.kind) for c in done.changes.faults] == [("pressure", "within bounds")]
@@ -237,18 +227,9 @@ def test_reasons_are_saved(small_run: Path, changed_run: Change, accepted: Path)
     assert faults(check(small_run, accepted)) == [("defaults.linear", "pressure", "within bounds")]
 
 
-def test_accepted_run_is_not_written_again(small_run: Path, accepted: Path) -> None:
-    before = content(_folder(accepted))
-    assert not accept(small_run, accepted).written
-    assert content(_folder(accepted)) == before
-
-
 def test_run_of_some_cases_replaces_only_these(changed_run: Change, accepted: Path) -> None:
-    def one(document: dict[str, Any]) -> None:
-        document["cases"] = [c for c in document["cases"] if c["case"] == "defaults.linear"]
-
     before = content(_folder(accepted))
-    part = changed_run(of_field("pressure", digest=OTHER), whole=one)
+    part = changed_run(BITS, whole=fewer)
     done = accept(part, accepted)
     assert (done.cases, done.dropped) == (len(NAMES), ())
     after = content(_folder(accepted))
@@ -263,17 +244,19 @@ def test_run_of_some_cases_replaces_only_these(changed_run: Change, accepted: Pa
     assert set(baseline.read(_folder(accepted)).cases) == {"defaults.linear"}
 
 
-@pytest.mark.parametrize("key", ["library", "machine"])
-def test_cases_of_two_libraries_or_machines_do_not_mix(changed_run: Change, accepted: Path, key: str) -> None:
-    def elsewhere(document: dict[str, Any]) -> None:
-        document["cases"] = document["cases"][:1]
-        if key == "library":
-            document["engine"]["library_sha256"] = "0" * 64
-        else:
-            document["machine"]["kind"] = "another processor"
-
+@pytest.mark.parametrize(
+    ("key", "edit"),
+    [("library", lambda document: document["engine"].update(library_sha256="0" * 64)), ("machine", elsewhere)],
+)
+def test_cases_of_two_libraries_or_machines_do_not_mix(
+    changed_run: Change, accepted: Path, key: str, edit: Edit
+) -> None:
+    part = changed_run(whole=fewer)
+    document = json.loads((part / "run.json").read_text())
+    edit(document)
+    (part / "run.json").write_text(json.dumps(document))
     with pytest.raises(InputError, match=f"^{key}: must be that of the baseline"):
-        accept(changed_run(whole=elsewhere), accepted)
+        accept(part, accepted)
 
 
 def test_unexpected_failures_are_refused_unless_requested(changed_run: Change, tmp_path: Path) -> None:
@@ -284,21 +267,26 @@ def test_unexpected_failures_are_refused_unless_requested(changed_run: Change, t
     assert accept(run, tmp_path / "accepted", with_failures=True).written
 
 
-def test_parts_audits_and_empty_runs_are_refused(changed_run: Change, tmp_path: Path) -> None:
-    seen = {"step": 0, "run": 1, "type": 1, "natoms": 1, "verdict": "pass", "max_abs": 0, "max_over_bound": 0}
-    for name, edit, rule in (
-        ("part", lambda d: d.update(shard="1/2"), "must be whole"),
-        ("audit", lambda d: d["cases"][0].update(checks=[seen | {"worst_id": 1}]), "not the audit"),
-        ("empty", lambda d: d.update(cases=[]), "must hold a case"),
-        ("unknown", lambda d: d.update(engine={}), "is not known"),
-    ):
-        with pytest.raises(InputError, match=rule):
-            accept(changed_run(whole=edit, name=name), tmp_path / "accepted")
+SEEN = {"step": 0, "run": 1, "type": 1, "natoms": 1, "verdict": "pass", "max_abs": 0, "max_over_bound": 0}
+
+
+@pytest.mark.parametrize(
+    ("edit", "rule"),
+    [
+        (lambda d: d.update(shard="1/2"), "must be whole"),
+        (lambda d: d["cases"][0].update(checks=[SEEN | {"worst_id": 1}]), "not the audit"),
+        (lambda d: d.update(cases=[]), "must hold a case"),
+        (lambda d: d.update(engine={}), "is not known"),
+    ],
+)
+def test_parts_audits_and_empty_runs_are_refused(changed_run: Change, tmp_path: Path, edit: Edit, rule: str) -> None:
+    with pytest.raises(InputError, match=rule):
+        accept(changed_run(whole=edit), tmp_path / "accepted")
 
 
 def test_kill_at_any_moment_leaves_the_old_or_the_new_baseline(changed_run: Change, accepted: Path) -> None:
     """The program dies at each write and rename in turn, in a separate process."""
-    run = changed_run(of_field("pressure", digest=OTHER))
+    run = changed_run(BITS)
     old = baseline.read(_folder(accepted)).cases
     untouched = accepted.with_name("untouched")
     shutil.copytree(accepted, untouched)
@@ -351,7 +339,7 @@ def _killed(moment: int, task: Callable[[], object]) -> bool:
 
 def test_two_programs_do_not_replace_one_baseline(small_run: Path, changed_run: Change, accepted: Path) -> None:
     with folders.exclusive(_folder(accepted), "baseline", "no"), pytest.raises(InputError, match="by another program"):
-        accept(changed_run(of_field("pressure", digest=OTHER)), accepted)
+        accept(changed_run(BITS), accepted)
 
 
 # --- damage
@@ -386,7 +374,7 @@ def test_damage_is_reported_in_one_line_with_its_location(
 
 def test_damaged_arrays_are_reported(changed_run: Change, accepted: Path) -> None:
     path = _folder(accepted) / "arrays" / "defaults.linear.npz"
-    run = changed_run(of_field("pressure", digest=OTHER))
+    run = changed_run(BITS)
     whole = path.read_bytes()
     for content_ in (whole[:100], b"", whole[:200] + b"x" * 50 + whole[250:]):
         path.write_bytes(content_)
@@ -405,7 +393,7 @@ def test_accept_on_the_command_line(
     more = ("--baselines", tmp_path / "b", "--reason", "why")
     code, out, _ = eos_ref_command("accept", small_run, *more)
     assert (code, "first baseline of this engine: 4 cases" in out) == (0, True)
-    other = changed_run(of_field("pressure", digest=OTHER))
+    other = changed_run(BITS)
     code, out, err = eos_ref_command("accept", other, *more, "--json")
     document = json.loads(out)
     assert (code, err, document["counts"]["within bounds"]) == (0, "", 1)

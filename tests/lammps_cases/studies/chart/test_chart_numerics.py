@@ -49,11 +49,10 @@ def test_panels_are_complete(section: str) -> None:
     panels = list(collect.PANELS[section](True, None))
     assert len({panel.id for panel in panels}) == len(panels)
     for panel in panels:
+        assert all(math.isfinite(p.error) and p.error >= 0 and not p.method.startswith("LAMMPS") for p in panel.points)
         for regime in panel.regimes:
             names = [point.method for point in panel.of(regime)]
             assert len(set(names)) == len(names) > 1
-        assert all(math.isfinite(point.error) and point.error >= 0 for point in panel.points)
-        assert not any(name.startswith("LAMMPS") for name in (point.method for point in panel.points))
 
 
 # --- kernels
@@ -116,11 +115,10 @@ def test_continuity_follows_a_deformation_smoothed_by_a_sum() -> None:
     assert relative(np.ones(len(true_n)) - true_n, true_n - 1) == 1.0  # no change at all
 
 
-def test_maps_have_a_value_for_every_cutoff_and_disorder(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernels, "QUICK_EDGE", 16)
+@pytest.mark.usefixtures("small")
+def test_maps_have_a_value_for_every_cutoff_and_disorder() -> None:
     found = {made.id: made for made in kernels.maps(True)}
-    for made in found.values():
-        assert np.array(made.value).shape == (len(made.y), len(made.x))
+    assert all(np.array(made.value).shape == (len(made.y), len(made.x)) for made in found.values())
     quintic, rk1 = (np.array(found[f"kernels-{name}"].value) for name in ("quintic", "rk1"))
     assert (rk1[-1] < quintic[-1]).all() and (quintic[-1] > quintic[0]).all()
 
@@ -128,12 +126,8 @@ def test_maps_have_a_value_for_every_cutoff_and_disorder(monkeypatch: pytest.Mon
 # --- time step
 
 
-def shear() -> flows.Wave:
-    return flows.waves()[0]
-
-
 def test_time_step_error_of_viscosity_is_first_order() -> None:
-    solved = flows.solve(shear(), 16, flows.FRACTIONS, 1 / 16, [None] * 5)
+    solved = flows.solve(flows.waves()[0], 16, flows.FRACTIONS, 1 / 16, [None] * 5)
     found = flows.order(solved)
     assert abs(found.order - 1) < 0.1 and found.standard_error < 0.05
     assert [s.temporal for s in solved] == sorted((s.temporal for s in solved), reverse=True)
@@ -144,8 +138,8 @@ def test_engines_become_unstable_at_the_same_step(session: Session) -> None:
     ours, theirs = (flows.stability(FLOWS["shear-wave"], 16, who) for who in (None, session))
     assert ours.low < ours.high < flows.CLOSE * 1.001 * ours.low
     assert ours == theirs  # the same bisection, so the same interval
-    assert not flows._grows(FLOWS["shear-wave"], 16, ours.low, None)
-    assert flows._grows(FLOWS["shear-wave"], 16, ours.high, None)
+    assert not flows.grows(FLOWS["shear-wave"], 16, ours.low, None)
+    assert flows.grows(FLOWS["shear-wave"], 16, ours.high, None)
 
 
 @pytest.mark.lammps

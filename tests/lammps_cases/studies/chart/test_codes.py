@@ -70,25 +70,30 @@ def test_error_of_vortices_is_that_of_their_speed(tmp_path: Path, factor: float)
     assert errors["rate"] == pytest.approx(np.log(factor), rel=0, abs=left)
 
 
-def test_front_and_line_profile_are_measured_as_ours(tmp_path: Path) -> None:
+@pytest.mark.parametrize("case", [CAVITY, DAM], ids=lambda case: case.flow.name)
+def test_front_and_line_profile_are_measured_as_ours(tmp_path: Path, case: codes.Compared) -> None:
     """Initial particles in PySPH's format have the same errors as in ours."""
-    for case in (CAVITY, DAM):
-        start = case.flow.start(N, case.flow.options)
-        wet_n = start.atoms.type_n == 1
-        x_nc, v_nc = start.atoms.x_nc[wet_n, :2], np.full((wet_n.sum(), 2), 0.3)
-        values = dict(zip("xyuv", (*(x_nc / N).T.tolist(), *v_nc.T.tolist()), strict=True))
-        shots: list[dict[str, object]] = [{"time": step * start.timestep / N, **values} for step in start.steps]
-        result = by_pysph(answering(tmp_path, shots), case, "edac", N, start)
-        exact = [replace(shot, x_nc=start.atoms.x_nc[:, :2]) for shot in result.snapshots]
-        errors = [case.flow.measures(N, case.flow.options, of)[case.measure] for of in (result.snapshots, exact)]
-        assert errors[0] == rounded(errors[1], 4, terms=2.0 * N)
-        assert 0.1 < errors[0] < 10
+    start = case.flow.start(N, case.flow.options)
+    wet_n = start.atoms.type_n == 1
+    x_nc, v_nc = start.atoms.x_nc[wet_n, :2], np.full((wet_n.sum(), 2), 0.3)
+    values = dict(zip("xyuv", (*(x_nc / N).T.tolist(), *v_nc.T.tolist()), strict=True))
+    shots: list[dict[str, object]] = [{"time": step * start.timestep / N, **values} for step in start.steps]
+    result = by_pysph(answering(tmp_path, shots), case, "edac", N, start)
+    exact = [replace(shot, x_nc=start.atoms.x_nc[:, :2]) for shot in result.snapshots]
+    errors = [case.flow.measures(N, case.flow.options, of)[case.measure] for of in (result.snapshots, exact)]
+    assert errors[0] == rounded(errors[1], 4, terms=2.0 * N)
+    assert 0.1 < errors[0] < 10
 
 
-def test_non_finite_number_leaves_a_message(tmp_path: Path) -> None:
-    shot = vortices(1.0) | {"x": [np.nan] * N**2}
-    result = by_pysph(answering(tmp_path, [shot]), VORTICES, "tvf", N, SWIRL.start(N, SWIRL.options))
+def test_bad_answers_of_pysph(tmp_path: Path) -> None:
+    start = SWIRL.start(N, SWIRL.options)
+    result = by_pysph(answering(tmp_path, [vortices(1.0) | {"x": [np.nan] * N**2}]), VORTICES, "tvf", N, start)
     assert result.message == "a position of PySPH is no finite number"
+    other = tmp_path / "other"
+    other.mkdir()
+    shot = {"time": 1.0, "x": [0.0], "y": [0.0], "u": [0.0], "v": [0.0]}
+    with pytest.raises(InputError, match="PySPH: must have 64 particles of fluid, found 1"):
+        by_pysph(answering(other, [shot]), VORTICES, "tvf", N, start)
 
 
 def test_omitted_options_leave_the_vortices_unchanged() -> None:
@@ -121,12 +126,6 @@ def test_failing_peer_is_reported_in_one_line(tmp_path: Path, code: str | None, 
     with pytest.raises(InputError, match=f"Python of PySPH: {words}") as caught:
         codes.pysph_answer(named, "script.py", limit=0.5 if code and "sleep" in code else 600.0)
     assert len(str(caught.value).splitlines()) == 1
-
-
-def test_wrong_number_of_particles_is_reported_in_one_line(tmp_path: Path) -> None:
-    shot = {"time": 1.0, "x": [0.0], "y": [0.0], "u": [0.0], "v": [0.0]}
-    with pytest.raises(InputError, match="PySPH: must have 64 particles of fluid, found 1"):
-        by_pysph(answering(tmp_path, [shot]), VORTICES, "tvf", N, SWIRL.start(N, SWIRL.options))
 
 
 @pytest.mark.parametrize(
@@ -189,10 +188,11 @@ def test_code_has_one_colour_and_stopped_runs_no_point() -> None:
     ]
     figure = page.codes_figure(runs)
     [axis] = figure.axes
-    drawn = {line.get_color(): list(line.get_ydata()) for line in axis.lines if line.get_marker() != "^"}
-    assert drawn == {BLUE: [0.1, 0.05], page._PEER: [0.2, 0.1]}
+    lines = {line.get_marker(): (line.get_color(), list(line.get_ydata())) for line in axis.lines}
+    assert list(lines.values())[:2] == [(BLUE, [0.1, 0.05]), (lines["^"][0], [0.2, 0.1])]
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [codes.name(run) for run in runs]
-    assert page._code("lammps")["color"] == RED
+    [sound] = page.codes_figure([made("lammps", (0.1, 0.05))]).axes
+    assert [line.get_color() for line in sound.lines] == [RED]
     assert [row[-1] for row in codes.rows(runs)][2:4] == ["Lost atoms", "Lost atoms"]
 
 

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.engine.session import EngineRefused, Session
+from lammps_cases.engine.session import Session
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.files import DATA
 from lammps_cases.studies.flows import cavity, drops, page, run, walls
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
 from lammps_cases.studies.flows.flow import Flow, ReferenceCurve, Snapshot, Start, table
-from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, UNIT, Effect, FlowRecord, Lost, Validated
+from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
 from lammps_cases.studies.flows.solve import FlowResult, LammpsFlow, ReferenceFlow, by_reference
 from tests.support.flow_faults import Plant, of_gravity, of_types
 from tests.support.outcome import Outcome
@@ -28,6 +28,7 @@ from tests.workshop import tables_validation
 
 Run = Callable[..., Outcome]
 THICK = walls.THICKENING
+Line = tuple[tuple[float, ...], tuple[float, ...]]
 
 
 # --- known solutions
@@ -38,16 +39,24 @@ def test_every_table_has_source_scatter_and_sorted_points() -> None:
     assert names
     for name in names:
         known = table(name, name)
-        assert known.source
-        assert known.scatter
+        assert known.source and known.scatter
         steps = np.diff(known.x)
         assert (steps > 0).all() or (steps < 0).all(), name
-
-
-def test_cavity_has_17_points_per_line_with_walls_at_its_ends() -> None:
-    u, v = cavity.U.known[0], cavity.V.known[0]
+    u, v = cavity.U.known[0], cavity.V.known[0]  # 17 points per line, with walls at its ends
     assert len(u.x) == len(v.x) == 17
     assert (u.y[0], u.y[-1], v.y[0], v.y[-1]) == (1.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("of", VALIDATIONS.values(), ids=list(VALIDATIONS))
+def test_every_flow_has_the_data_of_its_page_and_a_start_that_can_be_pickled(of: Flow) -> None:
+    assert VALIDATIONS[of.name] is of
+    assert len(of.resolutions) == 3
+    assert of.panels and all(panel.known for panel in of.panels)
+    assert all(finding.model_variant and finding.model_variant.stages for finding in of.findings)
+    start = of.start(12, of.options)
+    again = pickle.loads(pickle.dumps(start))
+    assert again.case == start.case
+    assert (again.atoms.x_nc == start.atoms.x_nc).all()
 
 
 @pytest.mark.parametrize("power", [0.5, 1.5])
@@ -73,31 +82,36 @@ def test_stiff_plug_approaches_a_rigid_one() -> None:
     assert 8 < misses[0] / misses[1] < 12
 
 
-def test_data_are_compared_at_their_points_and_solutions_at_particles() -> None:
-    points = ReferenceCurve("", (1.0, 2.0), (1.0, 2.0), "")
-    assert points.misfit(((0.0, 4.0), (0.0, 4.0))) == 0
-    assert points.misfit(((0.0, 4.0), (0.5, 4.5))) == rounded(0.5 / 2.5**0.5, 4)
-    solution = ReferenceCurve("", (0.0, 10.0), (0.0, 10.0), "", marks=False)
-    assert solution.misfit(((3.0, 7.0), (3.0, 7.0))) == 0
-    assert solution.misfit(((3.0, 4.0), (4.0, 4.0))) == rounded(1 / 5, 4)
+@pytest.mark.parametrize(
+    ("known", "marks", "found", "misfit"),
+    [
+        (((1.0, 2.0), (1.0, 2.0)), True, ((0.0, 4.0), (0.0, 4.0)), 0.0),
+        (((1.0, 2.0), (1.0, 2.0)), True, ((0.0, 4.0), (0.5, 4.5)), 0.5 / 2.5**0.5),
+        (((0.0, 10.0), (0.0, 10.0)), False, ((3.0, 7.0), (3.0, 7.0)), 0.0),
+        (((0.0, 10.0), (0.0, 10.0)), False, ((3.0, 4.0), (4.0, 4.0)), 1 / 5),
+    ],
+)
+def test_data_are_compared_at_their_points_and_solutions_at_particles(
+    known: Line, marks: bool, found: Line, misfit: float
+) -> None:
+    assert ReferenceCurve("", *known, "", marks=marks).misfit(found) == rounded(misfit, 4)
 
 
 # --- the reference
 
 
-def error(of: Flow, n: int, plant: Plant = lambda start: start) -> float:
-    options = of.options
-    result = by_reference(plant(of.start(n, options)))
-    return next(iter(of.measures(n, options, result.snapshots).values()))
-
-
 @pytest.mark.slow
 def test_order_is_as_expected_and_faults_are_detected() -> None:
     """Resolutions in the ratio 1.5: an error of second order falls by 2.25, one by a fault does not fall."""
-    coarse, fine = (error(THICK, n) for n in (8, 12))
-    assert coarse / fine > 1.5**1.5
+
+    def error(n: int, plant: Plant = lambda start: start) -> float:
+        result = by_reference(plant(THICK.start(n, THICK.options)))
+        return next(iter(THICK.measures(n, THICK.options, result.snapshots).values()))
+
+    fine = error(12)
+    assert error(8) / fine > 1.5**1.5
     for plant in (of_gravity(1.05), of_types((2,), viscosity=0.7)):
-        assert error(THICK, 12, plant) > 1.5 * fine
+        assert error(12, plant) > 1.5 * fine
 
 
 # --- the command
@@ -133,12 +147,22 @@ def test_quick_flow_agrees_is_drawn_and_is_not_rerun(
     assert [each["seconds"] for each in json.loads(again.out)["runs"]] == [of.seconds for of in validated.runs]
 
 
-def test_unknown_flow_is_reported_in_one_line(eos_ref_command: Run, tmp_path: Path) -> None:
-    ended = eos_ref_command("validate", "binghm", "--out", tmp_path / "out")
-    assert ended.code == 2
-    assert "flow: must be one of" in ended.err
-    assert "did you mean 'bingham'" in ended.err
-    assert not (tmp_path / "out").exists()
+@pytest.mark.parametrize(
+    ("name", "file", "said"),
+    [
+        ("binghm", "", "flow: must be one of"),
+        ("binghm", "", "did you mean 'bingham'"),
+        (THICK.name, "run.json", "output folder: must not be the report of a run"),
+    ],
+)
+def test_bad_input_is_reported_in_one_line_and_writes_nothing(
+    name: str, file: str, said: str, eos_ref_command: Run, tmp_path: Path
+) -> None:
+    if file:
+        (tmp_path / file).touch()
+    code, _, err = eos_ref_command("validate", name, "--out", tmp_path)
+    assert (code, said in err, err.count("\n")) == (2, True, 1)
+    assert [path.name for path in tmp_path.iterdir()] == [file] * bool(file)
 
 
 # --- wording, and runs that stopped
@@ -154,20 +178,29 @@ def validated(*runs: FlowRecord) -> Validated:
     return Validated("", {"processor": "", "cores": 1}, {}, False, 1.0, runs)
 
 
-def test_report_of_a_run_is_not_overwritten(eos_ref_command: Run, tmp_path: Path) -> None:
-    (tmp_path / "run.json").touch()
-    ended = eos_ref_command("validate", THICK.name, "--out", tmp_path)
-    assert ended.code == 2 and "output folder: must not be the report of a run" in ended.err
-    assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
+WAVE = VALIDATIONS["standing-wave"]
+SWINGS = [quantity.name for quantity in WAVE.quantities]
+STOPPED = made(LAMMPS, 0.0, "Lost atoms")
+RUNS: dict[str, tuple[FlowRecord, ...]] = {
+    "variants": (
+        *(made(REFERENCE, 1.0), made(LAMMPS, 0.5), made(UNIT, 0.0, "Lost atoms"), made("force-per-volume", 2.0)),
+    ),
+    "stopped": (made(REFERENCE, 1.0), replace(made(REFERENCE, 1.0), n=12), made(LAMMPS, 0.5), replace(STOPPED, n=12)),
+    "lost and explained": (made(REFERENCE, 1.0), replace(STOPPED, lost=Lost(80, ("a", "b"), 90))),
+    "nothing to fit": tuple(
+        replace(made(side, 1.0), flow=WAVE.name, quantities=found)
+        for side, found in (
+            *((side, dict.fromkeys(SWINGS, 1.0)) for side in (REFERENCE, LAMMPS)),
+            (UNIT, {SWINGS[0]: 2.0, SWINGS[1]: np.nan}),
+        )
+    ),
+}
 
 
-def test_effects_are_reported_in_the_users_quantities() -> None:
-    of = validated(made(REFERENCE, 1.0), made(LAMMPS, 0.5), made(UNIT, 0.0, "Lost atoms"), made("force-per-volume", 2))
-    assert list(page.effects(of, THICK)) == [
-        Effect("LAMMPS", 8, "velocity in the middle", "0.5", "1", "-50 %", "1"),
-        Effect("reference with force-per-volume", 8, "velocity in the middle", "2", "1", "+100 %", "1"),
-    ]
-    assert list(page.stops(of, THICK)) == ["LAMMPS, particles 0.75 apart stopped at 8 particles: Lost atoms"]
+@pytest.mark.parametrize("name", RUNS)
+def test_effects_and_stops_are_reported_in_the_users_quantities(name: str, snapshot: Any) -> None:
+    """A side that stopped has no order of convergence; a missing number is explained in words."""
+    assert tables_validation.table(validated(*RUNS[name])) == snapshot
 
 
 @pytest.mark.parametrize(
@@ -183,34 +216,7 @@ def test_effects_are_reported_in_the_users_quantities() -> None:
 )
 def test_differences_have_only_significant_digits(theirs: float, ours: float, words: str) -> None:
     assert page.change(theirs, ours) == words
-
-
-def test_zero_order_has_no_sign() -> None:
     assert [page.order(value) for value in (-0.001, -1.26, 1.94, np.nan)] == ["0.0", "-1.3", "1.9", ""]
-
-
-def test_stopped_side_is_reported_without_convergence_order() -> None:
-    ended = made(LAMMPS, 0.5)
-    stopped = replace(made(LAMMPS, 0.0, "Lost atoms"), n=12)
-    of = validated(made(REFERENCE, 1.0), replace(made(REFERENCE, 1.0), n=12), ended, stopped)
-    assert [row.n for row in page.effects(of, THICK)] == [8]
-    assert list(page.stops(of, THICK)) == ["LAMMPS stopped at 12 particles: Lost atoms"]
-    lines = tables_validation.table(of).splitlines()
-    assert lines[2] == f"| {THICK.name} | velocity | 12 | 0.1 | stopped | 0.0 |  |"
-    assert lines[-3:] == [
-        f"| {THICK.name} | LAMMPS | 8 | velocity in the middle | 0.5 | 1 | -50 % | 1 |",
-        "",
-        f"- {THICK.name}: LAMMPS stopped at 12 particles: Lost atoms.",
-    ]
-
-
-def test_missing_number_is_explained_in_words() -> None:
-    wave = VALIDATIONS["standing-wave"]
-    names = [quantity.name for quantity in wave.quantities]
-    sides = {REFERENCE: dict.fromkeys(names, 1.0), UNIT: {names[0]: 2.0, names[1]: np.nan}}
-    runs = [replace(made(side, 1.0), flow=wave.name, quantities=found) for side, found in sides.items()]
-    _, row = page.effects(validated(*runs), wave)
-    assert (row.quantity, row.found, row.change) == (names[1], "no oscillation to fit", "")
 
 
 # --- particles that LAMMPS loses
@@ -266,29 +272,11 @@ def test_particles_are_gone_outside_open_faces_or_at_nan() -> None:
 
 
 @pytest.mark.lammps
-def test_lost_atoms_are_reported_and_are_not_a_failure(
-    eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stopped(*_: object, **__: object) -> Validated:
-        of_lammps = replace(made(LAMMPS, 0.0, str(EngineRefused("Lost atoms"))), lost=Lost(80, ("a", "b"), 90))
-        return validated(made(REFERENCE, 1.0), of_lammps)
-
-    monkeypatch.setattr(run, "validate", stopped)
+def test_lost_atoms_are_no_failure(eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run, "validate", lambda *_, **__: validated(*RUNS["lost and explained"]))
     ended = eos_ref_command("validate", THICK.name, "--out", tmp_path)
-    assert ended.code == 0
-    words = (
-        "LAMMPS loses atoms after step 80, at 8 particles; so does the reference with a and b together, after step 90"
-    )
-    assert words in ended.out
-    assert list(page.stops(stopped(), THICK)) == [words]
-
-
-@pytest.mark.parametrize("of", VALIDATIONS.values(), ids=list(VALIDATIONS))
-def test_every_start_can_be_pickled(of: Flow) -> None:
-    start = of.start(12, of.options)
-    again = pickle.loads(pickle.dumps(start))
-    assert again.case == start.case
-    assert (again.atoms.x_nc == start.atoms.x_nc).all()
+    said = "LAMMPS loses atoms after step 80, at 8 particles; so does the reference with a and b together"
+    assert (ended.code, f"{said}, after step 90" in ended.out) == (0, True)
 
 
 def test_quick_omits_flows_without_a_quick_form_unless_named(
@@ -304,15 +292,6 @@ def test_quick_omits_flows_without_a_quick_form_unless_named(
     for names in ((), ("cavity",)):
         assert eos_ref_command("validate", "--quick", *names, "--out", tmp_path).code == 0
     assert asked == [[name for name in VALIDATIONS if name not in ("cavity", "convection")], ["cavity"]]
-
-
-def test_every_flow_has_the_data_of_its_page() -> None:
-    for name, of in VALIDATIONS.items():
-        assert name == of.name
-        assert len(of.resolutions) == 3
-        assert of.panels
-        assert all(panel.known for panel in of.panels)
-        assert all(finding.model_variant and finding.model_variant.stages for finding in of.findings)
 
 
 # --- drops and squares
@@ -334,7 +313,7 @@ def test_initial_pressure_of_the_square_solves_its_equation() -> None:
 def test_ellipse_conserves_energy() -> None:
     """Kinetic and potential: (A^2 + B^2)(a^2 + b^2)."""
     times = np.linspace(0.01, 9, 9001)
-    a = drops._ellipse(times)
+    a = drops.ellipse(times)
     rate = np.gradient(np.log(a), times, edge_order=2)[2:-2]
     energy = (rate**2 + 1) * (a**2 + 1 / a**2)[2:-2]
     # Central differences have an error of a sixth of the third one; the energy twice that times the rate, at most 0.4.

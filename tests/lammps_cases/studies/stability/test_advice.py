@@ -41,10 +41,12 @@ NU, CS, MASS = 0.4, 3.0, 1.5  # that of the scene; h = cut/3 = 0.9
 
 
 def square(dt: float, viscosity: float = MASS * NU, cs: float = CS, **scene: Any) -> Start:
-    """Fluid at rest on a square lattice."""
+    """Fluid on a square lattice; by default of one type, at rest."""
     kind = {"mass": MASS, "rho0": MASS, "cs": cs, "viscosity": viscosity}
+    fields = {name: scene.pop(name) for name in ("type_n", "v_nc", "rho_n") if name in scene}
     made = {"types": [kind], "pressure": [{"types": "*", "style": "linear"}], **scene}
-    return start("square", made, rows(0, 9, 9), (9.0, 9.0), options=Options(cut=2.7), times=[dt], timestep=dt)
+    box = {"options": Options(cut=2.7), "times": [dt], "timestep": dt}
+    return start("square", made, rows(0, 9, 9), (9.0, 9.0), **box, **fields)
 
 
 def parts(made: Start) -> tuple[Model, Box, State, float]:
@@ -69,104 +71,119 @@ LIMITS = Limits(
     ),
 )
 
+NONE = Limits("", ())
 LIMIT = 1.0 * 0.9 / (4 * CS)  # 1 is halfway, in logarithms, between 2 and 0.5
 
 
-@pytest.mark.parametrize(("fraction", "warns"), [(0.5, False), (0.9, True), (1.5, True)])
-def test_time_step_above_the_measured_limit_warns(fraction: float, warns: bool) -> None:
-    [first] = [line for line in advice(*parts(square(fraction * LIMIT)), LIMITS) if "of the measured limit" in line]
-    expected = f"time step {fraction * LIMIT:.3g} is {100 * fraction:.0f} % of the measured limit (0.075 to "
-    assert first.startswith(("warning: " if warns else "") + expected)
-    assert "sound; map step: energy growth)" in first
-    viscous = f"{200 * fraction * RATIO:.0f} % of the viscous limit h^2/8nu"
-    assert f"{100 * fraction:.0f} % of CFL h/4(c+U), {viscous}" in first
-    assert "outside the measured" not in first
+WITH_TENSIONS = replace(
+    LIMITS,
+    tensions=(
+        Tension("tension", "", "reference", False, -0.9, -0.8),
+        Tension("tension", "", "lammps", False, -0.05, -0.04),
+        Tension("tension", "shift", "lammps", True, -0.5, -0.4),
+    ),
+)
 
 
-def test_lammps_limits_precede_the_reference_and_near_ones_far() -> None:
-    [said, *_] = judge(*parts(square(0.5 * LIMIT)), replace(LIMITS, curves=LIMITS.curves[1:]))
-    assert "map step: energy growth" in said.text
-    assert "50 times the measured limit" in said.text
-    [said, *_] = judge(*parts(square(0.5 * LIMIT)), replace(LIMITS, curves=LIMITS.curves[2:]))
-    assert "33 % of the measured limit" in said.text and "sound; map other, shift: clumping, outside" in said.text
+def of_curves(first: int, last: int | None = None) -> Limits:
+    return replace(LIMITS, curves=LIMITS.curves[first:last])
 
 
-def test_viscosity_outside_the_measured_range_is_reported() -> None:
-    for viscosity, dt in ((0.0, 2.0 * 0.9 / (4 * CS)), (MASS * NU * 100, 0.5 * 0.9**2 / (8 * NU * 100))):
-        [said, *_] = judge(*parts(square(0.7 * dt, viscosity)), replace(LIMITS, curves=LIMITS.curves[:1]))
-        assert "is 70 % of the measured limit" in said.text
-        assert "outside the measured viscosities" in said.text
+def at(**given: Any) -> Start:
+    """The scene at a small time step; a density of particle 7, or of all, over rho0."""
+    one, everywhere = given.pop("one", None), given.pop("all", None)
+    made = square(**{"dt": 1e-3, **given})
+    rho_n = np.full(81, MASS * (everywhere or 1.0))
+    rho_n[7] *= one or 1.0
+    return replace(made, atoms=replace(made.atoms, rho_n=rho_n))
 
 
-@pytest.mark.parametrize(("fraction", "grows"), [(0.9, False), (1.1, True)])
-def test_sound_grows_beyond_two_nu_over_c_squared(fraction: float, grows: bool) -> None:
-    dt = fraction * 2 * NU / CS**2
-    said = advice(*parts(square(dt)), Limits("", ()))
-    assert any("sound waves grow" in line for line in said) == grows
-    if grows:
-        assert f"warning: sound waves grow: time step {dt:.3g} > 2 nu/c^2 = 0.0889" in said
-        damped = advice(*parts(square(dt, pair={"artificial_visc": 1.0})), Limits("", ()))
-        assert any(line.startswith("sound waves grow") and "not included" in line for line in damped)
+def detecting(limit: int) -> dict[str, Any]:
+    return {"surface_detection": {"style": "coordination", "limit": limit, "splash": 3}}
 
 
-def test_no_advice_without_steps() -> None:
-    model, box, state, _ = parts(square(1.0))
+CUBIC = [{"types": "*", "style": "cubic", "A3": -4.0}]
+END = 1 + 1 / math.sqrt(12) / MASS  # over rho0: dP/drho = 0 where 1 = 3 A3 (rho - rho0)^2
+GROWS = 2 * NU / CS**2  # time step beyond which sound grows
+VISCOUS = 0.9**2 / (8 * NU * 100)
+# The scene, the limits, the subject, how far it is, and whether that is a warning. Limits of LAMMPS precede those of
+# the reference, near ones far ones; on a square lattice 20 neighbours lie within 2.7 spacings.
+JUDGED: dict[str, tuple[Start, Limits, str, float, bool]] = {
+    **{f"time step {f:g}": (at(dt=f * LIMIT), LIMITS, "time step", f, f >= 0.8) for f in (0.5, 0.9, 1.5)},
+    "curve of the reference": (at(dt=0.5 * LIMIT), of_curves(1), "time step", 50.0, True),
+    "curve with shift": (at(dt=0.5 * LIMIT), of_curves(2), "time step", 1 / 3, False),
+    "no viscosity": (at(dt=0.7 * 2.0 * 0.9 / (4 * CS), viscosity=0.0), of_curves(0, 1), "time step", 0.7, False),
+    "great viscosity": (
+        *(at(dt=0.7 * 0.5 * VISCOUS, viscosity=MASS * NU * 100), of_curves(0, 1)),
+        *("time step", 0.7, False),
+    ),
+    "theory alone": (at(dt=0.4 * LIMIT), NONE, "time step", 0.4, False),
+    "beyond theory": (at(dt=1.01 * LIMIT), NONE, "time step", 1.01, True),
+    "sound grows": (at(dt=1.1 * GROWS), NONE, "sound", 1.1 * GROWS, True),
+    "sound grows, damped": (
+        *(at(dt=1.1 * GROWS, pair={"artificial_visc": 1.0}), NONE),
+        *("sound", 1.1 * GROWS, False),
+    ),
+    **{f"tension {f:g}": (at(one=1 - 0.04 * f), WITH_TENSIONS, "tension", f, f >= 0.8) for f in (0.5, 0.9, 1.5)},
+    "tension with shift": (at(one=0.96, rheo={"shift": True}), WITH_TENSIONS, "tension", 0.1, False),
+    **{
+        f"density {left:g}": (
+            *(at(all=END + left * (1 - END), pressure=CUBIC), NONE),
+            *("highest density of type 1", 1 - left, True),
+        )
+        for left in (0.1, -0.1)
+    },
+    "surface at the limit": (at(rheo=detecting(20)), NONE, "surface", 1.0, False),
+    "surface far away": (at(rheo=detecting(10)), NONE, "surface", -1.0, False),
+}
+
+
+@pytest.mark.parametrize("name", JUDGED)
+def test_judgement(name: str, snapshot: Any) -> None:
+    made, limits, subject, measure, warns = JUDGED[name]
+    [said] = [line for line in judge(*parts(made), limits) if line.subject == subject]
+    assert said.measure == rounded(measure, 64)
+    assert said.warns == warns
+    assert said.text == snapshot
+
+
+@pytest.mark.parametrize(
+    ("made", "subject"),
+    [
+        (at(dt=0.9 * GROWS), "sound"),
+        (at(), "tension"),
+        (at(all=END + 0.5 * (1 - END), pressure=CUBIC), "highest density of type 1"),
+        (at(), "examined"),
+    ],
+)
+def test_subjects_far_from_a_limit_are_omitted(made: Start, subject: str) -> None:
+    assert subject not in [line.subject for line in judge(*parts(made), WITH_TENSIONS)]
+
+
+def test_warnings_come_first_and_without_steps_there_is_no_advice() -> None:
+    first, second = advice(*parts(at(all=END + 0.1 * (1 - END), pressure=CUBIC)), LIMITS)
+    assert first.startswith("warning: type 1: highest density") and second.startswith("time step 0.001 is")
+    model, box, state, _ = parts(at())
     assert advice(model, box, state, None, LIMITS) == []
-
-
-def test_theory_replaces_missing_measured_limits() -> None:
-    [line, *_] = advice(*parts(square(0.4 * LIMIT)), Limits("", ()))
-    assert (
-        line
-        == f"time step {0.4 * LIMIT:.3g} is 40 % of CFL h/4(c+U), 12 % of the viscous limit h^2/8nu (no measured limit)"
-    )
-    assert advice(*parts(square(1.01 * LIMIT)), Limits("", ()))[0].startswith(
-        f"warning: time step {1.01 * LIMIT:.3g} is 101 % of CFL"
-    )
-
-
-def test_density_near_the_end_of_a_law_warns() -> None:
-    made = square(1e-3, pressure=[{"types": "*", "style": "cubic", "A3": -4.0}])
-    model, box, state, dt = parts(made)
-    end = MASS + 1 / math.sqrt(12)
-    for left, warns in ((0.5, False), (0.1, True), (-0.1, True)):
-        state.rho_n = np.full(81, end + left * (MASS - end))
-        said = [a for a in judge(model, box, state, dt, LIMITS) if "stops growing" in a.text]
-        assert [a.warns for a in said] == ([True] if warns else [])
-        assert all(f"({100 * left:.0f} % of the way" in a.text for a in said)
-
-
-def test_distance_to_the_surface_limit_is_reported() -> None:
-    made = square(1e-3, rheo={"surface_detection": {"style": "coordination", "limit": 20, "splash": 3}})
-    # 20 neighbours lie within 2.7 spacings on a square lattice.
-    nearest = "from the nearest value of a fluid particle"
-    line = f"surface limit 20 (coordination): 0.0 % {nearest}; 81 of 81 fluid particles lie within 5 %"
-    assert line in advice(*parts(made), LIMITS)
-    made = square(1e-3, rheo={"surface_detection": {"style": "coordination", "limit": 10, "splash": 3}})
-    assert f"surface limit 10 (coordination): 100.0 % {nearest}" in advice(*parts(made), LIMITS)
 
 
 def test_checks_skipped_for_many_particles_are_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lammps_cases.studies.stability.advice.MOST", 80)
-    made = square(1e-3, rheo={"surface_detection": {"style": "coordination", "limit": 20, "splash": 3}})
     line = "warning: moment matrices and surface limits were not examined: 81 particles, more than 80"
-    assert line in advice(*parts(made), LIMITS)
-    assert not [line for line in advice(*parts(square(1e-3)), LIMITS) if "examined" in line]
+    assert line in advice(*parts(at(rheo=detecting(20))), LIMITS)
 
 
 def test_worst_condition_of_matrices_is_reported() -> None:
     def lines(x_nc: Any) -> list[str]:
-        made = square(1e-3, rheo={"kernel": "RK1"})
+        made = at(rheo={"kernel": "RK1"})
         made = replace(made, atoms=replace(made.atoms, x_nc=np.hstack([x_nc, np.zeros((81, 1))])))
         return [line for line in advice(*parts(made), LIMITS) if "matri" in line]
 
-    [line] = lines(rows(0, 9, 9))
     # On the square lattice the matrix is diagonal: sums of V W and V W (x/rc)^2 over the 20 neighbours within 2.7.
     offset_pc = np.array([(a, b) for a in range(-2, 3) for b in range(-2, 3) if 0 < a * a + b * b < 2.7**2]) / 2.7
-    q_p = np.sqrt((offset_pc**2).sum(axis=1))
-    w_p = quintic(3 * q_p)
+    w_p = quintic(3 * np.sqrt((offset_pc**2).sum(axis=1)))
     condition = w_p.sum() / (w_p * offset_pc[:, 0] ** 2).sum()
-    assert line == f"condition number of moment matrices up to {condition:.2g}"
+    assert lines(rows(0, 9, 9)) == [f"condition number of moment matrices up to {condition:.2g}"]
     x_nc = rows(0, 9, 9)
     x_nc[:, 1] = 4.5 + 1e-7 * (x_nc[:, 1] - 4.5)  # almost on a line
     assert any(line.startswith("warning: condition number") or "no Cholesky factor" in line for line in lines(x_nc))
@@ -178,19 +195,11 @@ def test_worst_condition_of_matrices_is_reported() -> None:
 def test_numbers_use_the_largest_speed_and_viscosity() -> None:
     kinds = [{"mass": 1.0, "rho0": 1.0, "cs": c, "viscosity": eta} for c, eta in ((2.0, 0.6), (5.0, 0.2))]
     type_n = np.repeat([1, 2], [40, 41])
-    made = start(
-        "two",
-        {"types": kinds, "pressure": [{"types": "*", "style": "linear"}]},
-        rows(0, 9, 9),
-        (9.0, 9.0),
-        options=Options(cut=2.7),
-        times=[0.1],
-        timestep=0.1,
-        type_n=type_n,
-        v_nc=np.stack([np.where(type_n == 2, 0.5, 4.0), np.zeros(81)], axis=1),
-        rho_n=np.where(type_n == 1, 0.5, 1.0),
-    )
-    model, _, state, dt = parts(made)
+    fields = {
+        "v_nc": np.stack([np.where(type_n == 2, 0.5, 4.0), np.zeros(81)], axis=1),
+        "rho_n": np.where(type_n == 1, 0.5, 1.0),
+    }
+    model, _, state, dt = parts(square(0.1, types=kinds, type_n=type_n, **fields))
     found = numbers(model, state, dt)
     assert found == Numbers(6.0, 1.2, rounded(0.9, 4), 0.1)
     assert (found.acoustic, found.viscous) == rounded((4 * 6.0 * 0.1 / 0.9, 8 * 1.2 * 0.1 / 0.81), 12)
@@ -207,58 +216,33 @@ def step_map(make: Any) -> StabilityMap:
 
 def test_limits_are_boundaries_along_a_time_step() -> None:
     maps = {"step": step_map(lambda cell: square(cell.x, MASS * cell.y))}
-    boundaries = [
-        Boundary("step", "", 1.0, "lammps", 0.1, 0.12, "stable", "energy growth"),
-        Boundary("step", "", 0.1, "lammps", 0.2, 0.22, "stable", "non-finite"),
-        Boundary("step", "", 1.0, "lammps", 0.3, 0.32, "energy growth", "non-finite"),
-        Boundary("step", "", 1.0 + 1e-9, "lammps", 0.15, 0.16, "stable", "energy growth"),
-        Boundary("gone", "", 1.0, "lammps", 0.1, 0.12, "stable", "energy growth"),
-    ]
-    found = measured(boundaries, maps, "1")
+    found = measured(
+        [
+            Boundary("step", "", 1.0, "lammps", 0.1, 0.12, "stable", "energy growth"),
+            Boundary("step", "", 0.1, "lammps", 0.2, 0.22, "stable", "non-finite"),
+            Boundary("step", "", 1.0, "lammps", 0.3, 0.32, "energy growth", "non-finite"),
+            Boundary("step", "", 1.0 + 1e-9, "lammps", 0.15, 0.16, "stable", "energy growth"),
+            Boundary("gone", "", 1.0, "lammps", 0.1, 0.12, "stable", "energy growth"),
+        ],
+        maps,
+        "1",
+    )
     [curve] = found.curves
     assert [p.ratio for p in curve.points] == rounded([0.1 / (CS * 0.9), 1.0 / (CS * 0.9)], 12)
     assert [(p.low, p.high) for p in curve.points] == [
-        rounded((0.2 * 4 * CS / 0.9, 0.22 * 4 * CS / 0.9), 12),
-        rounded((0.1 * 4 * CS / 0.9, 0.12 * 4 * CS / 0.9), 12),
+        rounded((low * 4 * CS / 0.9, high * 4 * CS / 0.9), 12) for low, high in ((0.2, 0.22), (0.1, 0.12))
     ]
-
-
-def test_boundaries_along_other_axes_are_not_step_limits() -> None:
-    maps = {"step": step_map(lambda cell: square(0.01 * cell.x, cs=cell.x))}
-    assert not measured([Boundary("step", "", 1.0, "lammps", 0.1, 0.12, "stable", "clumping")], maps, "1").curves
+    other = {"step": step_map(lambda cell: square(0.01 * cell.x, cs=cell.x))}  # not of the time step alone
+    assert not measured([Boundary("step", "", 1.0, "lammps", 0.1, 0.12, "stable", "clumping")], other, "1").curves
 
 
 def test_limits_round_trip(tmp_path: Path) -> None:
     save(LIMITS, tmp_path / "limits.json")
     assert read(tmp_path / "limits.json") == LIMITS
-    assert read(tmp_path / "none.json") == Limits("", ())
+    assert read(tmp_path / "none.json") == NONE
     (tmp_path / "bad.json").write_text("{}")
     with pytest.raises(InputError, match="schema: must be eos-ref/stability-limits"):
         read(tmp_path / "bad.json")
-
-
-# --- tension
-
-
-@pytest.mark.parametrize(("fraction", "warns"), [(0.5, False), (0.9, True), (1.5, True)])
-def test_tension_near_the_measured_one_warns(fraction: float, warns: bool) -> None:
-    tensions = (
-        Tension("tension", "", "reference", False, -0.9, -0.8),
-        Tension("tension", "", "lammps", False, -0.05, -0.04),
-        Tension("tension", "shift", "lammps", True, -0.5, -0.4),
-    )
-    limits = replace(LIMITS, tensions=tensions)
-    model, box, state, dt = parts(square(1e-3))
-    state.rho_n[7] = MASS * (1 - 0.04 * fraction)
-    [said] = [a for a in judge(model, box, state, dt, limits) if "tension" in a.text]
-    assert said.warns == warns
-    expected = f"is {100 * fraction:.0f} % of the tension at which particles clump (tension: -0.05 to -0.04)"
-    assert said.text == f"lowest pressure {-0.04 * fraction:.3g} rho0 c^2 {expected}"
-    model, *_ = parts(square(1e-3, rheo={"shift": True}))
-    [said] = [a for a in judge(model, box, state, dt, limits) if "tension" in a.text]
-    assert f"is {10 * fraction:.0f} % of" in said.text
-    state.rho_n[:] = MASS
-    assert not [a for a in judge(model, box, state, dt, limits) if "tension" in a.text]
 
 
 def test_tensions_are_clumping_boundaries_along_a_pressure() -> None:
@@ -297,15 +281,14 @@ def test_explain_and_audit_print_advice(eos_ref_command: Callable[..., Outcome],
 
 
 def test_audit_reports_the_worst_time_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lammps_cases.studies.stability.advice.read", lambda: Limits("", ()))
+    monkeypatch.setattr("lammps_cases.studies.stability.advice.read", lambda: NONE)
     model, box, state, _ = parts(square(1e-3))
-    questions = Questions()
+    questions, n = Questions(), len(state.type_n)
     for run, dt in enumerate((1e-3, 1e-3, 3 * LIMIT), 1):
-        sample = ParticleSample(model, box, state, np.ones(len(state.type_n)))
-        questions.look(TimedSample(sample, dt, run, 0, np.arange(len(state.type_n))))
+        questions.look(TimedSample(ParticleSample(model, box, state, np.ones(n)), dt, run, 0, np.arange(n)))
         if run == 2:
-            expected = [f"time step 0.001 is {0.1 / LIMIT:.2g} %"]
-            assert [line.partition(" of CFL")[0] for line in questions.stability] == expected
+            [line] = questions.stability
+            assert line.startswith(f"time step 0.001 is {0.1 / LIMIT:.2g} % of CFL")
     assert not questions.stability  # only the worst is kept
     marked = f"run 3: time step {3 * LIMIT:.3g} is 3 times CFL"
     assert any(line.startswith(marked) for line in questions.lines())

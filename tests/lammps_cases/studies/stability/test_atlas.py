@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -12,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from eos_ref import InputError
 from lammps_cases.engine.session import Session
@@ -68,26 +69,23 @@ def test_places_are_evenly_spaced_and_include_the_ends(axis: Axis) -> None:
     assert gaps == rounded([gaps[0]] * 4, 8, terms=float(np.abs(np.log10(found) if axis.log else found).max()))
 
 
-@pytest.mark.parametrize(("axis", "edge"), [(LINEAR, 0.39), (LOG, 7.3)])
-def test_boundary_is_found_to_the_width(axis: Axis, edge: float) -> None:
-    of = plain(axis)
-    known = bisected(of, lambda x: "stable" if x < edge else "overflow")
-    [found] = boundaries(MapLine("m", "", 0.0, "lammps"), known)
-    assert found.low < edge <= found.high
-    assert (found.below, found.above) == ("stable", "overflow")
-    gap = np.log10(found.high / found.low) if axis.log else found.high - found.low
-    assert axis.width / 2 <= gap <= axis.width
-    assert len(known) <= 4 + np.ceil(np.log2(((4 if axis.log else 1) / 3) / axis.width))
-
-
-def test_several_boundaries_are_in_order() -> None:
-    def kind(x: float) -> Kind:
-        return "overflow" if 0.3 < x < 0.5 else "clumping" if x > 0.9 else "stable"
-
-    known = bisected(plain(), kind)
-    assert sequence(known) == ("stable", "overflow", "stable", "clumping")
+@pytest.mark.parametrize("axis", [LINEAR, LOG])
+@settings(deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@given(data=st.data())
+def test_boundaries_are_found_to_the_width_in_order(axis: Axis, data: st.DataObject) -> None:
+    """Kinds change at some edges, at most one between two coarse places; each edge is found, with few cells."""
+    gaps = data.draw(st.lists(st.floats(0.05, 0.95), min_size=1, max_size=3))
+    low, high = axis.coordinate(axis.low), axis.coordinate(axis.high)
+    edges = [low + (high - low) * (k + gap) / 3 for k, gap in enumerate(gaps)]
+    ends: list[Kind] = ["stable", "overflow", "stable", "clumping"]
+    known = bisected(plain(axis), lambda x: ends[int(np.searchsorted(edges, axis.coordinate(x), side="right"))])
+    assert sequence(known) == tuple(ends[: len(edges) + 1])
     found = boundaries(MapLine("m", "", 0.0, "lammps"), known)
-    assert all(b.low < edge <= b.high for b, edge in zip(found, (0.3, 0.5, 0.9), strict=True))
+    for k, (b, edge) in enumerate(zip(found, edges, strict=True)):
+        assert axis.coordinate(b.low) < edge <= axis.coordinate(b.high)
+        assert (b.below, b.above) == (ends[k], ends[k + 1])
+        assert axis.width * (0.5 - 1e-9) <= axis.coordinate(b.high) - axis.coordinate(b.low) <= axis.width
+    assert len(known) <= 4 + len(edges) * np.ceil(np.log2((high - low) / 3 / axis.width))
 
 
 def test_third_kind_found_by_bisection_gets_both_edges() -> None:
@@ -158,11 +156,22 @@ def surveyed(source: Threads, out: Path) -> Atlas:
     return Atlas("", {}, {}, False, 0.0, (atlas.map_record(of, False, found, ENGINES),))
 
 
-def test_engine_agrees_with_itself(tmp_path: Path) -> None:
-    [found] = surveyed(Threads(), tmp_path).maps[0].agreement
-    assert found.verdict == "same"
-    assert found.reference == ("stable", "energy growth")
-    assert {ran.engine for ran in surveyed(Threads(), tmp_path).maps[0].cells} == set(ENGINES)
+def test_second_survey_examines_nothing_and_the_order_of_answers_does_not_matter(tmp_path: Path) -> None:
+    """An engine agrees with itself. A killed survey loses only the cells that were not written."""
+    first, other = (surveyed(Threads(delays=k), tmp_path / str(k)).maps for k in (1, 2))
+    [found] = first[0].agreement
+    assert (found.verdict, found.reference) == ("same", ("stable", "energy growth"))
+    assert {ran.engine for ran in first[0].cells} == set(ENGINES)
+    kept = [{part.key: part.result for part in model.cells(tmp_path / str(k)).journal.entries()} for k in (1, 2)]
+    assert (first, kept[0]) == (other, kept[1])
+    file = tmp_path / "1" / "cells.jsonl"
+    lines = file.read_bytes().splitlines(keepends=True)
+    for asked, content in ((0, lines), (3, [*lines[:-3], lines[-3][:40]])):
+        file.write_bytes(b"".join(content))
+        again = Threads()
+        assert surveyed(again, tmp_path / "1").maps == first
+        assert again.asked == asked
+    assert len({one.key for one in model.cells(tmp_path / "1").journal.entries()}) == len(lines)
 
 
 def test_wrong_viscosity_differs(tmp_path: Path) -> None:
@@ -173,31 +182,6 @@ def test_wrong_viscosity_differs(tmp_path: Path) -> None:
     assert whole.disagreements == [found]
     ours, theirs = found.boundaries
     assert theirs[0].low < ours[0].high / 2 < theirs[0].high * 1.13
-
-
-def test_results_do_not_depend_on_the_order_of_answers(tmp_path: Path) -> None:
-    ones = [surveyed(Threads(delays=k), tmp_path / str(k)).maps for k in (1, 2)]
-    assert ones[0] == ones[1]
-    kept = [{part.key: part.result for part in model.cells(tmp_path / str(k)).journal.entries()} for k in (1, 2)]
-    assert kept[0] == kept[1]
-
-
-def test_second_survey_examines_nothing(tmp_path: Path) -> None:
-    first = surveyed(Threads(), tmp_path)
-    again = Threads()
-    assert surveyed(again, tmp_path).maps == first.maps
-    assert again.asked == 0
-
-
-def test_killed_survey_loses_only_unwritten_cells(tmp_path: Path) -> None:
-    first = surveyed(Threads(), tmp_path)
-    file = tmp_path / "cells.jsonl"
-    lines = file.read_bytes().splitlines(keepends=True)
-    file.write_bytes(b"".join(lines[:-3]) + lines[-3][:40])
-    again = Threads()
-    assert surveyed(again, tmp_path).maps == first.maps
-    assert again.asked == 3
-    assert len({one.key for one in model.cells(tmp_path).journal.entries()}) == len(lines)
 
 
 # --- a whole atlas, with LAMMPS
@@ -250,17 +234,3 @@ def test_numbers_outside_json_round_trip(tmp_path: Path) -> None:
     ran = CellRun(MapCell("m", 0.1, 1.0), "lammps", CellOutcome("overflow", 3, 5, float("inf")))
     model.cells(tmp_path).add("k", ran)
     assert model.cells(tmp_path).get("k") == ran
-
-
-# --- the maps
-
-
-def test_maps_are_well_formed() -> None:
-    assert {"timestep-mach", "timestep-viscosity", "timestep-kernel"} <= set(MAPS)
-    for name, of in MAPS.items():
-        assert of.id == name and of.title and of.about
-        assert of.x.low < of.x.high and of.x.width > 0 and of.coarse >= 2
-        for y, layer in itertools.product((min(of.lines), max(of.lines)), of.layers):
-            assert of.y.low <= y <= of.y.high
-            for x in (of.x.low, of.x.high):
-                assert len(of.start(MapCell(of.id, x, y, layer)).atoms) > 0

@@ -13,8 +13,7 @@ import pytest
 
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import MapDifference
-from lammps_cases.studies.stability import atlas, maps, model, probe
-from lammps_cases.studies.stability.limits import Limits, read
+from lammps_cases.studies.stability import atlas, limits, maps, model, probe
 from tests.support.made_atlas import MAP, made_atlas
 from tests.support.outcome import Outcome
 
@@ -43,57 +42,38 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     return asked
 
 
-@pytest.mark.lammps
 def test_unexplained_differences_exit_with_one(
     eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Cells of an earlier survey stay unless it begins afresh."""
+    kept = tmp_path / "cells.jsonl"
+    kept.write_text("{}\n")
     out = eos_ref_command("stability", "made", "--out", tmp_path, "--jobs", 1)
     assert out.code == 1
     assert "made                        48 runs,    24 fail, 2 of 6 lines differ (24.0 s)" in out.out
     assert "2 lines differ for no known reason" in out.out
-    assert (tmp_path / "report.html").exists()
+    assert (tmp_path / "report.html").exists() and kept.exists()
     assert measured == [
         {"chosen": ["made"], "quick": False, "site": None, "jobs": 1, "progress": measured[0]["progress"]}
     ]
-    shown = MapDifference("made", "why")
-    monkeypatch.setattr(maps, "LEDGER", (replace(LEDGER[0], expected_in_maps=(shown,)),))
-    assert eos_ref_command("stability", "made", "--out", tmp_path).code == 0
-
-
-def test_document_has_cells_and_disagreements(
-    eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path
-) -> None:
-    out = eos_ref_command("stability", "made", "--out", tmp_path, "--json")
+    monkeypatch.setattr(maps, "LEDGER", (replace(LEDGER[0], expected_in_maps=(MapDifference("made", "why"),)),))
+    out = eos_ref_command("stability", "made", "--out", tmp_path, "--fresh", "--json")
     [one] = json.loads(out.out)["maps"]
-    assert {"id", "cells", "disagreements"} <= set(one)
+    assert (out.code, kept.exists()) == (0, False)
     assert (one["id"], len(one["cells"]), len(one["disagreements"])) == ("made", 48, 2)
 
 
 def test_limits_are_saved_where_the_advice_reads_them(
     eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from lammps_cases.studies.stability import limits
-
-    def saved(found: Limits, file: Path = tmp_path / "limits.json") -> None:
-        save(found, file)
-
-    save = limits.save
-    monkeypatch.setattr(limits, "save", saved)
+    shipped, save = limits.read(), limits.save
+    monkeypatch.setattr(limits, "save", lambda found, file=tmp_path / "limits.json": save(found, file))
     eos_ref_command("stability", "made", "--out", tmp_path, "--save-limits")
-    found = read(tmp_path / "limits.json")
+    found = limits.read(tmp_path / "limits.json")
     assert [(c.layer, c.engine, len(c.points)) for c in found.curves] == [
         (layer, engine, 3) for layer in MAP.layers for engine in ("lammps", "reference")
     ]
-    assert read(limits.FILE) != found
-
-
-def test_fresh_discards_the_cells(eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path) -> None:
-    kept = tmp_path / "cells.jsonl"
-    kept.write_text("{}\n")
-    eos_ref_command("stability", "made", "--out", tmp_path)
-    assert kept.exists()
-    eos_ref_command("stability", "made", "--out", tmp_path, "--fresh")
-    assert not kept.exists()
+    assert limits.read() == shipped != found
 
 
 @pytest.mark.lammps
@@ -143,19 +123,17 @@ def test_bad_input_is_reported_in_one_line_with_exit_code_two(
     assert not out.out
 
 
-def test_maps_are_chosen_by_name_pattern_and_tag() -> None:
-    from dataclasses import replace
-
-    known_maps = {
-        name: replace(MAP, id=name, tags=tags)
-        for name, tags in (("step-a", ("quick",)), ("step-b", ()), ("whole", ("long",)))
-    }
-
-    def ids(*arguments: Any) -> list[str]:
-        return [one.id for one in maps.select(known_maps, *arguments)]
-
-    assert ids() == ["step-a", "step-b"]
-    assert ids(("step-*",)) == ["step-a", "step-b"]
-    assert ids(("whole", "step-a")) == ["step-a", "whole"]
-    assert ids((), "quick") == ["step-a"]
-    assert ids((), "long") == ["whole"]
+@pytest.mark.parametrize(
+    ("arguments", "chosen"),
+    [
+        ((), "step-a step-b"),
+        ((("step-*",),), "step-a step-b"),
+        ((("whole", "step-a"),), "step-a whole"),
+        (((), "quick"), "step-a"),
+        (((), "long"), "whole"),
+    ],
+)
+def test_maps_are_chosen_by_name_pattern_and_tag(arguments: tuple[Any, ...], chosen: str) -> None:
+    tags = {"step-a": ("quick",), "step-b": (), "whole": ("long",)}
+    known = {name: replace(MAP, id=name, tags=of) for name, of in tags.items()}
+    assert [one.id for one in maps.select(known, *arguments)] == chosen.split()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +11,7 @@ import pytest
 from lammps_cases.studies.flows.flow import Snapshot
 from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.kinds import ParticleFailure
-from lammps_cases.studies.stability.model import KINDS, FailureCriteria
+from lammps_cases.studies.stability.model import KINDS, FailureCriteria, Kind
 from tests.support.roundings import rounded
 from tests.support.stability_scenes import brute_moments, channel
 
@@ -56,52 +55,48 @@ def apart(distance: float) -> Any:
 
 
 NAN = pytest.approx(np.nan, nan_ok=True)
-PLANTED: dict[str, Callable[[], tuple[Snapshot, ParticleFailure]]] = {
-    "lost": lambda: (put(x_nc=(K, (3.0, 13.25))), ParticleFailure("lost particles", K + 1, 0.25)),
-    "nan density": lambda: (put(rho_n=(K, np.nan)), ParticleFailure("non-finite", K + 1, NAN)),
-    "nan pressure": lambda: (put(pressure_n=(K, np.nan)), ParticleFailure("non-finite", K + 1, NAN)),
-    "infinite velocity": lambda: (put(v_nc=(K, (0.0, np.inf))), ParticleFailure("non-finite", K + 1, NAN)),
-    "nan position": lambda: (put(x_nc=(K, (np.nan, 1.0))), ParticleFailure("non-finite", K + 1, NAN)),
-    "infinite pressure": lambda: (put(pressure_n=(K, np.inf)), ParticleFailure("overflow", K + 1, np.inf)),
-    "infinite density": lambda: (put(rho_n=(K, -np.inf)), ParticleFailure("overflow", K + 1, -np.inf)),
-    "negative density": lambda: (put(rho_n=(K, -0.25)), ParticleFailure("negative density", K + 1, -0.25)),
-    "vanishing density": lambda: (put(rho_n=(K, 0.01)), ParticleFailure("vanishing density", K + 1, 0.01)),
-    "penetration": lambda: (put(x_nc=(K, (3.0, 1.65))), ParticleFailure("wall penetration", K + 1, 1.65)),
-    "energy": lambda: (
-        put(v_nc=(K, (3.0, 4.0))),
-        # Two sums of 2 N squares, and the expression here.
-        ParticleFailure("energy growth", K + 1, rounded((12.5 + 0.01 * (N - 1)) / (0.01 * N), 2 * (2 * N + 2) + 5)),
-    ),
-    "overlap": lambda: (
-        put(x_nc=(K, X[K + 1] - (0.001, 0.0))),
-        ParticleFailure("overlap", K + 1, apart(0.001)),
-    ),
-    "clumping": lambda: (
-        put(x_nc=(K, X[K + 1] - (0.375, 0.0))),
-        ParticleFailure("clumping", K + 1, apart(0.375)),
-    ),
-    "pressure": lambda: (put(pressure_n=(K, -0.125)), ParticleFailure("negative pressure", K + 1, -0.125)),
-    "hyperbolic": lambda: (
-        put(rho_n=(K, 1.75)),
-        ParticleFailure("loss of hyperbolicity", K + 1, -0.6875),
-    ),
-    "surface": lambda: (put(surface_n=(9, 2.0)), ParticleFailure("misclassified surface", 10, 2.0)),
-}
+GROWN = rounded(
+    (12.5 + 0.01 * (N - 1)) / (0.01 * N), 2 * (2 * N + 2) + 5
+)  # two sums of 2 N squares, and this expression
+# Kind, value, and the array of the fluid particle K that shows it; from the worst on.
+PLANTED: list[tuple[Kind, Any, str, Any]] = [
+    ("lost particles", 0.25, "x_nc", (3.0, 13.25)),
+    ("non-finite", NAN, "rho_n", np.nan),
+    ("non-finite", NAN, "pressure_n", np.nan),
+    ("non-finite", NAN, "v_nc", (0.0, np.inf)),
+    ("non-finite", NAN, "x_nc", (np.nan, 1.0)),
+    ("overflow", np.inf, "pressure_n", np.inf),
+    ("overflow", -np.inf, "rho_n", -np.inf),
+    ("negative density", -0.25, "rho_n", -0.25),
+    ("vanishing density", 0.01, "rho_n", 0.01),
+    ("wall penetration", 1.65, "x_nc", (3.0, 1.65)),
+    ("energy growth", GROWN, "v_nc", (3.0, 4.0)),
+    ("overlap", apart(0.001), "x_nc", X[K + 1] - (0.001, 0.0)),
+    ("clumping", apart(0.375), "x_nc", X[K + 1] - (0.375, 0.0)),
+    ("negative pressure", -0.125, "pressure_n", -0.125),
+    ("loss of hyperbolicity", -0.6875, "rho_n", 1.75),
+    ("misclassified surface", 2.0, "surface_n", 2.0),
+]
 
 
-@pytest.mark.parametrize("name", PLANTED)
-def test_each_kind_is_detected(name: str) -> None:
-    look, expected = PLANTED[name]()
-    assert seen(look) == expected
+@pytest.mark.parametrize(("kind", "value", "array", "planted"), PLANTED)
+def test_each_kind_is_detected_if_it_is_watched(kind: Kind, value: Any, array: str, planted: Any) -> None:
+    k = 9 if kind == "misclassified surface" else K
+    look = put(**{array: (k, planted)})
+    assert seen(look) == ParticleFailure(kind, k + 1, value)
+    always = KINDS.index(kind) >= KINDS.index("vanishing density")
+    assert (seen(look, FailureCriteria()) is not None) == always
+    if kind == "energy growth":
+        assert seen(look, energy=None) is None
 
 
-@pytest.mark.parametrize("name", ["penetration", "energy", "overlap", "clumping", "pressure", "hyperbolic", "surface"])
-def test_unwatched_kinds_are_not_detected(name: str) -> None:
-    assert seen(PLANTED[name]()[0], FailureCriteria()) is None
-
-
-def test_growth_needs_an_energy() -> None:
-    assert seen(PLANTED["energy"]()[0], energy=None) is None
+def test_detectors_are_in_the_order_of_the_kinds() -> None:
+    """The worst kind comes first, whichever particle shows it."""
+    order = [KINDS.index(kind) for kind, *_ in PLANTED]
+    assert order == sorted(order, reverse=True)
+    look = replace(put(rho_n=(K, -1.0)), pressure_n=put(pressure_n=(K + 2, np.nan)).pressure_n)
+    found = seen(look)
+    assert found is not None and (found.kind, found.atom) == ("non-finite", K + 3)
 
 
 def test_solids_may_lie_behind_a_wall_and_close_together() -> None:
@@ -109,36 +104,18 @@ def test_solids_may_lie_behind_a_wall_and_close_together() -> None:
     assert seen(put(x_nc=(WALL, X[WALL + 1] - (0.2, 0.0)))) is None
 
 
-def test_clumping_is_detected_across_a_periodic_face() -> None:
+def test_clumping_is_detected_across_a_periodic_face_and_penetration_in_any_image() -> None:
     first = int(FLUID[np.argmin(np.where(np.abs(X[FLUID, 1] - 4.5) < 0.3, X[FLUID, 0], np.inf))])
     look = put(x_nc=(first + 3, (X[first, 0] - 0.25 + 8.0, X[first, 1])))
     assert seen(look) == ParticleFailure("clumping", first + 1, rounded(0.25, 4, terms=8.0))
-
-
-def test_penetration_is_detected_in_any_image() -> None:
     of = replace(OF, box=replace(OF.box, periodic=(True, True)))
-    look = put(x_nc=(K, (3.0, 1.65 - 14.0)))
-    assert kinds.FailureDetectors(of, WATCH, look, None).wall_penetration() == ParticleFailure(
-        "wall penetration", K + 1, rounded(1.65, 2, terms=14.0)
-    )
+    found = kinds.first(of, FailureCriteria(behind=WATCH.behind), put(x_nc=(K, (3.0, 1.65 - 14.0))), None)
+    assert found == ParticleFailure("wall penetration", K + 1, rounded(1.65, 2, terms=14.0))
 
 
-def test_worst_kind_comes_first() -> None:
-    look = replace(put(rho_n=(K, -1.0)), pressure_n=put(pressure_n=(K + 2, np.nan)).pressure_n)
-    found = seen(look)
-    assert found is not None and (found.kind, found.atom) == ("non-finite", K + 3)
-    assert seen(put(rho_n=(K, -1.0))) == ParticleFailure("negative density", K + 1, -1.0)
-
-
-def test_detectors_are_in_the_order_of_the_kinds() -> None:
-    order = [KINDS.index(seen(look()[0]).kind) for look in PLANTED.values()]
-    assert order == sorted(order, reverse=True)
-
-
-def test_extreme_particle_is_reported() -> None:
+def test_extreme_particle_is_reported_the_first_of_equals() -> None:
     look = put(rho_n=(K, -1.0))
-    look.rho_n[K + 5] = -2.0
-    look.rho_n[K + 6] = -2.0
+    look.rho_n[K + 5] = look.rho_n[K + 6] = -2.0
     assert seen(look) == ParticleFailure("negative density", K + 6, -2.0)
     look = put(x_nc=(K, (3.0, 13.25)))
     look.x_nc[K + 5, 1] = 14.0

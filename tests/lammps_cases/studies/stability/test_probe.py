@@ -35,10 +35,11 @@ def living() -> Session:
     return Session()
 
 
-def followed(start: Start, watch: FailureCriteria, side: Engine, living: Session, **options: Any) -> Examined:
-    return follow(
-        partial(open_run, start, watch, side, living), kinds.subject(start), watch, start.steps[-1], **options
-    )
+def followed(start: Start, watch: FailureCriteria, side: Engine, living: Session) -> Examined:
+    return follow(partial(open_run, start, watch, side, living), kinds.subject(start), watch, start.steps[-1])
+
+
+sides = pytest.mark.parametrize("side", ENGINES)
 
 
 # --- the first step
@@ -63,34 +64,32 @@ def test_step_atom_and_value_are_those_of_the_first_failure(living: Session) -> 
     start = unstable()
     step, found, before = by_hand(start, WATCH)
     assert step > 2 and step % WATCH.every  # between two looks
-    examined = followed(start, WATCH, "reference", living)
-    outcome = examined.outcome
+    ours, theirs = (followed(start, WATCH, side, living) for side in ENGINES)
+    outcome = ours.outcome
     assert (outcome.kind, outcome.step, outcome.atom, outcome.value) == (found.kind, step, found.atom, found.value)
-    assert examined.before is not None
-    assert examined.before["step"] == step - 1
-    assert examined.before["failing"].tolist() == [found.atom]
-    assert np.array_equal(examined.before["v"], before.state.v_nc)
-    assert np.array_equal(examined.before["rho"], before.state.rho_n)
+    assert ours.before is not None
+    assert ours.before["step"] == step - 1
+    assert ours.before["failing"].tolist() == [found.atom]
+    assert np.array_equal(ours.before["v"], before.state.v_nc)
+    assert np.array_equal(ours.before["rho"], before.state.rho_n)
+    assert (outcome.kind, outcome.step, outcome.atom) == tuple(
+        getattr(theirs.outcome, name) for name in ("kind", "step", "atom")
+    )
+    # LAMMPS' forces lack the volumes, which differ from 1 by the Mach number; the energy has grown by its square.
+    assert outcome.value is not None
+    assert outcome.value == pytest.approx(theirs.outcome.value, rel=2 * 1e-3 * np.sqrt(outcome.value))
 
 
-@pytest.mark.parametrize("side", ENGINES)
+@sides
 @pytest.mark.parametrize("every", [1, 3, 1000])
 def test_result_does_not_depend_on_the_interval_of_looks(side: Engine, every: int, living: Session) -> None:
-    found = followed(unstable(), WATCH, side, living)
-    again = followed(unstable(), replace(WATCH, every=every), side, living)
+    found, again = (followed(unstable(), replace(WATCH, every=n), side, living) for n in (WATCH.every, every))
     assert again.outcome == found.outcome
     assert again.before is not None and found.before is not None
     assert np.array_equal(again.before["v"], found.before["v"])
 
 
-def test_engines_fail_in_the_same_way(living: Session) -> None:
-    ours, theirs = (followed(unstable(), WATCH, side, living).outcome for side in ENGINES)
-    assert (ours.kind, ours.step, ours.atom) == (theirs.kind, theirs.step, theirs.atom)
-    # LAMMPS' forces lack the volumes, which differ from 1 by the Mach number; the energy has grown by its square.
-    assert ours.value == pytest.approx(theirs.value, rel=2 * 1e-3 * np.sqrt(theirs.value))
-
-
-@pytest.mark.parametrize("side", ENGINES)
+@sides
 def test_default_energy_scale_is_that_of_the_first_look(side: Engine, living: Session) -> None:
     start = unstable(1e-6)
     watch = FailureCriteria(every=20, growth=10.0)
@@ -108,22 +107,16 @@ def test_default_energy_scale_is_that_of_the_first_look(side: Engine, living: Se
     assert outcome.value == energies[step] / scale
 
 
-@pytest.mark.parametrize("side", ENGINES)
-def test_sound_runs_are_stable(side: Engine, living: Session) -> None:
+@sides
+def test_sound_runs_are_stable_and_surfaces_are_read_from_the_engine(side: Engine, living: Session) -> None:
     examined = followed(resting(25), replace(WATCH, closest=0.9), side, living)
     assert (examined.outcome.kind, examined.before) == ("stable", None)
+    for surface, wanted in ({60: 0, 66: 1}, ("stable",)), ({60: 0, 66: 0}, ("misclassified surface", 0, 66, 1.0)):
+        found = followed(channel(), FailureCriteria(surface=surface), side, living).outcome
+        assert (found.kind, found.step, found.atom, found.value)[: len(wanted)] == wanted
 
 
-@pytest.mark.parametrize("side", ENGINES)
-def test_surfaces_are_read_from_the_engine(side: Engine, living: Session) -> None:
-    start = channel()
-    look = followed(start, FailureCriteria(surface={60: 0, 66: 1}), side, living)
-    assert look.outcome.kind == "stable"
-    wrong = followed(start, FailureCriteria(surface={60: 0, 66: 0}), side, living).outcome
-    assert (wrong.kind, wrong.step, wrong.atom, wrong.value) == ("misclassified surface", 0, 66, 1.0)
-
-
-@pytest.mark.parametrize("side", ENGINES)
+@sides
 def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Session) -> None:
     start = channel(60)
     v_nc = np.zeros(start.atoms.x_nc.shape)
@@ -152,38 +145,35 @@ def test_nan_positions_are_detected_in_their_step(living: Session) -> None:
 # --- ends that particles do not cause
 
 
+def changed(start: Start, **keys: Any) -> Start:
+    return replace(start, case=replace(start.case, scene=start.case.scene.model_copy(update=keys)))
+
+
 def test_refusals_are_errors_with_their_message(living: Session) -> None:
-    """A law that the reference refuses and LAMMPS accepts."""
+    """A law that the reference refuses and LAMMPS accepts; a style unknown to LAMMPS, which stays usable."""
     start = channel(3)
     law = start.case.scene.pressure[0].model_copy(update={"style": "tait/general", "A3": None, "gamma": 0.0})
-    start = replace(start, case=replace(start.case, scene=start.case.scene.model_copy(update={"pressure": (law,)})))
-    outcome = followed(start, FailureCriteria(), "reference", living).outcome
-    assert (outcome.kind, outcome.step) == ("error", 0)
-    assert "gamma of tait/general" in outcome.message
-    assert followed(start, FailureCriteria(), "lammps", living).outcome.kind != "error"
+    refused, unknown = changed(start, pressure=(law,)), changed(start, violate="unknown-pressure-style")
+    ours, theirs = (followed(s, FailureCriteria(), e, living) for s, e in ((refused, "reference"), (unknown, "lammps")))
+    assert [(end.outcome.kind, end.outcome.step) for end in (ours, theirs)] == [("error", 0)] * 2
+    assert "gamma of tait/general" in ours.outcome.message
+    assert "Illegal fix command" in theirs.outcome.message or "ubic" in theirs.outcome.message
+    assert followed(refused, FailureCriteria(), "lammps", living).outcome.kind != "error"
+    assert followed(channel(), FailureCriteria(), "lammps", living).outcome.kind == "stable"
 
 
-def test_lammps_errors_keep_their_message(living: Session) -> None:
-    start = channel(3)
-    scene = start.case.scene.model_copy(update={"violate": "unknown-pressure-style"})
-    outcome = followed(
-        replace(start, case=replace(start.case, scene=scene)), FailureCriteria(), "lammps", living
-    ).outcome
-    assert (outcome.kind, outcome.step) == ("error", 0)
-    assert "Illegal fix command" in outcome.message or "ubic" in outcome.message
-    assert followed(channel(), FailureCriteria(), "lammps", living).outcome.kind == "stable"  # still usable
-
-
-def test_bugs_of_this_project_are_not_blamed_on_an_engine(monkeypatch: pytest.MonkeyPatch, living: Session) -> None:
+@pytest.mark.parametrize(
+    ("of", "method", "side"), [(Session, "read", "lammps"), (ReferenceRun, "snapshot", "reference")]
+)
+def test_bugs_of_this_project_are_not_blamed_on_an_engine(
+    of: type, method: str, side: Engine, monkeypatch: pytest.MonkeyPatch, living: Session
+) -> None:
     def mistaken(*arguments: object) -> None:
         raise TypeError("a mistake")
 
-    monkeypatch.setattr(Session, "read", mistaken)
+    monkeypatch.setattr(of, method, mistaken)
     with pytest.raises(TypeError, match="a mistake"):
-        followed(resting(5), FailureCriteria(), "lammps", living)
-    monkeypatch.setattr(ReferenceRun, "snapshot", mistaken)
-    with pytest.raises(TypeError, match="a mistake"):
-        followed(resting(5), FailureCriteria(), "reference", living)
+        followed(resting(5), FailureCriteria(), side, living)
 
 
 @pytest.mark.parametrize(
@@ -237,56 +227,48 @@ def faulty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workers]:
         yield workers
 
 
-def ended(mass: float, workers: Workers, limit: float = 20.0, side: Engine = "lammps") -> Examined:
+@pytest.mark.parametrize(
+    ("mass", "side", "end", "words", "before"),
+    [
+        (101.0, "lammps", ("crash", 38), "SIGSEGV", 37),
+        (104.0, "lammps", ("crash", 38), "(once in two runs)", None),
+        (102.0, "lammps", ("hang", 31), "", 30),
+        (103.0, "lammps", ("error", 38), "ERROR: made up by the test", 37),
+        (100.0, "lammps", ("stable", None), "", None),
+        (101.0, "reference", ("stable", None), "", None),
+    ],
+    ids=["death", "death-that-does-not-recur", "hang", "error", "sound", "not-the-reference"],
+)
+def test_end_of_a_worker_is_reported_at_its_step(
+    mass: float, side: Engine, end: tuple[str, int | None], words: str, before: int | None, faulty: Workers
+) -> None:
+    """A hang after its last look, with the time limit as its seconds."""
     start: Callable[[MapCell], Start] = lambda cell: resting(60, mass)  # noqa: E731
-    of = StabilityMap(
-        "rest", "", "", Axis("x", 0, 1, 1), Axis("y", 0, 1, 1), (0.0,), start, lambda cell: FailureCriteria()
-    )
-    return examine(of, MapCell("rest", 0.0, 0.0), side, workers, limit)
-
-
-def test_death_of_a_worker_is_a_crash_at_its_step(faulty: Workers) -> None:
-    found = ended(101.0, faulty)
-    assert (found.outcome.kind, found.outcome.step, found.outcome.steps) == ("crash", 38, 60)
-    assert "SIGSEGV" in found.outcome.message
-    assert found.before is not None and found.before["step"] == 37
-    assert np.array_equal(found.before["x"], resting(60).atoms.x_nc[:, :2])
-
-
-def test_crash_that_does_not_recur_is_still_reported(faulty: Workers) -> None:
-    found = ended(104.0, faulty)
-    assert (found.outcome.kind, found.outcome.message[-18:]) == ("crash", "(once in two runs)")
-
-
-def test_endless_worker_is_a_hang_after_its_last_look(faulty: Workers) -> None:
-    found = ended(102.0, faulty, 4.0)
-    assert (found.outcome.kind, found.outcome.step, found.outcome.seconds) == ("hang", 31, 4.0)
-    assert found.before is not None and found.before["step"] == 30
-
-
-def test_error_is_reported_at_its_step(faulty: Workers) -> None:
-    found = ended(103.0, faulty)
-    assert (found.outcome.kind, found.outcome.step) == ("error", 38)
-    assert found.outcome.message == "ERROR: made up by the test"
-    assert found.before is not None and found.before["step"] == 37
-
-
-def test_runs_without_a_fault_are_unaffected(faulty: Workers) -> None:
-    assert ended(100.0, faulty).outcome.kind == "stable"
-    assert ended(101.0, faulty, side="reference").outcome.kind == "stable"
+    axis, hangs = Axis("x", 0, 1, 1), end[0] == "hang"
+    of = StabilityMap("rest", "", "", axis, axis, (0.0,), start, lambda cell: FailureCriteria())
+    found = examine(of, MapCell("rest", 0.0, 0.0), side, faulty, 4.0 if hangs else 20.0)
+    outcome = found.outcome
+    assert outcome.kind == end[0] and words in outcome.message and outcome.steps == 60
+    if "once" not in words:
+        assert outcome.step == end[1]
+    if before is not None:
+        assert found.before is not None and found.before["step"] == before
+        assert np.array_equal(found.before["x"], resting(60).atoms.x_nc[:, :2])
+    assert not hangs or outcome.seconds == 4.0
 
 
 def test_shorter_second_run_keeps_the_first_failure(monkeypatch: pytest.MonkeyPatch, living: Session) -> None:
     """LAMMPS may read uninitialised memory, so that the second run fails on its own."""
     start = unstable()
     seen = followed(start, WATCH, "reference", living)
-
-    made = list[Start]()
+    stop, made = Stopped("lost particles", "Lost atoms:  2", 7), list[Start]()
+    again = pickle.loads(pickle.dumps(stop))  # as from a worker
+    assert (again.kind, again.message, again.atom) == ("lost particles", "Lost atoms: 2", 7)
 
     class Once(ReferenceRun):
         def __init__(self, of: Start, *given: Any) -> None:
             if made:
-                raise Stopped("lost particles", "Lost atoms:  2", 7)
+                raise stop
             made.append(of)
             super().__init__(of, *given)
 
@@ -296,8 +278,3 @@ def test_shorter_second_run_keeps_the_first_failure(monkeypatch: pytest.MonkeyPa
     assert examined.outcome.message == "(run again, it ended earlier: Lost atoms: 2)"
     assert examined.outcome.step is not None and examined.outcome.step % WATCH.every == 0  # the look after the failure
     assert examined.before is not None and examined.before["step"] == examined.outcome.step - WATCH.every
-
-
-def test_cause_of_a_stop_can_be_pickled() -> None:
-    again = pickle.loads(pickle.dumps(Stopped("lost particles", "Lost atoms:  2", 7)))
-    assert (again.kind, again.message, again.atom) == ("lost particles", "Lost atoms: 2", 7)

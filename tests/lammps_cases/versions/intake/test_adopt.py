@@ -29,51 +29,49 @@ from tests.support.outcome import Outcome
 Run = Callable[..., Outcome]
 
 
-@pytest.fixture(scope="module")
-def adoption(tmp_path_factory: pytest.TempPathFactory) -> tuple[Adoption, Path]:
+@pytest.mark.lammps
+@pytest.mark.slow
+def test_findings_claims_and_inputs_of_an_engine(tmp_path: Path) -> None:
     """Adopt this environment's LAMMPS with a few cases, probes and inputs."""
-    out = tmp_path_factory.mktemp("adopt")
     cases = casefile.select(casefile.load(), ("near-rho0.linear.2d", "forces.all.rk1.2d", "refused.range-hyphen"))
     probes = [probe for probe in manual.probes() if probe.id in ("specific-heat-zero", "rheo-restart")]
     some = [bad for bad in bad_inputs() if bad.id in ("specific-heat-zero", "region-inside-out")]
-    return collect(Intake(Engine(), 1, out, cases, probes, some), evidence.BASELINES), out
-
-
-@pytest.mark.lammps
-@pytest.mark.slow
-def test_findings_claims_and_inputs_of_an_engine(adoption: tuple[Adoption, Path]) -> None:
-    record, out = adoption
+    record = collect(Intake(Engine(), 1, tmp_path, cases, probes, some), evidence.BASELINES)
     rows = {row.id: row for row in record.findings}
-    assert rows["force-per-volume"].cases == ("forces.all.rk1.2d",)
-    assert rows["hyphen-range-accepted"].cases == ("refused.range-hyphen",)
-    assert rows["specific-heat-zero"].cases == ("probes.specific-heat-zero",)
+    for id, case in (
+        ("force-per-volume", "forces.all.rk1.2d"),
+        ("hyphen-range-accepted", "refused.range-hyphen"),
+        ("specific-heat-zero", "probes.specific-heat-zero"),
+    ):
+        assert rows[id].cases == (case,)
     assert rows["cross-type-support"].status == "not asked"
     assert all(row.known for row in rows.values() if row.cases)
     assert [row.id for row in record.inputs] == ["specific-heat-zero", "region-inside-out"]
     assert record.unexplained == () and record.skipped == ()
     assert record.nearest.startswith("lammps-") and set(record.changed) < {f"lammps-{v}" for v in KNOWN}
-    assert (out / "run" / "report.html").exists()
-    assert DOCUMENT.read(out / "adopt.json") == record
-    assert json.loads((out / "adopt.json").read_text())["schema"] == "eos-ref/adopt/1"
+    assert (tmp_path / "run" / "report.html").exists()
+    assert DOCUMENT.read(tmp_path / "adopt.json") == record
+    assert json.loads((tmp_path / "adopt.json").read_text())["schema"] == "eos-ref/adopt/1"
+    html = adopt.render(record)
+    assert all(words in html for words in (record.sentence, "hyphen-range-accepted", "every difference is reproduced"))
 
 
-@pytest.mark.lammps
-@pytest.mark.slow
-def test_page_has_the_findings_and_the_sentence(adoption: tuple[Adoption, Path]) -> None:
-    html = adopt.render(adoption[0])
-    assert adoption[0].sentence in html
-    assert "hyphen-range-accepted" in html and "every difference is reproduced" in html
-
-
-def test_engine_list_is_merged() -> None:
-    row = FindingRow("x", "t", "low", "there", False, True, ("case",), ())
-    gone = FindingRow("x", "t", "low", "gone", True, True, (), ("case",))
-    silent = FindingRow("x", "t", "low", "not asked", True, True, (), ())
-    assert engines_showing(("1.0",), "2.0", [row], "x") == ("1.0", "2.0")
-    assert engines_showing(("1.0", "2.0"), "2.0", [row], "x") == ("1.0", "2.0")
-    assert engines_showing(("1.0", "2.0"), "2.0", [gone], "x") == ("1.0",)
-    assert engines_showing(("1.0", "2.0"), "2.0", [silent], "x") == ("1.0", "2.0")
-    assert engines_showing(("1.0", "2.0"), "2.0", [], "x") == ("1.0", "2.0")
+@pytest.mark.parametrize(
+    ("before", "status", "after"),
+    [
+        (("1.0",), "there", ("1.0", "2.0")),
+        (("1.0", "2.0"), "there", ("1.0", "2.0")),
+        (("1.0", "2.0"), "gone", ("1.0",)),
+        (("1.0", "2.0"), "not asked", ("1.0", "2.0")),
+        (("1.0", "2.0"), None, ("1.0", "2.0")),
+    ],
+)
+def test_engine_list_is_merged(
+    before: tuple[str, ...], status: adopt.FindingStatus | None, after: tuple[str, ...]
+) -> None:
+    shown, gone = ("case",) * (status == "there"), ("case",) * (status == "gone")
+    rows = [FindingRow("x", "t", "low", status, True, True, shown, gone)] if status else []
+    assert engines_showing(before, "2.0", rows, "x") == after
 
 
 def test_list_of_engines_round_trips() -> None:

@@ -32,6 +32,7 @@ STATE: dict[str, Any] = {
     "id": np.arange(1, 21),
     "type": np.ones(20, int),
     "x": np.linspace(0.5, 2.0, 60).reshape(20, 3) * [1, 1, 0],
+    "v": np.linspace(-1.0, 1.5, 60).reshape(20, 3),
     "rho": np.linspace(0.9, 1.4, 20),
     "rheo_status": np.arange(20) % 4,
 }
@@ -61,12 +62,12 @@ def compared(
 
 
 def test_state_in_a_binary_file_has_the_same_bits(case_file: Write) -> None:
-    names = ("type", "x", "rho", "rheo_status")
+    names = ("type", "x", "v", "rho", "rheo_status")
     binary = compared(case_file, {"at": 0, "by": "restart"}, {"at": 2, "by": "run"})
     stops = ("restart at 0", "run at 2")
     assert binary == {f"{name} ({stop})": ("exact", "the same doubles", 0.0) for stop in stops for name in names}
     assert compared(case_file, {"at": 1, "by": "data nofix"}) == {
-        f"{name} (data nofix at 1)": ("exact", TEXT, rounded(HALF * STATE[name].max(), 2)) for name in names
+        f"{name} (data nofix at 1)": ("exact", TEXT, rounded(HALF * np.abs(STATE[name]).max(), 2)) for name in names
     }
 
 
@@ -141,19 +142,21 @@ def test_positions_in_a_tilted_box_round_as_fractions(name: str, at: int, part: 
 @pytest.mark.parametrize("moves", [{"displace": {"x": 0.1}}, {"stretch": {"x": 1.1}}])
 def test_positions_are_not_compared_if_the_stop_moves_particles(case_file: Write, moves: Any) -> None:
     fields = compared(case_file, {"at": 1, "by": "run"} | moves)
-    assert list(fields) == [f"{name} (run at 1)" for name in ("type", "rho", "rheo_status")]
+    assert list(fields) == [f"{name} (run at 1)" for name in ("type", "v", "rho", "rheo_status")]
 
 
 def nudged(name: str) -> Any:
+    """Return values of which one has changed by one unit of its last place."""
     changed = STATE[name].copy()
-    changed[3] = np.nextafter(changed[3], np.inf)
+    changed.reshape(20, -1)[3, 0] = np.nextafter(changed.reshape(20, -1)[3, 0], np.inf)
     return changed
 
 
 @pytest.mark.parametrize(
     ("by", "name", "after", "seen"),
     [
-        ("restart", "rho", STATE["rho"] * (1 + 2.0**-52), True),
+        *(("restart", name, nudged(name), True) for name in ("x", "v", "rho")),
+        ("restart", "type", STATE["type"] + 1, True),
         ("data", "rho", STATE["rho"] * (1 + 2.0**-52), False),  # half a unit of the 16th digit is 2.3 x 2^-52, or more
         ("data", "rho", STATE["rho"] * (1 + 4 * 2.0**-52), True),
         ("replicated", "x", nudged("x"), True),  # inside the box nothing may move
@@ -197,7 +200,7 @@ ALONE = ()
 
 
 @pytest.mark.parametrize(
-    ("of", "step", "beside"),  # beside which findings the input is new; None: it changes nothing
+    ("of", "step", "known"),  # the findings that the input is new with; None: it changes nothing
     [
         (None, 3, ALONE),
         (reason(3), 3, ALONE),  # input precedes its consequences
@@ -218,17 +221,17 @@ ALONE = ()
     ],
 )
 def test_input_outside_is_the_reason_unless_a_new_difference_precedes_it(
-    of: Reason | None, step: int | None, beside: Any
+    of: Reason | None, step: int | None, known: Any
 ) -> None:
     news = at(step, "x")
     found = prefer_input(of, news)
     assert prefer_input(of, None) is of
-    if beside == ALONE:
+    if known == ALONE:
         assert found == Reason(news)
-    elif beside is None:
+    elif known is None:
         assert found is of
     else:
-        assert of is not None and found == Reason(of.first, Beyond(findings=beside, blame=news))
+        assert of is not None and found == Reason(of.first, Beyond(findings=known, blame=news))
 
 
 # --- whole cases
@@ -271,7 +274,7 @@ def test_positions_in_text_agree_with_any_image_to_its_digits(ready: PreparedCas
     assert (red.field, red.stage, red.derivation) == ("rho (data at 1)", "input", TEXT)
 
 
-def test_state_corrupted_at_a_stop_is_blamed_alone_or_beside_a_finding(ready: PreparedCase) -> None:
+def test_state_corrupted_at_a_stop_is_blamed_alone_or_next_to_a_finding(ready: PreparedCase) -> None:
     """The same for an answer read at every step."""
     rho_n = np.array(ready.atoms.rho_n)
     rho_n[4] *= 1.01

@@ -437,14 +437,17 @@ def test_lists_are_requested_if_a_finding_depends_on_them(
         (lambda id_n: id_n[id_n != 7], 7),
         (lambda id_n: np.append(id_n, 99), 99),
         (lambda id_n: np.sort(np.append(id_n, 4)), 4),
+        (lambda id_n: id_n[:0], 1),
+        (lambda id_n: np.r_[id_n[1], id_n[0], id_n[2:]], 2),
     ],
-    ids=["missing", "foreign", "doubled"],
+    ids=["missing", "foreign", "doubled", "none", "exchanged"],
 )
 def test_lost_atoms_end_the_comparison(law: PreparedCase, ids: Callable[[Any], Any], first: int) -> None:
     id_n = ids(law.atoms.id_n)
     record = judged(law, changed(answer_of(law), id=id_n))
     assert (record.verdict, record.ended, record.fields) == ("differs", "unusable", [])
     assert record.unusable == LostAtoms(returned=len(id_n), given=len(law.atoms), first_id=first)
+    assert f"LAMMPS returned {len(id_n)} of {len(law.atoms)} atoms" in record.message
 
 
 @pytest.mark.parametrize("where", ["first", "before", "after"])

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
@@ -45,8 +47,9 @@ Make = Callable[..., PreparedCase]
 def make(case_file: Callable[..., Path]) -> Make:
     """Return a small case with a twin."""
 
-    def ready(kind: str, **changes: Any) -> PreparedCase:
-        return prepared_case.prepare(casefile.load((case_file(**SCENE | changes, twin={kind: KINDS[kind]}),))[0])
+    def ready(kind: str, value: Any = None, **changes: Any) -> PreparedCase:
+        twin = {kind: KINDS[kind] if value is None else value}
+        return prepared_case.prepare(casefile.load((case_file(**SCENE | changes, twin=twin),))[0])
 
     return ready
 
@@ -87,6 +90,20 @@ def test_reference_agrees_with_its_twin(make: Make, kind: str) -> None:
     assert record.laws[0].rho0 == 1.2 and record.reproduce.endswith("--engine pypi:2025.7.22.4.0 mine")
     assert arrays["rho"] is twin_of(ready).atoms.rho_n and "f.bound" in arrays
     assert record.predictions.computed == (1 if twin_of(ready).same_problem else 2 + twin_of(ready).rounds_input)
+
+
+@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    power=st.sampled_from([-3, -1, 2, 5]),
+    shift=st.tuples(st.floats(0.1, 9.0), st.floats(-9.0, 9.0)),
+    boost=st.tuples(st.floats(0.1, 2.0), st.floats(-2.0, 2.0)),
+)
+def test_reference_agrees_with_twins_of_any_size_place_and_velocity(
+    make: Make, power: int, shift: tuple[float, float], boost: tuple[float, float]
+) -> None:
+    for kind, value in (("rescale", 2.0**power), ("translate", list(shift)), ("boost", list(boost))):
+        ready = make(kind, value)
+        assert judged(ready, answers_of(ready)).verdict in ("exact", "pass"), (kind, value)
 
 
 @pytest.mark.parametrize(("kind", "field"), [("rescale", "f"), ("translate", "x"), ("boost", "v"), ("units", "f")])

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as some
 
@@ -291,7 +291,8 @@ ARRAYS = st.one_of(
 )
 
 
-@given(st.dictionaries(st.text(max_size=9), ARRAYS, max_size=4), st.data())
+@settings(max_examples=40)
+@given(st.dictionaries(st.text(max_size=9), ARRAYS, max_size=3), st.data())
 def test_entry_is_read_as_written_or_not_at_all(arrays: dict[str, Any], data: Any) -> None:
     """Type, shape and bits are kept; an entry of another name, cut or changed anywhere, counts as absent."""
     content = packed("name", arrays)

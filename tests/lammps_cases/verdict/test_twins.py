@@ -92,7 +92,7 @@ def test_reference_agrees_with_its_twin(make: Make, kind: str) -> None:
     assert record.predictions.computed == (1 if twin_of(ready).same_problem else 2 + twin_of(ready).rounds_input)
 
 
-@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     power=st.sampled_from([-3, -1, 2, 5]),
     shift=st.tuples(st.floats(0.1, 9.0), st.floats(-9.0, 9.0)),

@@ -161,9 +161,9 @@ PLANTED = [
         "* where(self.type_n[self.i] != self.type_n[self.j], 0.0, 1.0)",
         DiffusionWithoutOtherTypes,
     ),
-    Planted(("thermal.arithmetic.2d", "thermal.rk1.2d"), "had `0.5 * ", HalfHeat),
-    Planted(("thermal.arithmetic.2d", "thermal.latent.2d"), "had `kappa_n[i]` for `kappa_n[j]`", OwnConductivity),
-    Planted(("shift.all.2d", "shift.exclude.2d"), "had `-joined(shift)` for `joined(shift)`", ShiftTheOtherWay),
+    Planted(("thermal.arithmetic.2d", "thermal.rk1.2d"), "heat flow without the factor 2", HalfHeat),
+    Planted(("thermal.arithmetic.2d", "thermal.latent.2d"), "own conductivity in place of the mean", OwnConductivity),
+    Planted(("shift.all.2d", "shift.exclude.2d"), "shift of the other sign", ShiftTheOtherWay),
     Planted(
         ("forces.viscous.rk1.2d", "forces.viscous.rk2.2d"),
         "had `self.gradw` for `self.g` in all its statements",
@@ -232,7 +232,7 @@ def test_features_common_to_red_and_absent_from_green_scenes(tmp_path: Path, eos
     (tmp_path / "run.json").write_text(run.model_copy(update={"triage": None}).to_json())
     told = eos_ref_command("diagnose", tmp_path)
     assert told.code == 1
-    assert "had `-joined(shift)` for `joined(shift)`" in told.out
+    assert "as if the reference made the mistake: shift of the other sign" in told.out
     assert read_run(tmp_path).triage == run.triage
     assert "all 3 scenes with `rheo.shift`; none of 2 others" in (tmp_path / "report.html").read_text()
     assert "### Triage" in (tmp_path / "summary.md").read_text()

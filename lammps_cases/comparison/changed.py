@@ -90,10 +90,11 @@ def classes(changes: Sequence[Change], base: Classes = PLAIN) -> Classes:
     TypeError
         A change and a base that is built on it.
     """
-    parts = [[change.stages for change in changes], [change.stepping for change in changes]]
-    stages, stepping = (
-        joined("Changed", [*part, of], of) if any(part) else of for part, of in zip(parts, base, strict=True)
-    )
+    stages, stepping = base
+    if parts := [change.stages for change in changes if change.stages]:
+        stages = joined("Stages", [*parts, stages], stages)
+    if steps := [change.stepping for change in changes if change.stepping]:
+        stepping = joined("Stepping", [*steps, stepping], stepping)
     return stages, stepping
 
 

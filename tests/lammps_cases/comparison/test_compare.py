@@ -66,8 +66,8 @@ def test_value_is_judged_by_its_bound(
 ) -> None:
     """Alone, and among others that are right."""
     for around in (0, 1):
-        sides = (np.r_[[1.0] * around, one, [1.0] * around] for one in (lammps, reference))
-        record = compared(*sides, np.r_[[1.0] * around, bound, [1.0] * around]).record
+        lammps_n, reference_n, bound_n = (np.r_[[1.0] * around, x, [1.0] * around] for x in (lammps, reference, bound))
+        record = compared(lammps_n, reference_n, bound_n).record
         assert (record.verdict, record.max_over_bound) == (verdict, ratio)
         assert record.outside == (verdict == "differs")
         assert record.first_id == (11 + around if verdict == "differs" else None)
@@ -159,7 +159,7 @@ def state(n: int = 8) -> EosState:
     return EosState(np.arange(1, n + 1), types_n, np.linspace(0.9, 1.4, n), np.ones(n))
 
 
-def given(scene: EosState) -> tuple[list[float], ...]:
+def values_of(scene: EosState) -> tuple[list[float], ...]:
     """Type, density and, if given, energy of every particle."""
     return tuple(side_n.tolist() for side_n in (scene.type_n, scene.rho_n, scene.e_n) if side_n is not None)
 
@@ -201,7 +201,7 @@ def test_pressure_of_the_reference_is_exact_and_a_wrong_law_differs() -> None:
 def test_law_is_evaluated_in_the_requested_precision(table: EOSTable, scene: EosState) -> None:
     p_n = evaluate(table, scene, np.longdouble)
     assert p_n.dtype == np.longdouble and evaluate(table, scene).dtype == np.float64
-    exact = [rigorous.pressure(table[t], *values) for t, *values in zip(*given(scene), strict=True)]
+    exact = [rigorous.pressure(table[t], *values) for t, *values in zip(*values_of(scene), strict=True)]
     errors = [rigorous.error(float(p - float(p)), value - float(p)) for p, value in zip(p_n, exact, strict=True)]
     assert max(errors) < EPS / 100, "what a double cannot hold"
 

@@ -194,8 +194,8 @@ def blind(name: str) -> list[str]:
     return undetected_in_model(problem, Predictor(None).predict(problem))
 
 
-def evaluated(problem: Problem, *stages: type[ArrayEvaluator]) -> Simulation:
-    sim: Simulation = problem.simulation(*stages)
+def evaluated(problem: Problem, stages: type[ArrayEvaluator] = ArrayEvaluator) -> Simulation:
+    sim: Simulation = problem.simulation(stages)
     with np.errstate(all="ignore"):
         sim.setup()
     return sim

@@ -232,14 +232,22 @@ def _parsed(text: str, where: str) -> list[ast.stmt]:
 def _expressions(inside: ast.AST, old: ast.expr, new: ast.expr) -> list[Replacement]:
     """Return the replacements of an expression, one for each occurrence, in the order of `ast.walk`."""
     found: list[Replacement] = []
-    text = ast.dump(old)
+    for node, name, k, part in _places(inside).get(ast.dump(old), ()):
+        put = partial(setattr, node, name) if k is None else partial(getattr(node, name).__setitem__, k)
+        found.append((partial(put, new), partial(put, part)))
+    return found
+
+
+@lru_cache(maxsize=512)
+def _places(inside: ast.AST) -> dict[str, list[tuple[ast.AST, str, int | None, ast.expr]]]:
+    """Return parent, field, number and node of all expressions by what they are; a tree is restored after each edit."""
+    places: dict[str, list[tuple[ast.AST, str, int | None, ast.expr]]] = {}
     for node in ast.walk(inside):
         for name, child in ast.iter_fields(node):
             for k, part in enumerate(child) if isinstance(child, list) else ((None, child),):
-                if type(part) is type(old) and ast.dump(part) == text:
-                    put = partial(setattr, node, name) if k is None else partial(child.__setitem__, k)
-                    found.append((partial(put, new), partial(put, part)))
-    return found
+                if isinstance(part, ast.expr):
+                    places.setdefault(ast.dump(part), []).append((node, name, k, part))
+    return places
 
 
 def _statements(inside: ast.AST, old: list[ast.stmt], new: list[ast.stmt]) -> list[Replacement]:

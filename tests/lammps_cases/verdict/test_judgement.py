@@ -187,7 +187,7 @@ def test_wrong_pressure_is_blamed_on_its_first_atom(law: PreparedCase, key: str,
     record, arrays = compare_case(law.case, law.eos, law.atoms, changed(answer, **{key: p_n}), ENGINE)
     assert blamed(record) == (field, "eos", 5) and record.blame is not None
     assert (record.blame.outside, record.blame.of) == (2, len(law.atoms))
-    assert (record.blame.type, record.blame.rho) == (law.atoms.type_n[4], law.atoms.rho_n[4])  # type: ignore[index]
+    assert (record.blame.type, record.blame.rho) == (law.atoms.type_n[4], law.atoms.rho_n[4])
     assert (record.blame.lammps, record.blame.reference) == (p_n[4], p_n[4] - 1.0) and record.blame.bound < 1.0
     np.testing.assert_array_equal(arrays[f"{field}.lammps"], p_n)
 

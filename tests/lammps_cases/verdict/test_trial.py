@@ -113,8 +113,8 @@ def judge(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[ModelVerdict, 
         entries: dict[str, Finding] = {}
         for number, name in enumerate(dict.fromkeys(name for together in effects for name in together.split("+"))):
             special = dict((settings or {}).get(name, {}))
-            base = entries[special.pop("on")].model_variant.stages if "on" in special else ArrayEvaluator  # type: ignore[union-attr]
-            variant = Variant(lambda problem: True, type(name, (base,), {"__module__": __name__}), **special)  # type: ignore[arg-type]
+            base = entries[special.pop("on")].model_variant.stages if "on" in special else ArrayEvaluator
+            variant = Variant(lambda problem: True, type(name, (base,), {"__module__": __name__}), **special)
             known = (KNOWN[0] if name.isupper() else NEWEST,)
             entries[name] = made_findings.finding(name, number, engines=known, model=variant)
         monkeypatch.setattr(findings, "LEDGER", (LEDGER[0], *entries.values()))

@@ -37,6 +37,7 @@ LARGEST = LIMIT // 20  # of an entry: a larger one would displace many others, a
 ROOT = Path(__file__).parents[2]
 # The packages here that predictions depend on, in addition to all of eos_ref. A test follows the imports.
 ROOMS = ("records", "comparison", "findings", "verdict")
+CATALOGUE = ("scene/changes.py", "data/changes.yaml")  # the mistakes whose names are kept with predictions
 CASES = ROOT / "lammps_cases" / "data" / "cases"  # not part of the code: an entry depends on its case alone
 LIBRARIES = ("llvmlite", "numba", "numpy", "python-flint", "scipy")
 INSTRUCTIONS = ("avx", "avx2", "fma", "avx512f", "asimd", "sve")  # those for which libraries have special code
@@ -124,7 +125,9 @@ def _named(cls: type) -> tuple[object, ...]:
 def hashed(root: Path) -> list[Path]:
     """Return all files whose bytes determine predictions."""
     folders = [root / "eos_ref", *(root / "lammps_cases" / room for room in ROOMS)]
-    return [path for folder in folders for path in sorted(folder.rglob("*.py"))]
+    catalogue = (root / "lammps_cases" / name for name in CATALOGUE)
+    modules = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
+    return modules + [path for path in catalogue if path.is_file()]
 
 
 def context(root: Path = ROOT) -> str:

@@ -7,7 +7,7 @@ is part of the reference.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import dependencies
+from lammps_cases.comparison.changed import joined
 from lammps_cases.comparison.problem import Problem
 
 # LAMMPS' fields at one step, by the names of `eos_ref.model.quantities`; the first one may hold `lists`, of all steps.
@@ -62,18 +63,11 @@ def combined(
     variants: Sequence[Variant], problem: Problem, snapshot: Snapshot
 ) -> tuple[type[ArrayEvaluator], type[Simulation]] | None:
     """Join several variants to an evaluator and a simulation; None if one cannot be fitted to LAMMPS' numbers."""
-    stages: type[ArrayEvaluator] = _joined("Evaluator", (v.stages for v in variants), ArrayEvaluator)
+    stages: type[ArrayEvaluator] = joined("Evaluator", (v.stages for v in variants), ArrayEvaluator)
     for variant in sorted(variants, key=lambda each: not each.lists):  # others may evaluate stages that follow lists
         if variant.fit:
             fitted = variant.fit(problem, stages, snapshot)
             if fitted is None:
                 return None
             stages = type("Fitted", (stages,), {**fitted, "__module__": __name__})
-    return stages, _joined("Stepping", (v.stepping for v in variants), Simulation)
-
-
-def _joined(name: str, parts: Iterable[type | None], base: type) -> Any:
-    given = dict.fromkeys(part for part in parts if part is not None)
-    bases = tuple(part for part in given if not any(part in other.__mro__[1:] for other in given))
-    # Named, as a prediction is kept only if the module of its stages is known.
-    return type(name, bases, {"__module__": __name__}) if bases else base
+    return stages, joined("Stepping", (v.stepping for v in variants), Simulation)

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Generator, Sequence
-from contextlib import closing, nullcontext
+from collections.abc import Sequence
+from contextlib import closing
 from typing import Any
 
 import numpy as np
 
 from eos_ref import EOSTable
 from eos_ref.eos import bounds
-from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.pairs import sharing
 from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.comparison.changed import codes_of, made, reaches
+from lammps_cases.comparison.changed import codes_of, fields, pressure, reaches
 from lammps_cases.comparison.compare import EosState, evaluate, excess
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Prediction, visit
 from lammps_cases.scene.atoms import Atoms, seed
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.changes import Change, catalogue
-from lammps_cases.verdict.mistakes import LAW_MUTANTS, MODEL_MUTANTS
+from lammps_cases.scene.changes import Change
+from lammps_cases.verdict.mistakes import changes as catalogue
 from lammps_cases.verdict.problems import problem_of
 
 FEW = 12  # changes that are tried whether or not a run goes through the functions that they edit
@@ -55,7 +53,7 @@ def exercised(
         prediction = predictor.predict(problem, seed=seed(f"{case.name}/moved runs"))
         tried = changes
         if len(changes) > FEW:
-            codes = codes_of(lambda: deque(_fields(problem), 0))
+            codes = codes_of(lambda: deque(fields(problem), 0))
             tried = [change for change in changes if reaches(change, codes)]
         return {change.id: _moved(change, problem, prediction) if change in tried else 0 for change in changes}
 
@@ -92,41 +90,22 @@ class _Law:
 
     def moved(self, change: Change) -> int:
         with np.errstate(all="ignore"):
-            if change.mistake == "law":
-                p_n = LAW_MUTANTS[change.what](self.eos, self.state)
-            elif change.function:
-                with made(change):
-                    p_n = evaluate(self.eos, self.state)
-            else:
-                p_n = None
+            p_n = pressure(change, self.eos, self.state) if change.function else None
         return 0 if p_n is None else count_outside([(p_n, self.p_n, self.bound_n)])
 
 
 def _moved(change: Change, problem: Problem, prediction: Prediction) -> int:
     """Return how many particles leave a bound at the first step that shows it; none if the change fails."""
-    with np.errstate(all="ignore"), closing(_changed(change, problem)) as outputs:
-        for fields, bound in zip(prediction.fields, prediction.bounds, strict=True):
+    # A search that is changed finds other neighbours than the prediction.
+    with np.errstate(all="ignore"), sharing([]), closing(fields(problem, [change])) as outputs:
+        for right, bound in zip(prediction.fields, prediction.bounds, strict=True):
             try:
                 changed = next(outputs)
             except Exception:  # a change that cannot be evaluated has no field to detect it by
                 return 0
-            if moved := count_outside([(changed[field], fields[field], bound[field]) for field in problem.fields]):
+            if moved := count_outside([(changed[field], right[field], bound[field]) for field in problem.fields]):
                 return moved
     return 0
-
-
-def _changed(change: Change, problem: Problem) -> Generator[dict[str, Any]]:
-    """Yield the fields of the changed reference at the steps of a problem."""
-    stages = MODEL_MUTANTS[change.what].stages if change.mistake == "stage" else ArrayEvaluator
-    with made(change) if change.function else nullcontext():
-        yield from _fields(problem, stages)
-
-
-def _fields(problem: Problem, stages: type[ArrayEvaluator] = ArrayEvaluator) -> Generator[dict[str, Any]]:
-    with sharing([]):  # a search that is changed finds other neighbours than the prediction
-        sim: Simulation = problem.simulation(in_blocks(stages, len(problem.state.x_nc)))
-        for _ in visit(sim, problem.steps, problem.timestep, problem.stops):
-            yield {field: sim.output(field) for field in problem.fields}
 
 
 def count_outside(fields: Sequence[tuple[Any, Any, Any]]) -> int:

@@ -1,140 +1,32 @@
 """Plausible mistakes in a law or in the particle model, to find out what a scene can distinguish.
 
-A mistake in a law takes the laws and the state and returns the pressure of the mistaken formula, or None if the scene
-has nothing that the mistake could change. One in the model is a variant of the reference's stages, with the
-quantities that it changes: it goes undetected where a scene compares these and every field of its first evaluation
-stays within the bound. The lint names the mistakes that a scene cannot distinguish; tests insert them to prove that
-some case detects each.
+They are the changes of the catalogue (`lammps_cases.scene.changes`) whose role is *mistake*. The report names those
+that a scene cannot distinguish: in a law if they stay within the bound on every particle; in the model, where a scene
+compares the quantities that they change, if every field of its first evaluation does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from eos_ref import EOS, EOSTable
+from eos_ref import EOSTable
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.blocks import in_blocks
-from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
-from lammps_cases.comparison.compare import EosState, evaluate, excess
+from lammps_cases.comparison.changed import fields, pressure
+from lammps_cases.comparison.compare import EosState, excess
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.thermal import HeatOverDensity, TemperatureWithoutMass
 from lammps_cases.findings.walls import WallVelocityLost
-
-Mutant = Callable[[EOSTable, EosState], FloatArray | None]
-
-
-def _each_law(change: Callable[[EOS], EOS | None]) -> Mutant:
-    """Return a mistake in the parameters of the laws it applies to."""
-
-    def mutant(table: EOSTable, state: EosState) -> FloatArray | None:
-        changed = [change(law) for law in table.laws]
-        if all(law is None for law in changed):
-            return None
-        laws = tuple(new or old for new, old in zip(changed, table.laws, strict=True))
-        return evaluate(EOSTable(laws), state)
-
-    return mutant
-
-
-def _with_cs(law: EOS, cs: float) -> EOS | None:
-    return None if law.needs_energy else replace(law, cs=cs)
-
-
-def _with_rho0(law: EOS, rho0: float) -> EOS | None:
-    return None if law.needs_energy else replace(law, rho0=rho0)
-
-
-def _as_linear(law: EOS) -> EOS | None:
-    linear = EOS("linear", law.rho0, law.cs, None, law.background)
-    return None if law.needs_energy or law == linear or law.exponent == 1 else linear
-
-
-def _exchanged_types(table: EOSTable, state: EosState) -> FloatArray | None:
-    if len(table) == 1:
-        return None
-    rolled = EOSTable((*table.laws[1:], table.laws[0]))
-    if rolled.needs_energy and state.e_n is None:
-        return None
-    return evaluate(rolled, state)
-
-
-def _energy_of_particle(table: EOSTable, state: EosState) -> FloatArray | None:
-    if not table.needs_energy or state.energy_n is None:
-        return None
-    return evaluate(table, replace(state, mass_n=np.ones_like(state.mass_n)))
-
-
-def _float32_density(table: EOSTable, state: EosState) -> FloatArray | None:
-    return evaluate(table, replace(state, rho_n=state.rho_n.astype(np.float32).astype(float)))
-
-
-def _float32_pressure(table: EOSTable, state: EosState) -> FloatArray | None:
-    p_n = evaluate(table, state)
-    with np.errstate(over="ignore"):
-        return p_n.astype(np.float32).astype(float)
-
-
-def _sign(table: EOSTable, state: EosState) -> FloatArray | None:
-    return -evaluate(table, state)
-
-
-LAW_MUTANTS: dict[str, Mutant] = {
-    "cs instead of cs^2": _each_law(lambda law: _with_cs(law, law.cs**0.5)),
-    "cs ignored": _each_law(lambda law: _with_cs(law, 1.0)),
-    "rho0 ignored": _each_law(lambda law: _with_rho0(law, 1.0)),
-    "rho0 and cs exchanged": _each_law(
-        lambda law: None if law.needs_energy else replace(law, rho0=law.cs, cs=law.rho0)
-    ),
-    "cs off by 1e-6": _each_law(lambda law: _with_cs(law, law.cs * (1 + 1e-6))),
-    "sign of the pressure": _sign,
-    "background dropped": _each_law(lambda law: replace(law, background=0.0) if law.background else None),
-    "background subtracted": _each_law(
-        lambda law: replace(law, background=-law.background) if law.background else None
-    ),
-    "A3 dropped": _each_law(
-        lambda law: replace(law, parameter=0.0) if law.law.parameter == "A3" and law.parameter else None
-    ),
-    "A3 of the wrong sign": _each_law(
-        lambda law: replace(law, parameter=-law.parameter) if law.law.parameter == "A3" and law.parameter else None
-    ),
-    "exponent 7 for every Tait law": _each_law(
-        lambda law: replace(law, parameter=7.0) if law.exponent is not None and law.parameter is not None else None
-    ),
-    "exponent off by one": _each_law(
-        lambda law: (
-            None
-            if law.exponent is None
-            else EOS("tait/general", law.rho0, law.cs, law.exponent + 1 or 0.5, law.background)
-        )
-    ),
-    "linear instead of Tait or cubic": _each_law(_as_linear),
-    "gamma instead of gamma - 1": _each_law(
-        lambda law: replace(law, parameter=law.gamma + 1) if law.needs_energy and law.law.parameter == "gamma" else None
-    ),
-    "energy not per unit mass": _energy_of_particle,
-    "types exchanged": _exchanged_types,
-    "density in float32": _float32_density,
-    "pressure in float32": _float32_pressure,
-}
-
-
-def undetected_in_laws(table: EOSTable, state: EosState, reference_n: FloatArray, bound_n: FloatArray) -> list[str]:
-    """Return the names of the mistakes that stay within the bound on every particle, undetectable in the scene."""
-    blind = []
-    for name, mutant in LAW_MUTANTS.items():
-        with np.errstate(all="ignore"):
-            p_n = mutant(table, state)
-            if p_n is not None and bool(np.all(excess(p_n, reference_n, bound_n)[1] <= 1)):
-                blind.append(name)
-    return blind
+from lammps_cases.scene.changes import Change, catalogue
 
 
 class _UnitMasses(ArrayEvaluator):
@@ -192,30 +84,43 @@ class _MostConductive(ArrayEvaluator):
         return 0 * super().conduction() + super().conduction().max()
 
 
-@dataclass(frozen=True)
-class ModelMutant:
-    """A mistake: the stages that make it, and the quantities it changes in a scene that it applies to."""
-
-    stages: type[ArrayEvaluator]
-    changes: tuple[str, ...]
-    needs_walls: bool = False
-
-
-MODEL_MUTANTS: dict[str, ModelMutant] = {
-    "masses ignored": ModelMutant(_UnitMasses, ("grad/v", "f", "heatflow", "rho")),
-    "rho0 for rho in volumes": ModelMutant(_EquilibriumVolumes, ("grad/v", "f", "heatflow")),
-    "V_i for V_j": ModelMutant(_OwnVolumes, ("grad/v", "f", "heatflow")),
-    "no volume in the force": ModelMutant(ForcePerVolume, ("f",)),
-    "arithmetic for harmonic mean, or the reverse": ModelMutant(_OtherMean, ("f", "heatflow")),
-    "speed of sound ignored in artificial viscosity": ModelMutant(_UnitSoundSpeed, ("artificial",)),
-    "rho0 ignored in density diffusion": ModelMutant(_UnitDensity, ("drho",)),
-    "no-slip extrapolation ignored": ModelMutant(_NoSlipIgnored, ("grad/v", "f"), needs_walls=True),
-    "velocity of walls lost": ModelMutant(WallVelocityLost, ("moving walls",), needs_walls=True),
-    "no lower limit to the density of walls": ModelMutant(_ThinWalls, ("f",), needs_walls=True),
-    "temperature of the whole energy": ModelMutant(TemperatureWithoutMass, ("temperature",)),
-    "heat divided by the density": ModelMutant(HeatOverDensity, ("heatflow",)),
-    "one conductivity for all types": ModelMutant(_MostConductive, ("heatflow",)),
+# Classes, not edits: every case of a run evaluates them, in compiled loops where it has particles for these.
+_STAGES = {
+    "lint-masses-ignored": _UnitMasses,
+    "lint-rho0-for-rho-in-volumes": _EquilibriumVolumes,
+    "lint-v-i-for-v-j": _OwnVolumes,
+    "lint-no-volume-in-the-force": ForcePerVolume,
+    "lint-arithmetic-for-harmonic-mean-or-the-reverse": _OtherMean,
+    "lint-speed-of-sound-ignored-in-artificial-viscosity": _UnitSoundSpeed,
+    "lint-rho0-ignored-in-density-diffusion": _UnitDensity,
+    "lint-no-slip-extrapolation-ignored": _NoSlipIgnored,
+    "lint-velocity-of-walls-lost": WallVelocityLost,
+    "lint-no-lower-limit-to-the-density-of-walls": _ThinWalls,
+    "lint-temperature-of-the-whole-energy": TemperatureWithoutMass,
+    "lint-heat-divided-by-the-density": HeatOverDensity,
+    "lint-one-conductivity-for-all-types": _MostConductive,
 }
+
+
+@cache
+def changes() -> dict[str, Change]:
+    """Return the catalogue of changes, with the stages of those that are classes."""
+    return {name: replace(change, stages=_STAGES.get(name)) for name, change in catalogue().items()}
+
+
+def _mistakes(in_model: bool) -> list[Change]:
+    return [each for each in changes().values() if each.role == "mistake" and bool(each.stages) == in_model]
+
+
+def undetected_in_laws(table: EOSTable, state: EosState, reference_n: FloatArray, bound_n: FloatArray) -> list[str]:
+    """Return the names of the mistakes that stay within the bound on every particle, undetectable in the scene."""
+    blind = []
+    for mistake in _mistakes(in_model=False):
+        with np.errstate(all="ignore"):
+            p_n = pressure(mistake, table, state)
+            if p_n is not None and bool(np.all(excess(p_n, reference_n, bound_n)[1] <= 1)):
+                blind.append(mistake.what)
+    return blind
 
 
 def undetected_in_model(problem: Problem, prediction: Prediction) -> list[str]:
@@ -223,11 +128,11 @@ def undetected_in_model(problem: Problem, prediction: Prediction) -> list[str]:
     compared = set(shown(problem))
     walls = problem.model.fix.interface_reconstruct and bool(problem.state.solid_n.any())
     return [
-        name
-        for name, mutant in MODEL_MUTANTS.items()
-        if compared & set(mutant.changes)
-        and (walls or not mutant.needs_walls)
-        and cannot_distinguish(problem, prediction, mutant)
+        mistake.what
+        for mistake in _mistakes(in_model=True)
+        if compared & set(mistake.shows)
+        and (walls or not mistake.walls)
+        and cannot_distinguish(problem, prediction, mistake)
     ]
 
 
@@ -247,14 +152,11 @@ def shown(problem: Problem) -> Iterator[str]:
         yield "moving walls"
 
 
-def cannot_distinguish(problem: Problem, prediction: Prediction, mutant: ModelMutant) -> bool:
-    """Return whether the first evaluation with a mistake is within the bounds of the one without."""
-    stages = in_blocks(mutant.stages, len(problem.state.x_nc))
-    sim: Simulation = problem.simulation(stages)
-    with np.errstate(all="ignore"):
-        sim.setup()
-        for field in problem.fields:
+def cannot_distinguish(problem: Problem, prediction: Prediction, change: Change) -> bool:
+    """Return whether the first evaluation with a change is within the bounds of the one without."""
+    with np.errstate(all="ignore"), closing(fields(replace(problem, stops=()), [change])) as changed:
+        for field, values in next(changed).items():
             reference_n, bound_n = np.broadcast_arrays(prediction.fields[0][field], prediction.bounds[0][field])
-            if not np.all(excess(sim.output(field), reference_n, bound_n)[1] <= 1):
+            if not np.all(excess(values, reference_n, bound_n)[1] <= 1):
                 return False
     return True

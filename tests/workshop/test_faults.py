@@ -63,8 +63,8 @@ SEEN: dict[str, tuple[str, str, str] | None] = {
 
 def _own_fault(name: str, statement: str) -> formula.FormulaFault:
     """A fault in the law of NAMES[0]."""
-    law = ("eos_ref.eos.laws:linear", "return cs * cs * (rho - rho0)")
-    change = Change(name, "option", statement, "", *law, statement)
+    law = {"function": "eos_ref.eos.laws:linear", "replace": "return cs * cs * (rho - rho0)"}
+    change = Change(name, statement, **law, by=statement)
     return formula.FormulaFault(f"formula.{name}", "option", statement, change)
 
 

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import ast
 import copy
-import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import cached_property, partial
-from types import CodeType, FunctionType
 from typing import Any
 
 import numpy as np
 
-from lammps_cases.comparison.changed import installed
+from lammps_cases.comparison.changed import bodies, definition, function_of
+from lammps_cases.scene.changes import Change, hypothesis
 
 Kind = tuple[Any, ...] | None
 Scope = Mapping[str, Any]
@@ -47,63 +45,14 @@ _PAIRS = (
 EVERYWHERE = "in all its statements"
 
 
-@dataclass(frozen=True, eq=False)
-class ExpressionEdit:
-    """One expression, or statement, of a function of the reference, changed.
-
-    Attributes
-    ----------
-    before, after : the expression; ``after`` is empty for a statement that is left out
-    statement : the enclosing one, or `EVERYWHERE`
-    """
-
-    of: FunctionEdits
-    put: Callable[[], None]
-    restore: Callable[[], None]
-    line: int
-    before: str
-    after: str
-    statement: str
-
-    @cached_property
-    def code(self) -> CodeType:
-        """Return the function's code with only this edit."""
-        return self.of.compiled([self])
-
-
-@contextmanager
-def made(edits: Iterable[ExpressionEdit]) -> Iterator[None]:
-    """Make functions of the reference run edited code, in every module that has them; without compiled loops.
-
-    Raises
-    ------
-    SyntaxError, TypeError, ValueError
-        Edits that are not valid Python.
-    """
-    by_function: dict[FunctionType, list[ExpressionEdit]] = {}
-    for edit in edits:
-        by_function.setdefault(edit.of.function, []).append(edit)
-    codes = {
-        function: own[0].code if len(own) == 1 else own[0].of.compiled(own) for function, own in by_function.items()
-    }
-    with installed(codes) if codes else nullcontext():
-        yield
-
-
 @dataclass
 class _Place:
-    """The place of an expression: its parent, how to replace it, and the variables around it."""
+    """The place of an expression: its parent, and the variables and the statement around it."""
 
     node: ast.expr
-    put: Callable[[Any], None]
     scope: dict[str, Any]
     parent: ast.AST
     statement: str
-
-
-def _put(others: Sequence[tuple[_Place, ast.expr]]) -> None:
-    for place, other in others:
-        place.put(ast.copy_location(other, place.node))
 
 
 def kind(of: Any) -> Kind:
@@ -123,47 +72,41 @@ class FunctionEdits:
 
     Parameters
     ----------
-    function : FunctionType
-    tree : ast.Module
-        Of its module; changed temporarily, and restored.
+    path : str
+        ``MODULE:QUALIFIED_NAME``.
     scope : mapping
         Its local variables at the end of an observed call.
+    words : str
+        What it computes, with ``{}`` for the number of a line.
     others : sequence of str
         Operands of the same class that may replace others.
     """
 
-    def __init__(self, function: FunctionType, tree: ast.Module, scope: Scope, others: tuple[str, ...]) -> None:
-        self.function = function
-        self.node = definition(tree, function.__qualname__)
-        self.scope = {**function.__globals__, **scope}
-        self.wrapper = _wrapper(self.node, function.__qualname__)
+    def __init__(self, path: str, scope: Scope, words: str, others: tuple[str, ...] = ()) -> None:
+        self.path, self.words = path, words
+        self.node, _ = definition(path)
+        self.scope = {**function_of(path).__globals__, **scope}
         self._values: dict[tuple[int, str], Kind] = {}
+        self._number = _numbered(ast.walk(self.node)) | _numbered(s for body in bodies(self.node) for s in body)
         named = sorted({*operands(self.node), *others, *(name for name in scope if name.isidentifier())})
         self.pool = [
             (text, made, _parsed(text)) for text in named if (made := self._kind(text, self.scope)) is not None
         ]
 
-    def __iter__(self) -> Iterator[ExpressionEdit]:
+    def __iter__(self) -> Iterator[Change]:
         places = [place for statement in self.node.body for place in _inside(statement, self.scope, "")]
         for place in places:
-            before, around = ast.unparse(place.node), place.statement
-            seen = {before}
-            for other in self._replacements(place):
-                if (after := ast.unparse(other)) not in seen:
-                    seen.add(after)
-                    put = partial(place.put, ast.copy_location(other, place.node))
-                    restore = partial(place.put, place.node)
-                    yield ExpressionEdit(self, put, restore, place.node.lineno, before, after, around)
+            before = ast.unparse(place.node)
+            around = "" if place.statement == before else f" in `{place.statement}`"
+            for after in dict.fromkeys(map(ast.unparse, self._replacements(place))):
+                if after != before:
+                    yield self._change(place.node, f"had `{after}` for `{before}`{around}", before, after)
         yield from self._everywhere(places)
-        for body in list(_bodies(self.node)):
-            for k, statement in enumerate(body):
-                if _is_left_out(statement):
-                    text = ast.unparse(statement).partition("\n")[0]
-                    put = partial(body.__setitem__, k, ast.copy_location(ast.Pass(), statement))
-                    restore = partial(body.__setitem__, k, statement)
-                    yield ExpressionEdit(self, put, restore, statement.lineno, text, "", text)
+        for statement in [s for body in bodies(self.node) for s in body if _is_left_out(s)]:
+            text = ast.unparse(statement)
+            yield self._change(statement, "left out `{}`".format(text.partition("\n")[0]), text, "")
 
-    def _everywhere(self, places: Sequence[_Place]) -> Iterator[ExpressionEdit]:
+    def _everywhere(self, places: Sequence[_Place]) -> Iterator[Change]:
         """Yield operands replaced wherever they occur."""
         by_text: dict[str, list[_Place]] = {}
         for place in places:
@@ -171,27 +114,14 @@ class FunctionEdits:
                 by_text.setdefault(ast.unparse(place.node), []).append(place)
         for before, same in by_text.items():
             of = self._kind_of(same[0].node, same[0].scope)
-            for after, made, other in self.pool if len(same) > 1 else ():
+            for after, made, _ in self.pool if len(same) > 1 else ():
                 if made == of and after != before:
-                    put = partial(_put, [(place, other) for place in same])
-                    restore = partial(_put, [(place, place.node) for place in same])
-                    yield ExpressionEdit(self, put, restore, same[0].node.lineno, before, after, EVERYWHERE)
+                    yield self._change(same[0].node, f"had `{after}` for `{before}` {EVERYWHERE}", before, after, 0)
 
-    def compiled(self, edits: Iterable[ExpressionEdit]) -> CodeType:
-        """Return the function's code with some edits."""
-        edits = list(edits)
-        try:
-            for edit in edits:
-                edit.put()
-            ast.fix_missing_locations(self.wrapper)
-            with warnings.catch_warnings(action="ignore", category=SyntaxWarning):  # such as `None is None`
-                code = compile(self.wrapper, self.function.__code__.co_filename, "exec", dont_inherit=True)
-        finally:
-            for edit in reversed(edits):
-                edit.restore()
-        for _ in self.function.__qualname__.split("."):
-            code = next(const for const in code.co_consts if isinstance(const, CodeType))
-        return code
+    def _change(self, node: Any, text: str, before: str, after: str, at: int | None = None) -> Change:
+        what = f"{self.words.format(node.lineno)} {text}"
+        at = self._number[id(node)] if at is None else at
+        return hypothesis(what, function=self.path, replace=before, by=after, at=at)
 
     def _kind(self, text: str, scope: Scope) -> Kind:
         try:
@@ -353,32 +283,14 @@ def _is_operand(node: ast.AST) -> bool:
 # --- the tree
 
 
-def definition(tree: ast.Module, name: str) -> ast.FunctionDef:
-    """Return the definition in a module with a qualified name."""
-    node: Any = tree
-    for part in name.split("."):
-        node = next(n for n in node.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == part)
-    assert isinstance(node, ast.FunctionDef)
-    return node
-
-
-def _wrapper(node: ast.FunctionDef, name: str) -> ast.Module:
-    """Return a module of one function, nested in classes as in its definition: ``super`` needs them."""
-    future = ast.ImportFrom("__future__", [ast.alias("annotations")], 0)
-    bare = copy.copy(node)
-    bare.decorator_list = []
-    body: ast.stmt = bare
-    for part in reversed(name.split(".")[:-1]):
-        body = ast.ClassDef(part, [], [], [body], [])
-    return ast.Module([future, body], [])
-
-
-def _bodies(node: ast.AST) -> Iterator[list[ast.stmt]]:
-    for each in ast.walk(node):
-        for name in ("body", "orelse"):
-            body = getattr(each, name, None)
-            if isinstance(body, list):
-                yield body
+def _numbered(nodes: Iterable[ast.AST]) -> dict[int, int]:
+    """Return the place of every node among those that look the same, from 1, by its id."""
+    counts: Counter[str] = Counter()
+    numbers = {}
+    for node in nodes:
+        counts[text := ast.dump(node)] += 1
+        numbers[id(node)] = counts[text]
+    return numbers
 
 
 def _is_left_out(statement: ast.stmt) -> bool:
@@ -407,24 +319,12 @@ def _inside(node: ast.AST, scope: dict[str, Any], around: str) -> Iterator[_Plac
             continue
         if isinstance(node, ast.Call) and name in ("func", "keywords"):
             continue
-        children = child if isinstance(child, list) else [child]
-        for k, each in enumerate(children):
+        for each in child if isinstance(child, list) else [child]:
             if not isinstance(each, ast.AST):
                 continue
             if isinstance(each, ast.expr) and not isinstance(each, _CONTAINERS):
-                put = _putting(node, name, k if isinstance(child, list) else None)
-                yield _Place(each, put, scope, node, around)
+                yield _Place(each, scope, node, around)
             yield from _inside(each, scope, around)
-
-
-def _putting(node: ast.AST, name: str, k: int | None) -> Callable[[Any], None]:
-    def put(other: Any) -> None:
-        if k is None:
-            setattr(node, name, other)
-        else:
-            getattr(node, name)[k] = other
-
-    return put
 
 
 def _first(node: Any, scope: dict[str, Any]) -> dict[str, Any]:

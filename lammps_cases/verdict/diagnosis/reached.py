@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
+import contextlib
 import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, is_dataclass
-from functools import cache, cached_property
+from functools import cache
 from inspect import CO_GENERATOR, CO_VARARGS, CO_VARKEYWORDS
 from pathlib import Path
 from types import CodeType, FrameType, FunctionType
@@ -17,11 +16,14 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.kernels.styles import KERNELS
-from lammps_cases.verdict.diagnosis.edits import EVERYWHERE, ExpressionEdit, FunctionEdits, made, operands
+from lammps_cases.comparison.changed import function_of, made, tree_of
+from lammps_cases.scene.changes import Change
+from lammps_cases.verdict.diagnosis.edits import FunctionEdits, operands
 
 # Modules with formulas; the others find pairs, propagate errors and read commands.
 SHAPES = dict.fromkeys(style.kernel.shape.__module__.removeprefix("eos_ref.") for style in KERNELS.values())
@@ -52,20 +54,12 @@ class Reached:
         path = Path(self.function.__code__.co_filename)
         return f"{what} ({name}, {path.parent.name}/{path.name}:{{}})"
 
-    def sentence(self, edit: ExpressionEdit) -> str:
-        """Return what an edit changes: "as if ...", without these words."""
-        where = self.words.format(edit.line)
-        if not edit.after:
-            return f"{where} left out `{edit.before}`"
-        around = {edit.before: "", EVERYWHERE: f" {EVERYWHERE}"}.get(edit.statement, f" in `{edit.statement}`")
-        return f"{where} had `{edit.after}` for `{edit.before}`{around}"
-
-    def edits(self) -> Iterator[ExpressionEdit]:
+    def edits(self) -> Iterator[Change]:
         """Yield its edits, except those that make no difference to the call."""
         again = self._repeatable()
         mine = "." in self.function.__qualname__ and isinstance(self.scope.get("self"), ArrayEvaluator)
-        tree, others = _tree(self.function.__module__), _of_stages() if mine else ()
-        for edit in FunctionEdits(self.function, tree, self.scope, others):
+        path = f"{self.function.__module__}:{self.function.__qualname__}"
+        for edit in FunctionEdits(path, self.scope, self.words, _of_stages() if mine else ()):
             if not (again and self._idle(edit)):
                 yield edit
 
@@ -84,24 +78,19 @@ class Reached:
         except Exception:  # the evaluator has moved on to other particles
             return False
 
-    def _idle(self, edit: ExpressionEdit) -> bool:
+    def _idle(self, edit: Change) -> bool:
         """Return whether an edit makes no difference to the call, or no sense."""
         try:
-            with made([edit]):
+            with made(edit):
                 return self._as_before()
-        except (SyntaxError, TypeError, ValueError):
+        except (InputError, SyntaxError, TypeError, ValueError):
             return True
-
-
-@cache
-def _tree(module: str) -> ast.Module:
-    return ast.parse(inspect.getsource(sys.modules[module]))
 
 
 @cache
 def _of_stages() -> tuple[str, ...]:
     """Return the names that the stages of an evaluation take from the evaluator."""
-    trees = (_tree(of.__module__) for of in (ArrayEvaluator, Evaluator))
+    trees = (tree_of(of.__module__) for of in (ArrayEvaluator, Evaluator))
     return tuple(sorted({text for tree in trees for text in operands(tree) if text.startswith("self.")}))
 
 
@@ -135,20 +124,11 @@ def reached(run: Callable[[], Any]) -> list[Reached]:
     found = []
     for code in sorted(last, key=last.__getitem__, reverse=True):
         module, arguments, result, scope = ended[code]
-        function = _function(module, code.co_qualname)
-        if function is not None and function.__code__ is code and function.__name__ not in NO_FORMULA:
-            found.append(Reached(function, arguments, result, scope))
+        with contextlib.suppress(InputError):  # a function within a function
+            function = function_of(f"{module}:{code.co_qualname}")
+            if function.__code__ is code and function.__name__ not in NO_FORMULA:
+                found.append(Reached(function, arguments, result, scope))
     return found
-
-
-def _function(module: str, name: str) -> FunctionType | None:
-    """Return the definition in a module with a qualified name, if it is a function, a method or a property."""
-    of: Any = sys.modules[module]
-    for part in name.split("."):
-        of = getattr(of, "__dict__", {}).get(part)
-    of = of.fget if isinstance(of, property) else of.func if isinstance(of, cached_property) else of
-    of = getattr(of, "__wrapped__", getattr(of, "__func__", of))
-    return of if isinstance(of, FunctionType) else None
 
 
 def _same(a: Any, b: Any) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -17,9 +17,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref import InputError
-from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.time_step import Simulation
-from eos_ref.kernels.styles import KERNELS
+from lammps_cases.comparison.changed import PLAIN
 from lammps_cases.comparison.predictor import Made, Predictor
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import combined
@@ -29,7 +27,6 @@ from lammps_cases.records.run_record import CaseRecord, Hypothesis, RunRecord, T
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import build, seed
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.particles import FromFile, Lattice, PowerLaw
 from lammps_cases.verdict.case_arrays import read_steps
 from lammps_cases.verdict.diagnosis import laws
 from lammps_cases.verdict.diagnosis.trials import HypothesisSearch, RedCase, Tried, Work, red_case
@@ -44,85 +41,28 @@ NAMED = 6  # hypotheses named for each group; the others are counted
 Key = tuple[str, ...]
 
 
-_TESTS: dict[str, Callable[[Scene], bool]] = {
-    "more than one type": lambda s: len(s.types) > 1,
-    "more than two types": lambda s: len(s.types) > 2,
-    "one type": lambda s: len(s.types) == 1,
-    "types of different mass": lambda s: len({t.mass for t in s.types}) > 1,
-    "types of different rho0": lambda s: len(set(s.rho0 or ())) > 1,
-    "types of different speed of sound": lambda s: len(set(s.cs or ())) > 1,
-    "types of different viscosity": lambda s: len({repr(t.viscosity) for t in s.types}) > 1,
-    "laws of different styles": lambda s: len({law.style for law in s.pressure}) > 1,
-    "solid particles": lambda s: any(t.phase == "solid" for t in s.types),
-    "no solid particles": lambda s: all(t.phase == "fluid" for t in s.types),
-    "moving solids": lambda s: any(t.phase == "solid" and any(t.velocity or ()) for t in s.types),
-    "`interface_reconstruct`": lambda s: s.rheo.interface_reconstruct,
-    "no `interface_reconstruct`": lambda s: not s.rheo.interface_reconstruct,
-    "`rho_sum`": lambda s: s.rho_sum,
-    "no `rho_sum`": lambda s: not s.rho_sum,
-    "`self_mass`": lambda s: s.rheo.self_mass,
-    "`rho_sum` without `self_mass`": lambda s: s.rho_sum and not s.rheo.self_mass,
-    "`shift`": lambda s: s.rheo.shifting is not None,
-    "no `shift`": lambda s: s.rheo.shifting is None,
-    "`shift` with `exclude`": lambda s: bool(s.rheo.shifting and s.rheo.shifting.exclude),
-    "`shift` with `scale_cross_type`": lambda s: bool(s.rheo.shifting and s.rheo.shifting.scale_cross_type),
-    "`surface_detection`": lambda s: s.rheo.surface_detection is not None,
-    "`surface_detection` by coordination": lambda s: _surface(s) == "coordination",
-    "`surface_detection` by divergence": lambda s: _surface(s) == "divergence",
-    "`zmin`": lambda s: s.rheo.zmin > 0,
-    "`artificial_visc`": lambda s: s.pair.artificial_visc > 0,
-    "no `artificial_visc`": lambda s: s.pair.artificial_visc == 0,
-    "`rho_damp`": lambda s: s.pair.rho_damp > 0,
-    "no `rho_damp`": lambda s: s.pair.rho_damp == 0,
-    "`harmonic_means`": lambda s: s.pair.harmonic_means,
-    "no `harmonic_means`": lambda s: not s.pair.harmonic_means,
-    "particles with energy": lambda s: s.thermal,
-    "no energy": lambda s: not s.thermal,
-    "latent heat": lambda s: any(t.latent_heat for t in s.types),
-    "a freezing temperature": lambda s: any(t.T_freeze is not None for t in s.types),
-    "power-law viscosity": lambda s: any(isinstance(t.viscosity, PowerLaw) for t in s.types),
-    "a background pressure": lambda s: any(law.entry.style == "background" or law.P_b for law in s.pressure),
-    "external forces": lambda s: bool(s.forces),
-    "time steps": lambda s: s.evolve is not None,
-    "no time steps": lambda s: s.evolve is None,
-    "more than one time step": lambda s: s.evolve is not None and s.evolve.steps > 1,
-    "a twin": lambda s: s.twin is not None,
-    "two ranks": lambda s: s.engine.ranks > 1 or bool(s.twin and s.twin.ranks),
-    "newton off": lambda s: not s.engine.newton,
-    "newton of bonds apart": lambda s: len(set(s.engine.newton_flags)) > 1,
-    "particles from a file": lambda s: isinstance(s.positions, FromFile),
-    "a face that is not periodic": lambda s: _open(s),
-    "all axes periodic": lambda s: isinstance(s.positions, Lattice) and not _open(s),
-    "disorder": lambda s: isinstance(s.positions, Lattice) and s.positions.disorder > 0,
-    "velocities": lambda s: bool(s.velocity.random or any(s.velocity.uniform or ())),
-    "a refusal that is expected": lambda s: s.expect is not None,
-}
-
-
-def _surface(scene: Scene) -> str:
-    return scene.rheo.surface_detection.style if scene.rheo.surface_detection else ""
-
-
-def _open(scene: Scene) -> bool:
-    positions = scene.positions
-    return isinstance(positions, Lattice) and positions.periodic is not None and not all(positions.periodic)
-
-
 def features(scene: Scene) -> set[str]:
-    """Return the features of a scene."""
-    said = {name for name, test in _TESTS.items() if test(scene)}
-    said |= {f"dimension {scene.dimension}", f"units {scene.units}", f"kernel {scene.rheo.kernel}"}
-    if KERNELS[scene.rheo.kernel].corrects_gradients:
-        said.add("a kernel that corrects gradients")
-    said |= {f"law {law.style}" for law in scene.pressure}
-    said |= {f"fix {force.style}" for force in scene.forces}
-    if isinstance(scene.positions, Lattice):
-        said.add(f"lattice {scene.positions.lattice}")
-    if scene.twin:
-        said.add(f"twin {scene.twin.kind}")
-    if scene.whole_model:
-        said |= {f"comparing `{name}`" for name in scene.compare}
-    return said
+    """Return the features of a scene: the keys of its file that it sets, their words, and how its types differ."""
+    content = scene.model_dump(mode="json", exclude_defaults=True, exclude={"compare", "types", "pressure", "forces"})
+    found = {f"dimension {scene.dimension}", f"units {scene.units}", f"kernel {scene.rheo.kernel}", *_keys(content)}
+    found |= {f"law {law.style}" for law in scene.pressure} | {f"fix {force.style}" for force in scene.forces}
+    found.add(f"{len(scene.types)} type{'s' * (len(scene.types) > 1)}")
+    types = [of_type.model_dump(mode="json", exclude_defaults=True) for of_type in scene.types]
+    for key in {key for of_type in types for key in of_type}:
+        found |= {name for of_type in types if key in of_type for name in _keys({key: of_type[key]})}
+        if len({repr(of_type.get(key)) for of_type in types}) > 1:
+            found.add(f"types of different `{key}`")
+    return found | ({f"comparing `{name}`" for name in scene.compare} if scene.whole_model else set())
+
+
+def _keys(content: Mapping[str, Any], path: str = "") -> Iterator[str]:
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            yield from _keys(value, f"{path}{key}.")
+        if value not in (None, False, [], {}):
+            yield f"`{path}{key}`"
+        if isinstance(value, str | bool) and value is not True:
+            yield f"`{path}{key}` {str(value).lower() if value is False else value}"
 
 
 @dataclass(frozen=True)
@@ -138,11 +78,10 @@ def in_common(red: Sequence[set[str]], green: Sequence[set[str]]) -> Common:
 
     A combination is used only if it leaves fewer green scenes than any shorter one.
     """
-    order = {name: at for at, name in enumerate(_TESTS)}
     shared = sorted(set.intersection(*red)) if red else []
     table = {name: np.array([name in scene for scene in green], bool) for name in shared}
     # Features of the fewest green scenes tell most; among equals properties of the model precede compared fields.
-    ranked = sorted(shared, key=lambda name: (int(table[name].sum()), order.get(name, len(order)), name))[:MANY]
+    ranked = sorted(shared, key=lambda name: (int(table[name].sum()), name.startswith("comparing"), name))[:MANY]
     best = Common((), len(green))
     for size in range(1, LONGEST + 1):
         for names in itertools.combinations(ranked, size):
@@ -175,6 +114,8 @@ def triage(
         return None
     by_name = {case.name: case for case in cases}
     said = {record.case: features(by_name[record.case].scene) for record in run.cases if record.case in by_name}
+    every = set().union(*said.values())
+    said = {case: found | {f"no {name}" for name in every - found} for case, found in said.items()}
     green = [
         said[record.case]
         for record in run.cases
@@ -322,7 +263,7 @@ class _Diagnosis:
             variants = [e.model_variant for e in LEDGER if e.id in base and e.model_variant]
             if any(variant.lists for variant in variants):
                 return None
-            made: Made | None = combined(variants, problem, snapshots[0]) if variants else (ArrayEvaluator, Simulation)
+            made: Made | None = combined(variants, problem, snapshots[0]) if variants else PLAIN
             if made is None:
                 return None
             return red_case(record.case, problem, snapshots, made, seed(f"{record.case}/moved runs"), self.predictor)

@@ -6,6 +6,7 @@ import itertools
 import math
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -13,17 +14,16 @@ from typing import Any, TypeVar
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.pairs import Candidates, sharing
-from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison import changed
 from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.predictor import Made, Predictor
 from lammps_cases.comparison.problem import Problem
-from lammps_cases.comparison.trajectory import Fields, Prediction, predict, visit
+from lammps_cases.comparison.trajectory import Fields, Prediction, predict
 from lammps_cases.findings.variants import Snapshot
+from lammps_cases.scene.changes import Change
 from lammps_cases.scene.fields import in_step_order
-from lammps_cases.verdict.diagnosis.changes import TriedChange, Watched, candidates
-from lammps_cases.verdict.diagnosis.edits import made
+from lammps_cases.verdict.diagnosis.changes import candidates
 from lammps_cases.verdict.model_fields import nearest_image, sides
 
 R = TypeVar("R")
@@ -103,47 +103,29 @@ class RedCase:
         fields = tuple(names[: names.index(self.red_field) + 1])
         return replace(self, problem=replace(self.problem, fields=fields))
 
-    def made(self, tried: Sequence[TriedChange]) -> Made | None:
-        """Return stages and stepping with some changes; None if these cannot be combined."""
-        stages, stepping = self.base
-        parts = [change.stages for change in tried if change.stages]
-        steps = [change.stepping for change in tried if change.stepping]
-        if any(part in stages.__mro__ for part in parts) or any(part in stepping.__mro__ for part in steps):
-            return None
-        if not any(issubclass(step, Watched) for step in steps):
-            steps.append(Watched)
-        bases = (*steps[:-1], stepping, steps[-1]) if stepping is not Simulation else tuple(steps)
-        try:
-            return type("Tried", (*parts, stages), {}), type("Stepping", bases, {})
-        except TypeError:  # a variant and one that is built on it
-            return None
-
-    def values(self, tried: Sequence[TriedChange]) -> list[Fields] | None:
+    def values(self, tried: Sequence[Change]) -> list[Fields] | None:
         """Return the fields with some changes at all steps; None if they are undefined, or differ earlier."""
-        return self._meaningful(tried, self._values)
+        return self._meaningful(lambda: self._values(tried))
 
-    def _meaningful(self, tried: Sequence[TriedChange], of: Callable[[Made], R | None]) -> R | None:
-        """Return the result for stages and stepping with some changes; None if it is undefined."""
-        classes = self.made(tried)
-        if classes is None:
-            return None
-        edits = [change.edit for change in tried if change.edit]
+    def _meaningful(self, of: Callable[[], R | None]) -> R | None:
+        """Return a result of changes; None if it is undefined."""
         try:
-            with made(edits), sharing(self.near), np.errstate(all="ignore"), warnings.catch_warnings():
+            with sharing(self.near), np.errstate(all="ignore"), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                return of(classes)
+                return of()
         except Exception:  # in this scene: a type or a property that it lacks; for an edit anything
             return None
 
-    def _values(self, classes: Made) -> list[Fields] | None:
-        problem, found = self.problem, list[Fields]()
-        sim = problem.simulation(*classes)
-        for at, _ in enumerate(visit(sim, problem.steps, problem.timestep, problem.stops)):
-            found.append({f: np.array(sim.output(f), float) for f in problem.fields})
-            if any(values.shape != self.reference.fields[at][f].shape for f, values in found[at].items()):
-                return None
-            if at + 1 < len(problem.steps) and any(self._far(at, name, found[at]) for name in problem.fields):
-                return None
+    def _values(self, tried: Sequence[Change]) -> list[Fields] | None:
+        found = list[Fields]()
+        with closing(changed.fields(self.problem, tried, self.base)) as outputs:
+            for at, output in enumerate(outputs):
+                found.append({f: np.array(values, float) for f, values in output.items()})
+                if any(values.shape != self.reference.fields[at][f].shape for f, values in found[at].items()):
+                    return None
+                last = at + 1 == len(self.problem.steps)
+                if not last and any(self._far(at, name, found[at]) for name in self.problem.fields):
+                    return None
         return found
 
     def _far(self, at: int, name: str, values: Fields) -> bool:
@@ -152,7 +134,7 @@ class RedCase:
 
     def evaluate(self) -> None:
         """Evaluate the scene once, without changes."""
-        self._values(self.base)
+        self._values(())
 
     def first(self) -> tuple[Any, Any]:
         """Return the first red field: LAMMPS' and the reference's."""
@@ -198,11 +180,16 @@ class RedCase:
                 return False
         return True
 
-    def own_bounds(self, tried: Sequence[TriedChange]) -> Prediction | None:
+    def own_bounds(self, tried: Sequence[Change]) -> Prediction | None:
         """Return the fields with some changes and their own bounds."""
-        return self._meaningful(tried, lambda classes: predict(self.problem, *classes, self.seed))
 
-    def reproduced(self, tried: Sequence[TriedChange], work: Work, strictly: bool = False) -> bool:
+        def bounded() -> Prediction:
+            with changed.made(*tried):
+                return predict(self.problem, *changed.classes(tried, self.base), self.seed)
+
+        return self._meaningful(bounded)
+
+    def reproduced(self, tried: Sequence[Change], work: Work, strictly: bool = False) -> bool:
         """Return whether changes reproduce LAMMPS on every atom, in all fields up to the end of the first red step.
 
         Inside the bounds of the reference, or of the change itself; ``strictly``: of the change itself.
@@ -218,7 +205,7 @@ class RedCase:
         return own is not None and self.inside(own.fields, own.bounds)
 
 
-Tried = tuple[TriedChange, ...]
+Tried = tuple[Change, ...]
 
 
 @dataclass
@@ -229,7 +216,7 @@ class HypothesisSearch:
     work: Work
     tried: int = 0
     spent: bool = False
-    effects: list[tuple[TriedChange, FloatArray]] = field(default_factory=list)
+    effects: list[tuple[Change, FloatArray]] = field(default_factory=list)
 
     def singles(self) -> list[Tried]:
         """Return the single changes that reproduce a case; keep the effects of all on its first red field.
@@ -298,8 +285,7 @@ def red_case(
     name: str, problem: Problem, snapshots: Sequence[Snapshot], base: Made, seed: int, predictor: Predictor
 ) -> RedCase | None:
     """Return a case up to its first red step; None if no step is red, or too late a one for hundreds of trials."""
-    plain = base == (ArrayEvaluator, Simulation)
-    prediction = predictor.predict(problem, None if plain else base, seed)
+    prediction = predictor.predict(problem, None if base == changed.PLAIN else base, seed)
     for at, step in enumerate(problem.steps):
         if step > LONGEST_STEP:
             return None

@@ -1,6 +1,10 @@
-"""Pairs of the atoms shown in a report: the choice of atoms; the same sums as in a separate run."""
+"""Arrays saved for a case: fields at other steps, a sample of very many atoms, pairs of the atoms in a report."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,11 +13,14 @@ from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import halted
 from lammps_cases.records.case_parts import Blame, FieldRecord, StepRecord
-from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
-from lammps_cases.verdict.case_arrays import looked_at, pair_arrays
+from lammps_cases.verdict import case_arrays
+from lammps_cases.verdict.case_arrays import looked_at, pair_arrays, sampled
+from lammps_cases.verdict.cases import compare_case
 from lammps_cases.verdict.problems import problem_of
+from tests.support import made_answers
 
 
 def record(*places: tuple[int, int]) -> CaseRecord:
@@ -67,3 +74,40 @@ def test_large_scene_has_no_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
     atoms = prepare(case).atoms
     monkeypatch.setattr("lammps_cases.verdict.case_arrays.LARGEST", len(atoms) - 1)
     assert pair_arrays(record((0, 5)), case.scene, atoms, case.where, case.scene.snapshots, Predictor()) == {}
+
+
+def test_sample_and_worst_atoms_are_saved_from_very_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    n = 1000
+    zero_n, f_nc, rho_n = np.zeros(n), np.zeros((n, 2)), np.random.default_rng(1).permutation(n) / n
+    f_nc[123, 1], rho_n[877] = 1.0, np.nan
+    sides = {"f.lammps": f_nc, "f.reference": 0 * f_nc, "f.bound": 0 * f_nc + 2.0, "@1 lammps f": f_nc}
+    sides |= {"rho.lammps": rho_n, "rho.reference": zero_n, "rho.bound": zero_n + 2.0}
+    arrays = {"id": np.arange(1, n + 1), "box": np.zeros((2, 3)), "periodic": np.ones(3, bool), **sides}
+    arrays["@pairs sum"] = np.zeros((2, 4))
+    monkeypatch.setattr(case_arrays, "ALL_KEPT", n)
+    assert sampled(arrays) is arrays
+    for name, number in (("ALL_KEPT", n - 1), ("SAMPLE", 10), ("WORST", 1)):
+        monkeypatch.setattr(case_arrays, name, number)
+    kept, even = sampled(arrays), {1, 112, 223, 334, 445, 556, 667, 778, 889, 1000}
+    assert set(kept["id"].tolist()) == even | {124, 878}
+    assert kept["f.lammps"][kept["id"] == 124].tolist() == [[0.0, 1.0]]
+    assert {len(kept[name]) for name in sides} == {12}
+    assert [kept[name].shape for name in ("box", "periodic", "@pairs sum")] == [(2, 3), (3,), (2, 4)]
+    assert sampled({}) == {}
+
+
+def test_differing_field_is_saved_at_its_other_steps(case_file: Callable[..., Path]) -> None:
+    """This is in addition to its worst step; a field that agrees throughout is saved once."""
+    run = {"steps": 2, "timestep": 0.001, "compare_at": [0, 1, 2]}
+    path = case_file(compare=["coordination", "f"], velocity={"random": 0.3}, evolve=run)
+    ready = prepare(casefile.load((path,))[0])
+    answer = made_answers.of_model(ready.case.scene, ready.atoms)
+    last = answer.snapshots[2] | {"f": answer.snapshots[2]["f"] + [[1.0, 0.0, 0.0]]}
+    answer = replace(answer, snapshots=(*answer.snapshots[:2], last))
+    _, arrays = compare_case(ready.case, ready.eos, ready.atoms, answer, EngineRecord())
+    names = [name for name in arrays if name.startswith("@")]
+    assert names == [f"@{step} {side} f" for step in (0, 1) for side in ("lammps", "reference", "bound")]
+    np.testing.assert_array_equal(arrays["@1 lammps f"], answer.snapshots[1]["f"][:, :2])
+    np.testing.assert_array_equal(arrays["f.lammps"], last["f"][:, :2])
+    np.testing.assert_array_equal(arrays["mass"], ready.atoms.mass_n)
+    assert arrays["periodic"].tolist() == list(ready.atoms.periodic)

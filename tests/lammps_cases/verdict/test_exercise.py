@@ -21,9 +21,9 @@ from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.changes import catalogue
 from lammps_cases.verdict import exercise
 from lammps_cases.verdict.exercise import count_outside
+from lammps_cases.verdict.mistakes import changes
 from lammps_cases.verdict.problems import problem_of
 from tests.support.outcome import Outcome
 from tests.support.pages import unpacked
@@ -152,15 +152,15 @@ def test_changed_search_finds_its_own_neighbours() -> None:
 def test_all_changes_are_tried_whose_functions_a_run_goes_through() -> None:
     """Of the whole catalogue only those are left out that one by one move nothing."""
     (case,) = casefile.select(casefile.load(), ("images.quintic.two",))
-    every = exercised(case, Predictor(), tuple(catalogue()))
-    names = [name for name, moved in every.items() if not moved and catalogue()[name].function][::20]
+    every = exercised(case, Predictor(), tuple(changes()))
+    names = [name for name, moved in every.items() if not moved and changes()[name].function][::20]
     assert names and not any(exercised(case, Predictor(), tuple(names)).values())
     assert len(names) <= exercise.FEW and sum(map(bool, every.values())) > len(case.exercises)
 
 
 def test_change_that_fails_is_not_detected(monkeypatch: pytest.MonkeyPatch) -> None:
     """A mistake in the catalogue, such as a name that the function does not have, is no evidence."""
-    wrong = replace(catalogue()["slope-sign"], id="slope-unknown", by="no_such_name")
-    monkeypatch.setitem(catalogue(), wrong.id, wrong)
+    wrong = replace(changes()["slope-sign"], id="slope-unknown", by="no_such_name")
+    monkeypatch.setitem(changes(), wrong.id, wrong)
     (case,) = casefile.select(casefile.load(), ("images.quintic.two",))
     assert exercised(case, Predictor(), ("slope-sign", wrong.id))[wrong.id] == 0

@@ -1,200 +1,207 @@
-"""The harness must be able to fail: the shipped cases detect mistakes planted in the reference."""
+"""The harness must be able to fail: against real LAMMPS, a case detects every change planted in the reference."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from eos_ref import EOSTable
-from eos_ref.eos import laws
-from lammps_cases.comparison import compare
-from lammps_cases.comparison.compare import EosState, compare_field
+from eos_ref.evaluation import array_evaluator, time_step
+from lammps_cases.comparison.changed import made
 from lammps_cases.engine.session import Answer
-from lammps_cases.findings import explain_outcome
+from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import prepared_case
+from lammps_cases.run import flow, prepared_case
 from lammps_cases.scene import casefile
-from lammps_cases.setup.commands import job
-from lammps_cases.setup.plan import plan
-from lammps_cases.verdict.cases import compare_case
-from lammps_cases.verdict.mistakes import LAW_MUTANTS, undetected_in_laws
+from lammps_cases.scene.changes import catalogue
 from tests.support.outcome import Solver
 
+pytestmark = pytest.mark.lammps
+
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
-Solved = list[tuple[prepared_case.PreparedCase, Answer]]
+CASES = {case.name: case for case in casefile.load()}
+LAWS = [case.name for case in CASES.values() if {"quick", "eos"} <= set(case.tags) and case.scene.expect is None]
+FORCES, WALLS = "forces.all.quintic.2d", "walls.reconstructed.plain"
+IN_LAWS = [name for name, change in catalogue().items() if change.role == "mistake" and not change.shows]
+IN_LAWS += ["water-of-one-trillionth", "cubic-of-square", "tait-without-rho0", "water-of-six"]
+PLANTED = {  # and the case that must detect it
+    "kernel-of-one-billionth": "density.one.2d",
+    "slope-of-one-billionth": FORCES,
+    "kernel-2d-for-3d": "density.one.3d",
+    "sum-without-self": "density.one.2d",
+    "pressure-force-sign": FORCES,
+    "viscous-without-two": "forces.viscous.quintic.2d",
+    "harmonic-as-arithmetic-by-half": "forces.harmonic.quintic.2d",
+    "viscosity-always-harmonic": "forces.viscous.quintic.2d",
+    "artificial-unsoftened": "forces.artificial.quintic.2d",
+    "damp-sign": FORCES,
+    "heat-sign": "thermal.arithmetic.2d",
+    "interface-half": WALLS,
+    "repulsion-never": "walls.reconstructed.penetrated",
+    "shift-cube": "shift.all.2d",
+    "normal-softening": "surfaces.coordination.periodic",
+    "strain-half": "strain.bingham.2d",
+    "latent-forgotten": "thermal.latent.2d",
+    "stress-sign": FORCES,
+    "wall-meets-thin": WALLS,
+    "gradients-late": FORCES,
+    "walls-old-forces": "walls.reconstructed.gravity",
+}
+Answered = Callable[[str], tuple[prepared_case.PreparedCase, Answer]]
+Judge = Callable[[str], CaseRecord]
 
 
 @pytest.fixture(scope="module")
-def solved(solver: Solver) -> Solved:
-    """Return real LAMMPS' answers to the quick cases of equations of state."""
-    quick = casefile.select(casefile.load(), tag="quick")
-    prepared = [prepared_case.prepare(case) for case in quick if "eos" in case.tags and case.scene.expect is None]
-    return [(ready, solver(job(ready.case.scene, ready.atoms, plan(ready.case.scene)))) for ready in prepared]
+def answers(solver: Solver) -> Answered:
+    """Return LAMMPS' answer to a case, computed once."""
+    known: dict[str, tuple[prepared_case.PreparedCase, Answer]] = {}
+
+    def answer(name: str) -> tuple[prepared_case.PreparedCase, Answer]:
+        if name not in known:
+            ready = prepared_case.prepare(CASES[name])
+            known[name] = ready, solver(ready.jobs[0])
+        return known[name]
+
+    return answer
 
 
-def judge(solved: Solved) -> list[CaseRecord]:
-    return [compare_case(ready.case, ready.eos, ready.atoms, answer, ENGINE)[0] for ready, answer in solved]
+@pytest.fixture
+def judge(answers: Answered, solver: Solver, monkeypatch: pytest.MonkeyPatch) -> Judge:
+    monkeypatch.setattr(prepared_case, "solve", lambda site, job: solver(job))
+
+    def of(name: str) -> CaseRecord:
+        ready, answer = answers(name)
+        return flow.judge(None, ready, [answer], ENGINE)[0]
+
+    return of
 
 
-@pytest.mark.lammps
-def test_unchanged_reference_turns_nothing_red(solved: Solved) -> None:
-    assert {record.verdict for record in judge(solved)} == {"exact"}
+def without_force_per_volume(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the reference reproduce LAMMPS' known fault, so that nothing else is red."""
+    right = ForcePerVolume.collecting_volume
+    monkeypatch.setattr(array_evaluator.ArrayEvaluator, "collecting_volume", right)
 
 
-@pytest.mark.lammps
-@pytest.mark.parametrize("mistake", LAW_MUTANTS)
-def test_planted_mistake_turns_a_case_red(mistake: str, solved: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
-    right = compare.evaluate
-
-    def planted(table: EOSTable, state: EosState, number: Any = np.float64) -> Any:
-        wrong_n = LAW_MUTANTS[mistake](table, state) if number is np.float64 else None
-        return right(table, state, number) if wrong_n is None else wrong_n
-
-    monkeypatch.setattr(compare, "evaluate", planted)
-    red = [record for record in judge(solved) if record.verdict == "differs"]
-    assert red, f"no quick case sees: {mistake}"
-    assert "(stage eos) leaves its bound at" in red[0].message
-    assert "first atom" in red[0].message
+# --- planted changes
 
 
-laws_right = {name: getattr(laws, name) for name in ("linear", "cubic", "tait_water", "tait_general", "ideal_gas")}
-LAW_FAULTS: dict[str, tuple[str, Callable[..., Any]]] = {
-    "a constant off by 1e-12": (
-        "tait_water",
-        lambda rho, rho0, cs: laws_right["tait_water"](rho, rho0, cs) * (1 + 1e-12),
-    ),
-    "no square of cs": ("linear", lambda rho, rho0, cs: cs * (rho - rho0)),
-    "exponent 2 for 3": ("cubic", lambda rho, rho0, cs, a3: cs * cs * (rho - rho0 + a3 * (rho - rho0) ** 2)),
-    "rho0 left out": ("tait_general", lambda rho, rho0, cs, g: laws_right["tait_general"](rho, rho0, cs, g) / rho0),
-    "gamma for gamma - 1": ("ideal_gas", lambda rho, e, g: g * rho * e),
-    "one constant of water": ("tait_water", lambda rho, rho0, cs: laws_right["tait_general"](rho, rho0, cs, 7.001)),
-}
+@pytest.mark.parametrize("case", sorted(set(PLANTED.values())))
+def test_nothing_is_red_without_a_change(case: str, judge: Judge) -> None:
+    assert judge(case).as_expected
 
 
-@pytest.mark.lammps
-@pytest.mark.parametrize("fault", LAW_FAULTS)
-def test_fault_in_the_source_of_a_law_turns_a_case_red(
-    fault: str, solved: Solved, monkeypatch: pytest.MonkeyPatch
+def test_no_law_is_red_without_a_change(judge: Judge) -> None:
+    assert {judge(case).verdict for case in LAWS} == {"exact"}
+
+
+@pytest.mark.parametrize("change", IN_LAWS)
+def test_harness_sees_a_change_of_a_law(change: str, judge: Judge) -> None:
+    with made(catalogue()[change]):
+        red = next((record for record in map(judge, LAWS) if record.verdict == "differs"), None)
+    assert red is not None, f"no quick case sees {change}"
+    assert "(stage eos) leaves its bound at" in red.message and "first atom" in red.message
+
+
+@pytest.mark.parametrize("change", PLANTED)
+def test_harness_sees_a_change_of_the_model(change: str, judge: Judge) -> None:
+    with made(catalogue()[change]):
+        record = judge(PLANTED[change])
+    assert record.verdict == "differs" and "leaves its bound at step" in record.message
+
+
+# --- blame
+
+
+def test_blame_names_the_first_step_stage_and_atom(judge: Judge, monkeypatch: pytest.MonkeyPatch) -> None:
+    right = time_step.Simulation.step
+
+    def disturbed(self: Any, dt: float) -> None:
+        right(self, dt)
+        self.taken = getattr(self, "taken", 0) + 1
+        if self.taken == 4:
+            self.state.v_nc[7, 1] += 1e-7
+
+    without_force_per_volume(monkeypatch)
+    assert judge(FORCES).verdict == "pass"
+    monkeypatch.setattr(time_step.Simulation, "step", disturbed)
+    record = judge(FORCES)  # compared at steps 0, 1 and 10
+    assert record.verdict == "differs"
+    assert record.message.startswith("v (stage integration) leaves its bound at step 4 at 1 of 80 atoms, first atom 8:")
+
+
+@pytest.mark.parametrize("factor", [1 + 1e-9, None])
+def test_densities_of_walls_are_blamed_on_walls(
+    factor: float | None, judge: Judge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    name, wrong = LAW_FAULTS[fault]
-    monkeypatch.setattr(laws, name, wrong)
-    assert any(record.verdict == "differs" for record in judge(solved))
+    """The blame is not on the gradients and forces that follow, nor on fields that a known finding changes."""
+    right = array_evaluator.ArrayEvaluator.wall_density
+    if factor:
+        monkeypatch.setattr(array_evaluator.ArrayEvaluator, "wall_density", lambda *given: right(*given) * factor)
+    else:
+        monkeypatch.setattr(time_step.Simulation, "keep_forces", lambda self: None)
+    record = judge("walls.reconstructed.gravity")
+    assert record.headline and (record.headline.field, record.headline.stage) == ("rho_wall", "walls")
+    assert record.message.startswith("rho_wall (stage walls) leaves its bound at step ")
 
 
-@pytest.mark.lammps
-def test_wrong_input_is_blamed_on_the_input_stage(solved: Solved) -> None:
-    ready, answer = solved[0]
-    rho = answer.arrays["rho"].copy()
-    rho[3] = np.nextafter(rho[3], 10)  # one ulp: LAMMPS does not hold what it was given
-    spoilt = Answer({**answer.arrays, "rho": rho}, answer.seconds)
-    record, _ = compare_case(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
-    assert record.verdict == "differs"
-    assert record.message.startswith("rho (stage input) leaves its bound at 1 of")
-    assert f"first atom {answer.arrays['id'][3]} " in record.message
+# --- numbers of LAMMPS
 
 
-@pytest.mark.lammps
-@pytest.mark.parametrize("fault", ["lost", "doubled", "none", "exchanged"])
-def test_answer_with_wrong_atoms_differs(fault: str, solved: Solved) -> None:
-    ready, answer = solved[0]
-    n = len(ready.atoms)
-    every = np.arange(n)
-    picks = {"lost": every[1:], "doubled": np.r_[0, every[:-1]], "none": every[:0], "exchanged": np.r_[1, 0, every[2:]]}
-    pick = picks[fault]
-    spoilt = Answer({name: values[pick] for name, values in answer.arrays.items()}, 0.0)
-    record, arrays = compare_case(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
-    assert record.verdict == "differs"
-    assert not arrays
-    assert f"LAMMPS returned {len(pick)} of {n} atoms" in record.message
+def spoilt(answer: Answer, at: int, field: str, by: Any) -> Answer:
+    snapshots = [{name: values.copy() for name, values in arrays.items()} for arrays in answer.snapshots]
+    snapshots[at][field] = snapshots[at][field] + by
+    return Answer(snapshots[-1], answer.seconds, tuple(snapshots), answer.steps)
 
 
-@pytest.mark.lammps
-def test_pressure_used_by_forces_is_compared_too(solved: Solved) -> None:
-    ready, answer = solved[0]
-    spoilt_n = answer.arrays["pressure"].copy()
-    spoilt_n[2] *= 1 + 1e-9
-    spoilt = Answer({**answer.arrays, "pressure": spoilt_n}, 0.0)
-    record, _ = compare_case(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
-    assert [field.verdict for field in record.fields if field.field.startswith("pressure")] == ["differs", "exact"]
-    assert "pressure_used (stage eos) leaves its bound at 1 of" in record.message
+@pytest.mark.parametrize("field", ["q.coordination", "q.grad/v", "q.viscosity", "pressure", "f", "drho", "x", "v"])
+def test_one_wrong_number_of_lammps_is_detected(field: str, answers: Answered, monkeypatch: pytest.MonkeyPatch) -> None:
+    ready, answer = answers(FORCES)
+    without_force_per_volume(monkeypatch)
+    monkeypatch.setattr(flow, "first_step_outside", lambda *of: None)
+    values = np.zeros_like(answer.snapshots[1][field], float)
+    values[5] = 1e-9 if field != "q.coordination" else 1
+    record = flow.judge(None, ready, [spoilt(answer, 1, field, values)], ENGINE)[0]
+    name = {"pressure": "pressure_used"}.get(field, field.removeprefix("q."))
+    assert [f.field for f in record.fields if f.verdict == "differs"] == [name]
+    assert record.message.startswith(f"{name} (stage ")
+    assert "leaves its bound at step 1 at 1 of 80 atoms, first atom 6:" in record.message
 
 
-def test_ending_is_explained_by_case_kind_and_message() -> None:
-    style = CaseRecord(
-        case="refused.unknown-style", verdict="differs", ended="refused", engine_error="ERROR: Illegal fix command, *"
-    )
-    assert explain_outcome(style) is not None
-    assert explain_outcome(style.model_copy(update={"ended": "accepted"})) is None
-    assert explain_outcome(style.model_copy(update={"engine_error": "ERROR: Illegal fix command"})) is None
-    assert explain_outcome(style.model_copy(update={"case": "refused.other"})) is None
+@pytest.mark.parametrize(
+    ("case", "field", "by"),
+    [
+        ("zmin.some.rk1", "f", np.nan),  # some forces are not predictable there, the others are
+        ("zmin.some.rk1", "q.grad/v", 1e300),
+        ("zmin.every.rk1", "q.coordination", 1.0),
+        ("images.quintic.two", "q.coordination", 1.0),
+    ],
+)
+def test_unpredictable_values_hide_no_other_errors(case: str, field: str, by: float, answers: Answered) -> None:
+    ready, answer = answers(case)
+    assert flow.judge(None, ready, [answer], ENGINE)[0].as_expected
+    assert flow.judge(None, ready, [spoilt(answer, -1, field, by)], ENGINE)[0].verdict == "differs"
 
 
-def test_empty_comparison_is_not_a_pass() -> None:
-    nothing = np.empty(0)
-    assert compare_field("p", "eos", np.empty(0, int), nothing, nothing, nothing).record.verdict == "differs"
+def test_answer_at_other_steps_differs(answers: Answered) -> None:
+    ready, answer = answers(FORCES)
+    record = flow.judge(None, ready, [replace(answer, steps=(0, 2, 10))], ENGINE)[0]
+    assert record.verdict == "differs" and "LAMMPS counted steps (0, 2, 10)" in record.message
 
 
-ID = np.arange(1, 4)
-ONE, BOUND = np.array([1.0, 2.0, 3.0]), np.full(3, 1e-15)
+def test_lint_names_mistakes_hidden_by_unit_volumes(judge: Judge) -> None:
+    hidden = {"masses ignored", "no volume in the force", "V_i for V_j", "rho0 for rho in volumes"}
+    assert hidden <= set(judge("fluids.unit").lint)
+    assert all(judge(name).lint == [] for name in (FORCES, "walls.reconstructed.damped", "thermal.arithmetic.2d"))
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("side", ["lammps", "reference", "both", "bound"])
-def test_non_finite_number_is_never_a_pass(bad: float, side: str) -> None:
-    spoilt = np.array([1.0, bad, 3.0])
-    record = compare_field(
-        "pressure",
-        "eos",
-        ID,
-        spoilt if side in ("lammps", "both") else ONE,
-        spoilt if side in ("reference", "both") else ONE + (1e-16 if side == "bound" else 0.0),
-        np.abs(spoilt) if side == "bound" else BOUND,
-        same_order_n=spoilt,
-    ).record
-    if side == "bound":
-        # Equal values need no bound; a difference is never within a non-finite bound.
-        unequal = compare_field("p", "eos", ID, ONE, ONE * (1 + 2**-52), np.abs(spoilt)).record
-        assert unequal.verdict == "differs"
-        return
-    assert record.verdict == "differs"
-    assert record.max_over_bound == np.inf
-    assert (record.outside, record.first_id, record.worst_id) == (1, 2, 2)
-
-
-def test_difference_within_the_bound_passes() -> None:
-    inside = compare_field("p", "eos", ID, np.array([1.0, 2.0 + 4e-16, 3.0]), ONE, BOUND).record
-    outside = compare_field("p", "eos", ID, np.array([1.0, 2.0 + 4e-15, 3.0]), ONE, BOUND).record
-    assert (inside.verdict, outside.verdict) == ("pass", "differs")
-    assert compare_field("p", "eos", ID, ONE, ONE, BOUND).record.verdict == "exact"
-    assert compare_field("p", "eos", ID, ONE, ONE + 2**-51, BOUND, same_order_n=ONE).record.verdict == "exact"
-    assert compare_field("p", "eos", ID, ONE, ONE + 1e-14, BOUND, same_order_n=ONE).record.verdict == "differs"
-
-
-def test_minus_zero_has_different_bits() -> None:
-    zero = np.zeros(3)
-    assert compare_field("p", "eos", ID, -zero, zero, BOUND).record.verdict == "pass"
-
-
-def test_lint_names_mistakes_that_a_scene_cannot_detect() -> None:
-    from eos_ref import EOS
-
-    n = 50
-    rho_n = np.linspace(0.5, 1.5, n)
-    ids, types, masses = np.arange(1, n + 1), np.ones(n, int), np.ones(n)
-    blind = EOSTable((EOS("linear"),))
-    state = EosState(ids, types, rho_n, masses)
-    p_n = compare.evaluate(blind, state)
-    assert {"cs instead of cs^2", "rho0 and cs exchanged"} <= set(
-        undetected_in_laws(blind, state, p_n, 1e-15 * np.ones(n))
-    )
-    sharp = EOSTable((EOS("linear", 1.2, 3.4),))
-    p_n = compare.evaluate(sharp, state)
-    assert undetected_in_laws(sharp, state, p_n, 1e-14 * np.ones(n)) == []
-    gas = EOSTable((EOS("ideal/gas", parameter=1.4),))
-    state = EosState(ids, types, rho_n, masses, np.ones(n))
-    assert "energy not per unit mass" in undetected_in_laws(
-        gas, state, compare.evaluate(gas, state), 1e-14 * np.ones(n)
-    )
+def test_finding_that_cannot_be_fitted_explains_nothing(answers: Answered, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Missing are the shift, which identifies the pair whose direction LAMMPS uses, and the list ended by that pair."""
+    ready, answer = answers("cross-type.both.2d")
+    fields = tuple(field for field in ready.case.scene.compare if field != "shift/v")
+    blind = replace(ready, case=replace(ready.case, scene=ready.case.scene.model_copy(update={"compare": fields})))
+    assert flow.judge(None, blind, [answer], ENGINE)[0].verdict == "explained"
+    monkeypatch.setattr(prepared_case.Answers, "with_lists", lambda self: [])
+    assert flow.judge(None, blind, [answer], ENGINE)[0].verdict == "differs"

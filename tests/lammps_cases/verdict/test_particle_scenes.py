@@ -184,13 +184,6 @@ def test_halting_does_not_change_the_run(make: Make, solver: Solver) -> None:
         assert all(np.array_equal(arrays[name], stepped.snapshots[step][name]) for name in arrays)
 
 
-def test_run_continues_without_another_setup(make: Make) -> None:
-    runs = tell(make("plain"))[1].runs
-    assert runs == tuple(
-        RunCommand(f"run {n} {pre}post no") for n, pre in ((0, ""), (1, "pre no "), (9, "pre no "), (2, "pre no "))
-    )
-
-
 @pytest.mark.parametrize("name", ["plain", "everything", "heat", "solid-3d"])
 def test_two_ranks_agree_with_one(name: str, make: Make, solver: Solver) -> None:
     """Each lies within the reference's bound of the exact result, so they are at most two bounds apart."""
@@ -275,16 +268,6 @@ def test_force_of_gravity_is_exact(make: Make, solver: Solver) -> None:
     assert np.array_equal(force_nc, np.broadcast_to([1.3 * 0.3, 1.3 * -1.7, 0.0], force_nc.shape))
 
 
-def test_types_of_regions(make: Make) -> None:
-    atoms = prepared_case.prepare(make("open", positions=SCENES["open"]["positions"] | {"disorder": 0.0})).atoms
-    y_n = atoms.x_nc[:, 1]
-    assert np.array_equal(atoms.type_n == 2, y_n < 3)
-    assert y_n.max() < 0.7 * 12
-    assert atoms.periodic == (True, False, True)
-    assert (atoms.low_c[1], atoms.high_c[1]) == (-1.0, 13.0)
-    assert (atoms.low_c[0], atoms.high_c[0]) == (0.0, 12.0)
-
-
 def test_velocities(make: Make) -> None:
     atoms = prepared_case.prepare(make("plain")).atoms
     assert atoms.v_nc is not None
@@ -295,16 +278,3 @@ def test_velocities(make: Make) -> None:
     assert moving.v_nc is not None
     assert np.array_equal(np.unique(moving.v_nc[wall], axis=0), [[0.3, 0.0, 0.0]])
     assert np.array_equal(moving.v_nc[~wall], atoms.v_nc[~wall])
-
-
-def test_settings_of_neighbour_lists_appear_in_the_commands(make: Make) -> None:
-    setup = tell(make("plain", engine={"skin": 0.6, "every": 2, "delay": 4, "check": False}))[1].setup
-    assert "neighbor 0.6 bin" in setup
-    assert "neigh_modify every 2 delay 4 check no" in setup
-    assert not any("neigh_modify" in command for command in tell(make("plain"))[1].setup)
-
-
-def test_self_mass_is_written_as_in_the_manual(make: Make) -> None:
-    commands = tell(make("plain", rheo={"rho_sum": True, "self_mass": True}, rho=None))[1].commands
-    (rheo,) = [command for command in commands if command.startswith("fix rheo ")]
-    assert "rho/sum self/mass density" in rheo

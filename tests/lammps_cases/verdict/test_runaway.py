@@ -52,10 +52,15 @@ def test_likeliest_is_the_fastest_fluid_or_has_the_largest_force() -> None:
     }
 
 
-@pytest.mark.parametrize("words", ["quintic 0", "quintic 0 shift", "quintic 0 rho/sum"])
 @pytest.mark.parametrize(
-    ("changed", "cause"),
-    [({"mass": 0.01}, "findings"), ({"timestep": 4.0}, "time step"), ({}, "not understood")],
+    ("words", "changed", "cause"),
+    [
+        ("quintic 0", {"mass": 0.01}, "findings"),
+        ("quintic 0", {"timestep": 4.0}, "time step"),
+        ("quintic 0", {}, "not understood"),
+        ("quintic 0 shift", {"timestep": 4.0}, "time step"),
+        ("quintic 0 rho/sum", {"mass": 0.01}, "findings"),
+    ],
 )
 def test_cut_out_has_the_same_cause_as_the_whole(
     words: str, changed: dict[str, float], cause: str, monkeypatch: pytest.MonkeyPatch

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem
@@ -45,8 +47,9 @@ Make = Callable[..., PreparedCase]
 def make(case_file: Callable[..., Path]) -> Make:
     """Return a small case with a twin."""
 
-    def ready(kind: str, **changes: Any) -> PreparedCase:
-        return prepared_case.prepare(casefile.load((case_file(**SCENE | changes, twin={kind: KINDS[kind]}),))[0])
+    def ready(kind: str, value: Any = None, **changes: Any) -> PreparedCase:
+        twin = {kind: KINDS[kind] if value is None else value}
+        return prepared_case.prepare(casefile.load((case_file(**SCENE | changes, twin=twin),))[0])
 
     return ready
 
@@ -89,38 +92,40 @@ def test_reference_agrees_with_its_twin(make: Make, kind: str) -> None:
     assert record.predictions.computed == (1 if twin_of(ready).same_problem else 2 + twin_of(ready).rounds_input)
 
 
-def test_bounds_of_both_runs_are_added(make: Make) -> None:
-    """They are added in the frame and the units of the original: here the scaled run's force is divided by 4^-1."""
-    ready = make("rescale")
-    twin = twin_of(ready)
-    ours, theirs = answers_of(ready)
-    record, arrays = compare_twin(ready.case, twin, [moved(ours, "f", 0.5, 6), theirs], ENGINE)
-    assert {field.worst_step for field in record.fields if field.field == "f"} == {2}
-    bounds = []
-    for name, (scene, atoms) in zip(("mine", "mine/twin"), ready.sides, strict=True):
-        problem = problem_of(scene, atoms, "", twin.steps)
-        bounds.append(Predictor().predict(problem, seed=seed(f"{name}/moved runs")).bounds)
-    added = [ours["f"] + theirs["f"] / twin.scale.of("f") for ours, theirs in zip(*bounds, strict=True)]
-    for at, name in ((1, "f.bound"), (0, "@0 bound f")):
-        np.testing.assert_array_equal(arrays[name], np.broadcast_to(added[at], (20, 2)))
+@settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    power=st.sampled_from([-3, -1, 2, 5]),
+    shift=st.tuples(st.floats(0.1, 9.0), st.floats(-9.0, 9.0)),
+    boost=st.tuples(st.floats(0.1, 2.0), st.floats(-2.0, 2.0)),
+)
+def test_reference_agrees_with_twins_of_any_size_place_and_velocity(
+    make: Make, power: int, shift: tuple[float, float], boost: tuple[float, float]
+) -> None:
+    for kind, value in (("rescale", 2.0**power), ("translate", list(shift)), ("boost", list(boost))):
+        ready = make(kind, value)
+        assert judged(ready, answers_of(ready)).verdict in ("exact", "pass"), (kind, value)
 
 
-@pytest.mark.parametrize(("kind", "field"), [("translate", "x"), ("boost", "v"), ("units", "f")])
-def test_rounding_of_inverse_and_units_is_added_to_the_bounds(make: Make, kind: str, field: str) -> None:
+@pytest.mark.parametrize(("kind", "field"), [("rescale", "f"), ("translate", "x"), ("boost", "v"), ("units", "f")])
+def test_bounds_of_both_runs_and_the_rounding_between_them_are_added(make: Make, kind: str, field: str) -> None:
+    """In the frame and the units of the original: the scaled run's force is divided by 4^-1."""
     ready = make(kind)
     twin = twin_of(ready)
-    record, arrays = compare_twin(ready.case, twin, answers_of(ready), ENGINE)
-    (worst,) = (each.worst_step for each in record.fields if each.field == field)
-    assert worst is not None
-    at = twin.steps.index(worst)
+    ours, theirs = answers_of(ready)
+    record, arrays = compare_twin(ready.case, twin, [moved(ours, field, 0.5, 6), theirs], ENGINE)
+    assert {each.worst_step for each in record.fields if each.field == field} == {twin.steps[1]}
     problems = [problem_of(scene, atoms, "", twin.steps) for scene, atoms in ready.sides]
     seeds = [seed(f"{name}/moved runs") for name in ("mine", "mine/twin")]
-    ours, theirs = (Predictor().predict(problem, seed=s) for problem, s in zip(problems, seeds, strict=True))
-    added = ours.bounds[at][field] + twin.in_place(theirs.bounds[at])[field]
-    if kind == "units":
-        added = added + Predictor().input_spread(problems[0], ours, seeds[0])[at][field]
+    one, two = (Predictor().predict(problem, seed=s) for problem, s in zip(problems, seeds, strict=True))
+    added = one.bounds[1][field] + twin.in_place(two.bounds[1])[field]
+    if kind == "rescale":
+        np.testing.assert_array_equal(added, one.bounds[1][field] + two.bounds[1][field] / twin.scale.of(field))
+        earlier = one.bounds[0][field] + two.bounds[0][field] / twin.scale.of(field)
+        np.testing.assert_array_equal(arrays[f"@0 bound {field}"], np.broadcast_to(earlier, (20, 2)))
+    elif kind == "units":
+        added = added + Predictor().input_spread(problems[0], one, seeds[0])[1][field]
     else:
-        added = added + twin.rounding({field: arrays[f"{field}.reference"]}, worst)[field]
+        added = added + twin.rounding({field: arrays[f"{field}.reference"]}, twin.steps[1])[field]
     np.testing.assert_array_equal(arrays[f"{field}.bound"], np.broadcast_to(added, (20, 2)))
 
 

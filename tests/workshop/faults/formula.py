@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cache
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from lammps_cases.scene.changes import Change, catalogue
-from lammps_cases.verdict.mistakes import MODEL_MUTANTS
+from lammps_cases.scene.changes import Change
+from lammps_cases.verdict.mistakes import changes
 from tests.workshop.faults.fault import Fault, by_id
 
 
@@ -21,10 +21,11 @@ class FormulaFault(Fault):
 @cache
 def faults() -> dict[str, FormulaFault]:
     """Return all faults of this family by their id, in order."""
-    return by_id(FormulaFault(f"formula.{of.id}", of.kind, of.what, of) for of in catalogue().values())
+    return by_id(
+        FormulaFault(f"formula.{of.id}", of.kind, of.what, of) for of in changes().values() if of.role != "hypothesis"
+    )
 
 
 def stages(fault: Fault) -> type[ArrayEvaluator] | None:
     """Return the stages that make a mistake of the particle model; None for an edit of the source."""
-    in_model = isinstance(fault, FormulaFault) and fault.change.mistake == "stage"
-    return MODEL_MUTANTS[fault.what].stages if in_model else None
+    return fault.change.stages if isinstance(fault, FormulaFault) else None

@@ -21,7 +21,7 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.changed import made, plain_arrays
-from lammps_cases.comparison.compare import EosState
+from lammps_cases.comparison.compare import EosState, evaluate
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine import apart
@@ -36,7 +36,6 @@ from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.changes import Change
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.case_arrays import snapshot
-from lammps_cases.verdict.mistakes import LAW_MUTANTS, MODEL_MUTANTS
 from lammps_cases.verdict.problems import problem_of
 
 Outcome = Answer | Failure
@@ -188,24 +187,17 @@ def _answer_side(mistake: Mistake, where: str, side: Side, engine: str | None, f
     ``fit`` is the scene, particles and answer that findings are fitted to.
     """
     if not side[0].whole_model:
-        return _answer_law(mistake, where, *side)
+        return _answer_law(where, *side)
     problem = problem_of(fit[0], fit[1], where, fit[0].snapshots)
     stages, stepping = _stages_of(mistake, problem, snapshot(fit[0], fit[2].snapshots[0]), engine)
     return _answer_model(where, *side, stages, stepping)
 
 
-def _answer_law(mistake: Mistake, where: str, scene: Scene, atoms: Atoms, answer: Answer) -> Answer:
+def _answer_law(where: str, scene: Scene, atoms: Atoms, answer: Answer) -> Answer:
     """Return the pressures at LAMMPS' densities."""
     got = answer.arrays
     state = EosState(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
-    eos, p_n = scene.eos(where), None
-    if mistake and mistake.mistake == "law":
-        p_n = LAW_MUTANTS[mistake.what](eos, state)
-    if p_n is None:
-        p_n = np.empty(len(state.rho_n))
-        for t, law in enumerate(eos, 1):
-            at = state.type_n == t
-            p_n[at] = law.evaluate(state.rho_n[at], None if state.e_n is None else state.e_n[at])
+    p_n = evaluate(scene.eos(where), state)
     arrays = got | {"pressure": p_n, "q.pressure": p_n}
     return replace(answer, arrays=arrays, snapshots=(*answer.snapshots[:-1], arrays))
 
@@ -226,8 +218,8 @@ def _stages_of(mistake: Mistake, problem: Problem, first: dict[str, Any], engine
     shown = [] if engine is None else shown_by(problem, engine)
     variants = [entry.model_variant for entry in shown if entry.model_variant]
     stages, stepping = combined(variants, problem, first) or (ArrayEvaluator, Simulation)
-    if mistake and mistake.mistake == "stage":
-        stages = mistaken(MODEL_MUTANTS[mistake.what].stages, stages)
+    if mistake and mistake.stages:
+        stages = mistaken(mistake.stages, stages)
     return stages, stepping
 
 

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import ast
 import importlib
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model import interactions
-from lammps_cases.verdict.diagnosis.edits import EVERYWHERE, ExpressionEdit, FunctionEdits, made
+from eos_ref.model.quantities import needed_to_step
+from eos_ref.numbers.rounded import placed
+from lammps_cases.comparison.changed import made
+from lammps_cases.run.prepared_case import prepare
+from lammps_cases.scene import casefile
+from lammps_cases.scene.changes import Change
+from lammps_cases.verdict.diagnosis.changes import Watched, stale
+from lammps_cases.verdict.diagnosis.edits import EVERYWHERE, FunctionEdits
 from lammps_cases.verdict.diagnosis.reached import MODULES, reached
-
-HERE = """
-class Stage:
-    def term(self, a_n, b_n, i, j, h, cut):
-        both = (a_n[i] > 0) & (b_n[j] > 0)
-        total = a_n[i] * b_n[j] / h
-        if cut:
-            total = total - np.where(both, max(h, cut), 1.5)
-        return total
-"""
+from lammps_cases.verdict.problems import problem_of
 
 
 class Stage:
@@ -33,7 +32,7 @@ class Stage:
         return total
 
 
-ARGUMENTS = {
+ARGUMENTS: dict[str, Any] = {
     "a_n": np.array([1.0, -2.0, 3.0]),
     "b_n": np.array([0.5, 1.0, 2.0]),
     "i": np.array([0, 1, 2, 0]),
@@ -43,8 +42,13 @@ ARGUMENTS = {
 }
 
 
-def edits_here() -> list[ExpressionEdit]:
-    return list(FunctionEdits(Stage.term, ast.parse(HERE), {"self": Stage(), **ARGUMENTS}, ()))
+@pytest.fixture(scope="module")
+def edits() -> list[Change]:
+    return list(FunctionEdits(f"{__name__}:Stage.term", {"self": Stage(), **ARGUMENTS}, "a term ({})"))
+
+
+def named(edits: list[Change], before: str, after: str, words: str = "") -> Change:
+    return next(edit for edit in edits if (edit.replace, edit.by) == (before, after) and words in edit.what)
 
 
 @pytest.mark.parametrize(
@@ -67,23 +71,16 @@ def edits_here() -> list[ExpressionEdit]:
         ("total = total - np.where(both, max(h, cut), 1.5)", ""),  # the statement omitted
     ],
 )
-def test_possible_mistakes_in_an_expression(before: str, after: str) -> None:
-    assert (before, after) in {(edit.before, edit.after) for edit in edits_here()}
+def test_possible_mistakes_in_an_expression(edits: list[Change], before: str, after: str) -> None:
+    assert named(edits, before, after).what.startswith("a term (")
 
 
-def test_edits_of_an_expression_are_distinct() -> None:
-    edits = [(edit.line, edit.before, edit.after, edit.statement) for edit in edits_here()]
-    assert all(before != after for _, before, after, _ in edits)
-    assert len(edits) > 100
-
-
-def test_edited_code_runs_and_the_original_is_restored() -> None:
-    right = Stage().term(**ARGUMENTS)
-    edits = edits_here()
-    changed = 0
+def test_edits_are_distinct_run_and_are_removed(edits: list[Change]) -> None:
+    assert len({edit.what for edit in edits}) > 100 and all(edit.replace != edit.by for edit in edits)
+    right, changed = Stage().term(**ARGUMENTS), 0
     for edit in edits:
         try:
-            with made([edit]), np.errstate(all="ignore"):
+            with made(edit), np.errstate(all="ignore"):
                 changed += not np.array_equal(Stage().term(**ARGUMENTS), right)
         except Exception:  # a meaningless edit
             continue
@@ -91,38 +88,60 @@ def test_edited_code_runs_and_the_original_is_restored() -> None:
     assert changed > len(edits) / 2
 
 
-def test_two_edits_of_a_function_are_combined() -> None:
-    edits = {(edit.before, edit.after, edit.statement[:11]): edit for edit in edits_here()}
-    own = edits["b_n[j]", "b_n[i]", "total = a_n"], edits["h", "cut", "total = a_n"]
-    with made(own):
-        both = Stage().term(**{**ARGUMENTS, "a_n": -(ARGUMENTS["a_n"] ** 2)})
-    a_n, b_n, i = -(ARGUMENTS["a_n"] ** 2), ARGUMENTS["b_n"], ARGUMENTS["i"]
+def test_two_edits_of_a_function_are_combined(edits: list[Change]) -> None:
+    arguments = ARGUMENTS | {"a_n": -(ARGUMENTS["a_n"] ** 2)}
+    with made(named(edits, "b_n[j]", "b_n[i]", "total = a_n"), named(edits, "h", "cut", "total = a_n")):
+        both = Stage().term(**arguments)
+    a_n, b_n, i = arguments["a_n"], arguments["b_n"], arguments["i"]
     np.testing.assert_array_equal(both, a_n[i] * b_n[i] / 3.0 - 1.5)
 
 
-def test_operand_is_replaced_everywhere() -> None:
-    edit = next(e for e in edits_here() if (e.before, e.after, e.statement) == ("h", "cut", EVERYWHERE))
-    with made([edit]):
+def test_operand_is_replaced_everywhere(edits: list[Change]) -> None:
+    with made(named(edits, "h", "cut", EVERYWHERE)):
         changed = Stage().term(**{**ARGUMENTS, "h": 7.0})
     np.testing.assert_array_equal(changed, Stage().term(**{**ARGUMENTS, "h": ARGUMENTS["cut"]}))
 
 
 def test_functions_are_changed_for_all_callers() -> None:
     (found,) = reached(lambda: interactions.viscous_term(1.0, 2.0, 3.0, 4.0))
-    edit = next(edit for edit in found.edits() if edit.before.startswith("2 * eta") and edit.after.startswith("-"))
-    with made([edit]):
+    edit = next(edit for edit in found.edits() if edit.replace.startswith("2 * eta") and edit.by.startswith("-"))
+    with made(edit):
         assert interactions.viscous_term(1.0, 2.0, 3.0, 4.0) == -48.0
     assert interactions.viscous_term(1.0, 2.0, 3.0, 4.0) == 48.0
-    assert "the viscous coefficient (viscous_term, model/interactions.py:" in found.sentence(edit)
+    assert edit.sentence.startswith("the viscous coefficient (viscous_term, model/interactions.py:")
 
 
-def test_edits_without_effect_on_a_call_are_omitted() -> None:
-    (found,) = reached(lambda: interactions.arithmetic_mean(3.0, 3.0))
-    assert ("a", "b") not in {(edit.before, edit.after) for edit in found.edits()}
-    (found,) = reached(lambda: interactions.arithmetic_mean(3.0, 4.0))
-    assert ("a", "b") in {(edit.before, edit.after) for edit in found.edits()}
+@pytest.mark.parametrize(("b", "seen"), [(3.0, False), (4.0, True)])
+def test_edits_without_effect_on_a_call_are_omitted(b: float, seen: bool) -> None:
+    (found,) = reached(lambda: interactions.arithmetic_mean(3.0, b))
+    assert (("a", "b") in {(edit.replace, edit.by) for edit in found.edits()}) == seen
 
 
 def test_modules_with_formulas_exist() -> None:
     for name in MODULES:
         importlib.import_module(f"eos_ref.{name}")
+
+
+def test_stale_wall_densities_are_kept_per_solid() -> None:
+    """Each solid keeps its own density of the previous evaluation, while the solids that meet fluid change."""
+    (case,) = casefile.select(casefile.load(), ["open.walls-after-rebuild"])
+    problem = problem_of(case.scene, prepare(case).atoms, case.where, case.scene.snapshots)
+    quick = replace(problem.state, v_nc=10 * problem.state.v_nc)
+    fresh: list[Any] = []
+    met: list[Any] = []
+
+    class RecordingEvaluator(ArrayEvaluator):
+        def wall_density(self, at: Any, p: Any, energy_n: Any) -> Any:
+            density = super().wall_density(at, p, energy_n)
+            fresh.append(placed(density, at, self.rho0_n))
+            met.append(at)
+            return density
+
+    stages = type("Tried", (stale("wall_density"), RecordingEvaluator), {})
+    sim = Watched(problem.model, problem.box, quick, needed_to_step(problem.model), stages)
+    sim.setup()
+    for _ in range(10):
+        sim.step(problem.timestep)
+        # In between lies that of the first half of the step.
+        np.testing.assert_array_equal(sim.state.rho_n[met[-1]], fresh[-3][met[-1]])
+    assert len({len(at) for at in met}) > 1, "the same solids meet fluid in every step"

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -33,7 +33,7 @@ from lammps_cases.scene.particles import (
 )
 from lammps_cases.scene.runs import AS_TEXT, FOR_EACH_ATOM, LOSES_MASSES, EngineSettings, Expect, Stretch, TwinSettings
 from lammps_cases.scene.settings import DeformSettings, Evolve, ForceSettings, PairSettings, RheoSettings
-from lammps_cases.scene.values import BrokenRule, SceneModel
+from lammps_cases.scene.values import BrokenRule, Dim, SceneModel
 
 METHOD_KEYS = ("method", "tolerance")  # of the Python interface; a scene is judged with the reference's own method
 MAX_ATOMS = 10_000_000
@@ -53,11 +53,15 @@ class Scene(SceneModel):
         "shuffled", description="how types, in equal shares, are dealt out to the particles"
     )
     pressure: tuple[LawSettings, ...] = Field(description="entries of fix rheo/pressure, in order")
-    mass: Values | None = Field(
+    mass: Annotated[Values | None, Dim("mass")] = Field(
         None, description="masses of the particles instead of their types' (fix property/atom rmass)"
     )
-    rho: Values | None = Field(None, description="density; not given if a file or the summation sets it")
-    energy: Values | None = Field(None, description="internal energy per unit mass (ideal/gas)")
+    rho: Annotated[Values | None, Dim("rho")] = Field(
+        None, description="density; not given if a file or the summation sets it"
+    )
+    energy: Annotated[Values | None, Dim("latent heat")] = Field(
+        None, description="internal energy per unit mass (ideal/gas)"
+    )
     velocity: Velocity = Velocity()
     rheo: RheoSettings = RheoSettings()
     pair: PairSettings = PairSettings()

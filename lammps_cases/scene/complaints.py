@@ -29,6 +29,7 @@ RULES = {
     "bool_parsing": ("must be", "true or false"),
     "bool_type": ("must be", "true or false"),
     "dict_type": ("must hold", "keys with values"),
+    "finite_number": ("must be", "a finite number"),
     "float_parsing": ("must be", "a number"),
     "float_type": ("must be", "a number"),
     "greater_than": ("must be", "greater than {gt}"),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from eos_ref.model.quantities import Dimension
+from eos_ref.model.quantities import Quantity, named
 from lammps_cases import findings
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
@@ -162,12 +162,12 @@ INPUT = ["x", "mass", "time", "viscosity", "grad/v", "diffusivity", "conductivit
 
 @pytest.mark.parametrize("quantity", INPUT)
 def test_wrong_unit_is_detected(quantity: str, make: Make, workers: Workers, monkeypatch: pytest.MonkeyPatch) -> None:
-    right = twins.dimension
+    def wrong(name: str) -> Quantity:
+        right = named(name)
+        longer = right.dimension._replace(length=right.dimension.length + (name == quantity))
+        return replace(right, dimension=longer)
 
-    def wrong(name: str) -> Dimension:
-        return right(name)._replace(length=right(name).length + (name == quantity))
-
-    monkeypatch.setattr(twins, "dimension", wrong)
+    monkeypatch.setattr(twins, "named", wrong)
     everything = HEAT | ACROSS | {"compare": [*HEAT["compare"], "shift/v"]}
     record = judged(workers, make("rescale", **everything))
     assert record.verdict == "differs"

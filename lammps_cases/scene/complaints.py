@@ -196,8 +196,7 @@ def _keys(loc: tuple[str | int, ...], content: Any, kind: str) -> tuple[Keys, tu
     keys: list[str | int] = []
     alternative = (0, "")
     for at, part in enumerate(loc):
-        listed = isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
-        inside = part in content if isinstance(content, Mapping) else listed
+        inside = _holds(content, part)
         if inside:
             content = content[part]
         if inside or (kind == "missing" and at == len(loc) - 1):
@@ -205,6 +204,12 @@ def _keys(loc: tuple[str | int, ...], content: Any, kind: str) -> tuple[Keys, tu
         else:
             alternative = len(keys), str(part)
     return tuple(keys), alternative
+
+
+def _holds(content: Any, part: str | int) -> bool:
+    if isinstance(content, list | tuple):
+        return isinstance(part, int) and part < len(content)
+    return isinstance(content, Mapping) and part in content
 
 
 def _complaint(error: ErrorDetails, keys: Keys) -> Complaint:
@@ -235,7 +240,7 @@ def _inside(path: Keys, content: Any) -> Keys:
     """Return the leading keys that exist in a content."""
     keys: Keys = ()
     for part in path:
-        if not isinstance(content, Mapping) or part not in content:
+        if not _holds(content, part):
             break
         keys, content = (*keys, part), content[part]
     return keys

@@ -14,6 +14,7 @@ from eos_ref.syntax.fixes import PressureEntry
 from lammps_cases.scene.values import (
     NUMBER,
     OF_HOLDER,
+    PER_TYPE,
     BrokenRule,
     Dim,
     Finite,
@@ -327,7 +328,9 @@ class Values(SceneModel):
     """Per-atom values of a field: exactly one of the keys; sequences are dealt out in a seeded random order."""
 
     constant: Annotated[Finite | None, OF_HOLDER] = None
-    per_type: Annotated[tuple[Finite, ...] | None, OF_HOLDER] = Field(None, description="one value per atom type")
+    per_type: Annotated[tuple[Finite, ...] | None, OF_HOLDER, PER_TYPE] = Field(
+        None, description="one value per atom type"
+    )
     range: Annotated[tuple[Finite, Finite] | None, OF_HOLDER] = Field(None, description="from, to")
     ratio: Annotated[tuple[Finite, Finite] | None, NUMBER] = Field(
         None, description="from, to, in units of the type's rho0; of masses: of its mass"

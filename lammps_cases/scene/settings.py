@@ -14,6 +14,7 @@ from eos_ref.syntax.manual import weighs_distance
 from lammps_cases.scene.runs import Stop, counted
 from lammps_cases.scene.values import (
     NUMBER,
+    PER_AXIS,
     RANGE_SCHEMA,
     BrokenRule,
     Dim,
@@ -116,9 +117,9 @@ class ForceSettings(SceneModel):
     """A fix gravity, addforce or setforce, in the order of the list."""
 
     style: Literal["gravity", "addforce", "setforce"]
-    vector: Annotated[tuple[Finite | None, ...], Dim(_of_force, about="unit of accelerations (gravity) or forces")] = (
-        Field(description="one component per axis; null: setforce leaves it")
-    )
+    vector: Annotated[
+        tuple[Finite | None, ...], PER_AXIS, Dim(_of_force, about="unit of accelerations (gravity) or forces")
+    ] = Field(description="one component per axis; null: setforce leaves it")
     types: TypeRange | None = Field(None, description="default: all")
 
     @model_validator(mode="after")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
 from pathlib import PurePosixPath
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -32,7 +34,7 @@ class BrokenRule(ValueError):
     found : the value, if the rule does not include it
     """
 
-    def __init__(self, rule: str, *at: str, found: object = None) -> None:
+    def __init__(self, rule: str, *at: str | int, found: object = None) -> None:
         self.rule, self.at, self.found = rule, at, found
         super().__init__(rule if found is None else f"{rule}, found {found}")
 
@@ -56,7 +58,24 @@ def _range(types: object) -> object:
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Finite, Field(gt=0)]
 NonNegative = Annotated[Finite, Field(ge=0)]
-Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
+
+
+@dataclass(frozen=True)
+class Per:
+    """What a list has one member for, as metadata of its type.
+
+    Attributes
+    ----------
+    of : axis of the scene, or type
+    members : in words
+    """
+
+    of: Literal["axis", "type"]
+    members: str
+
+
+PER_AXIS, PER_TYPE = Per("axis", "components"), Per("type", "values")
+Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3), PER_AXIS]
 # YAML reads a single type as a number.
 RANGE_SCHEMA = {"type": ["string", "integer"]}
 TypeRange = Annotated[
@@ -108,7 +127,7 @@ class SceneModel(BaseModel):
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
         for key, field in cls.model_fields.items():
-            if _holds_numbers(field.annotation) and cls.dim(key) is None:
+            if float in _within(field.annotation) and cls.dim(key) is None:
                 raise TypeError(f"{cls.__name__}.{key} holds numbers: its type needs a Dim")
 
     @classmethod
@@ -126,8 +145,11 @@ class SceneModel(BaseModel):
         return next((each for each in cls.model_fields[key].metadata if isinstance(each, Dim)), None)
 
 
-def _holds_numbers(annotation: Any) -> bool:
-    return annotation is float or any(map(_holds_numbers, get_args(annotation)))
+def _within(annotation: Any) -> Iterator[Any]:
+    """Yield a type, its parts, and their metadata."""
+    yield annotation
+    for part in get_args(annotation):
+        yield from _within(part)
 
 
 Model = TypeVar("Model", bound=SceneModel)
@@ -176,6 +198,29 @@ def numbers(scene: SceneModel) -> list[tuple[Path, float, Powers]]:
 
     changed(scene, note)
     return found
+
+
+def lists(part: SceneModel, path: Path = ()) -> Iterator[tuple[Path, Per, tuple[Any, ...]]]:
+    """Yield the place of every list with one member for each axis or type, what it has them for, and the list."""
+    for key, value in part:
+        per = _per(type(part), key)
+        yield from _lists(value, (*path, key), per)
+
+
+def _lists(value: Any, path: Path, per: Per | None) -> Iterator[tuple[Path, Per, tuple[Any, ...]]]:
+    if isinstance(value, SceneModel):
+        yield from lists(value, path)
+    elif isinstance(value, tuple) and value and isinstance(value[0], tuple | SceneModel):
+        for k, each in enumerate(value):
+            yield from _lists(each, (*path, k), per)
+    elif isinstance(value, tuple) and per:
+        yield path, per, value
+
+
+@cache
+def _per(model: type[SceneModel], key: str) -> Per | None:
+    field = model.model_fields[key]
+    return next((each for each in (*field.metadata, *_within(field.annotation)) if isinstance(each, Per)), None)
 
 
 def models(base: type[SceneModel] = SceneModel) -> Iterator[type[SceneModel]]:

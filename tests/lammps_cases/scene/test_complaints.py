@@ -227,9 +227,9 @@ def edited_files(draw: st.DrawFn) -> dict[str, Any]:
     """A case file in which one key or member has another value, another name or none, or is there several times."""
     scene = copy.deepcopy(draw(st.sampled_from([RICH, *SHIPPED])))
     file = {"name": "mine", "about": "of the tests", "tags": ["a"], "matrix": {"axis": {"one": {"units": "lj"}}}}
-    content: Any = file | {"scene": scene}
+    content: dict[str, Any] = file | {"scene": scene}
     *above, last = draw(st.sampled_from([*_places(content)]))
-    at = content
+    at: Any = content
     for key in above:
         at = at[key]
     edit = draw(st.sampled_from(["value", "value", "name", "none", "longer"]))

@@ -67,6 +67,7 @@ from lammps_cases.scene.values import (
     changed,
     numbers,
 )
+from lammps_cases.setup.twins import Scale, rescaled
 from tests.conftest import BASE
 
 MODEL = {"compare": ["f"]}
@@ -357,6 +358,59 @@ def test_change_keeps_the_other_keys() -> None:
         assert twice.thermal == case.scene.thermal
         for _, value, powers in numbers(case.scene):
             assert isinstance(value, float) and all(named(quantity) for quantity, _ in powers)
+
+
+EVERYTHING: dict[str, Any] = {
+    "types": [{"mass": 1.5, "viscosity": POWER | {"n": 0.5}, "latent_heat": 0.5, "T_freeze": 0.25}],
+    "pressure": [{"types": 1, "style": "cubic", "A3": 2.0}, {"types": 1, "style": "background", "P_b": 0.5}],
+    "mass": {"constant": 1.25},
+    "rho": {"range": [0.75, 1.5]},
+    "energy": {"constant": 2.5},
+    "velocity": {"random": 0.5},
+    "rheo": {"cut": 2.0, "shift": {"scale_cross_type": [0.5, 0.25, 0.125]}},
+    "pair": {"artificial_visc": 1.5, "rho_damp": 0.75},
+    "forces": [{"style": "gravity", "vector": [0.5, 1.5]}, {"style": "addforce", "vector": [0.5, 2.5]}],
+    "evolve": {"steps": 9, "timestep": 0.01, "deform": {"x": 0.5}, "stops": [{"at": 2, "displace": {"y": 0.5}}]},
+    "compare": ["f"],
+}
+# Powers of length, mass and time in a plane, where a density is a mass per area.
+POWERS = {
+    "types.0.mass": (0, 1, 0),
+    "types.0.rho0": (-2, 1, 0),
+    "types.0.cs": (1, 0, -1),
+    "types.0.viscosity.eta": (0, 1, -1),
+    "types.0.viscosity.gd0": (0, 0, -1),
+    "types.0.viscosity.K": (0, 1, -1.5),  # K rate^(n - 1) is a viscosity
+    "types.0.conductivity": (2, 1, -3),
+    "types.0.specific_heat": (2, 0, -2),
+    "types.0.latent_heat": (2, 0, -2),
+    "positions.spacing": (1, 0, 0),
+    "pressure.0.A3": (4, -2, 0),
+    "pressure.1.P_b": (0, 1, -2),
+    "mass.constant": (0, 1, 0),
+    "rho.range.0": (-2, 1, 0),
+    "rho.range.1": (-2, 1, 0),
+    "energy.constant": (2, 0, -2),
+    "velocity.random": (1, 0, -1),
+    "rheo.cut": (1, 0, 0),
+    "rheo.shift.scale_cross_type.2": (-2, 0, 0),  # a sum of kernel values
+    "pair.rho_damp": (2, 0, -1),
+    "forces.0.vector.0": (1, 0, -2),
+    "forces.0.vector.1": (1, 0, -2),
+    "forces.1.vector.0": (1, 1, -2),
+    "forces.1.vector.1": (1, 1, -2),
+    "evolve.timestep": (0, 0, 1),
+    "evolve.deform.x": (0, 0, -1),
+    "evolve.stops.0.displace.y": (1, 0, 0),
+}
+
+
+def test_numbers_of_another_size_follow_their_dimensions() -> None:
+    given = scene(**EVERYTHING)
+    scale = Scale(2, length=2.0, mass=2.0**10, time=2.0**20)
+    before, after = ({path: value for path, value, _ in numbers(of)} for of in (given, rescaled(given, scale, 2.0)))
+    found = {".".join(map(str, path)): after[path] / value for path, value in before.items() if after[path] != value}
+    assert found == {key: 2.0 ** (length + 10 * mass + 20 * time) for key, (length, mass, time) in POWERS.items()}
 
 
 USE = """

@@ -19,54 +19,8 @@ import lammps_cases
 from eos_ref import EOS, InputError, resolve
 from eos_ref.model.quantities import named
 from eos_ref.syntax.fixes import PressureEntry
-from lammps_cases.scene import Scene, casefile, check_name, models
+from lammps_cases.scene import Scene, casefile, check_name, models, particles, runs, settings, values
 from lammps_cases.scene.manual import EXAMPLES, ExampleSettings
-from lammps_cases.scene.particles import (
-    AtomType,
-    FromData,
-    FromDump,
-    FromXYZ,
-    Lattice,
-    LawSettings,
-    Listed,
-    Positions,
-    PowerLaw,
-    Values,
-    check_tilt,
-    entries,
-)
-from lammps_cases.scene.runs import (
-    AS_TEXT,
-    FOR_EACH_ATOM,
-    REDEFINED,
-    ROUTES,
-    EngineSettings,
-    Stop,
-    Stretch,
-    TwinSettings,
-    counted,
-    upper_corners,
-)
-from lammps_cases.scene.settings import (
-    DeformSettings,
-    Evolve,
-    ForceSettings,
-    RheoSettings,
-    ShiftSettings,
-    SurfaceDetectionSettings,
-)
-from lammps_cases.scene.values import (
-    Dim,
-    Finite,
-    LocalFile,
-    NonNegative,
-    Positive,
-    SceneModel,
-    TypeRange,
-    Vector,
-    changed,
-    numbers,
-)
 from lammps_cases.setup.twins import Scale, rescaled
 from tests.conftest import BASE
 
@@ -84,13 +38,13 @@ def scene(**changes: Any) -> Scene:
 @pytest.mark.parametrize(
     ("kind", "value", "taken"),
     [
-        (Finite, -3, -3.0),
-        (Positive, 5e-324, 5e-324),
-        (NonNegative, 0, 0.0),
-        (Vector, [1, 2.5], (1.0, 2.5)),
-        *((TypeRange, text, text) for text in ("*", "2", "*2", "2*", "1*3")),
-        (TypeRange, 2, "2"),
-        (LocalFile, "data/a.xyz", "data/a.xyz"),
+        (values.Finite, -3, -3.0),
+        (values.Positive, 5e-324, 5e-324),
+        (values.NonNegative, 0, 0.0),
+        (values.Vector, [1, 2.5], (1.0, 2.5)),
+        *((values.TypeRange, text, text) for text in ("*", "2", "*2", "2*", "1*3")),
+        (values.TypeRange, 2, "2"),
+        (values.LocalFile, "data/a.xyz", "data/a.xyz"),
     ],
 )
 def test_valid_values_are_accepted(kind: Any, value: Any, taken: Any) -> None:
@@ -98,7 +52,7 @@ def test_valid_values_are_accepted(kind: Any, value: Any, taken: Any) -> None:
 
 
 def test_models_are_immutable_forbid_extra_keys_and_are_all_listed() -> None:
-    class Part(SceneModel):
+    class Part(values.SceneModel):
         a: int = 1
 
     class Below(Part):
@@ -121,15 +75,15 @@ def test_names_are_words_joined_by_hyphens(name: str) -> None:
 @pytest.mark.parametrize(
     ("content", "kind"),
     [
-        (BASE["positions"], Lattice),
-        ({"x": [[0.0, 0.0], [0.5, 0.5]], "low": [0.0, 0.0], "high": [1.0, 1.0]}, Listed),
-        ({"extxyz": "a.xyz"}, FromXYZ),
-        ({"data": "a.data"}, FromData),
-        ({"dump": "a.dump", "step": 5}, FromDump),
+        (BASE["positions"], particles.Lattice),
+        ({"x": [[0.0, 0.0], [0.5, 0.5]], "low": [0.0, 0.0], "high": [1.0, 1.0]}, particles.Listed),
+        ({"extxyz": "a.xyz"}, particles.FromXYZ),
+        ({"data": "a.data"}, particles.FromData),
+        ({"dump": "a.dump", "step": 5}, particles.FromDump),
     ],
 )
 def test_one_key_determines_the_kind_of_positions(content: dict[str, Any], kind: type) -> None:
-    adapter = TypeAdapter(Positions)
+    adapter = TypeAdapter(particles.Positions)
     positions = adapter.validate_python(content)
     assert type(positions) is kind and adapter.validate_python(positions) == positions
     with pytest.raises(ValidationError) as refused:
@@ -138,19 +92,19 @@ def test_one_key_determines_the_kind_of_positions(content: dict[str, Any], kind:
 
 
 def test_only_periodic_axes_may_be_tilted() -> None:
-    check_tilt(None, (False, False), 2)
-    check_tilt((0.0, 0.2, 0.0), (True, False, True), 3)
-    check_tilt((0.1, 0.0, 0.0), None, 3)  # periodic by default
+    particles.check_tilt(None, (False, False), 2)
+    particles.check_tilt((0.0, 0.2, 0.0), (True, False, True), 3)
+    particles.check_tilt((0.1, 0.0, 0.0), None, 3)  # periodic by default
     with pytest.raises(ValueError, match="tilt must be 0"):
-        check_tilt((0.0, 0.0, 0.2), (True, False, True), 3)
+        particles.check_tilt((0.0, 0.0, 0.2), (True, False, True), 3)
 
 
 def test_unusual_settings_are_accepted() -> None:
-    assert Values(range=(-1.0, -2.0), spacing="log").range == (-1.0, -2.0)
-    assert SurfaceDetectionSettings(style="divergence", limit=0.5, splash=4).limit == 0.5
-    assert ForceSettings(style="setforce", vector=(None, 1.0)).vector == (None, 1.0)
-    assert RheoSettings(rho_sum=True, self_mass=True).self_mass
-    assert EngineSettings(processors=(2, 1, 1), ranks=2) and EngineSettings(balance=5, communication="tiled")
+    assert particles.Values(range=(-1.0, -2.0), spacing="log").range == (-1.0, -2.0)
+    assert settings.SurfaceDetectionSettings(style="divergence", limit=0.5, splash=4).limit == 0.5
+    assert settings.ForceSettings(style="setforce", vector=(None, 1.0)).vector == (None, 1.0)
+    assert settings.RheoSettings(rho_sum=True, self_mass=True).self_mass
+    assert runs.EngineSettings(processors=(2, 1, 1), ranks=2) and runs.EngineSettings(balance=5, communication="tiled")
 
 
 # --- types and laws
@@ -168,7 +122,7 @@ def test_unusual_settings_are_accepted() -> None:
     ],
 )
 def test_entry_has_the_argument_of_its_style(law: dict[str, Any], value: float | None, needs_energy: bool) -> None:
-    of_law = LawSettings(types="1*2", **law)
+    of_law = particles.LawSettings(types="1*2", **law)
     assert (of_law.value, of_law.needs_energy) == (value, needs_energy)
     assert of_law.entry == PressureEntry("1*2", law["style"], value)
 
@@ -183,7 +137,7 @@ def test_entry_has_the_argument_of_its_style(law: dict[str, Any], value: float |
     ],
 )
 def test_entries_of_a_law_resolve_to_it_for_all_types(law: EOS) -> None:
-    of_law = [LawSettings(**entry) for entry in entries(law)]
+    of_law = [particles.LawSettings(**entry) for entry in particles.entries(law)]
     assert len(of_law) == 1 + bool(law.background)
     assert list(resolve([each.entry for each in of_law], 2)) == [law, law]
 
@@ -196,15 +150,15 @@ def test_type_without_a_law_is_refused_with_its_location() -> None:
 
 
 def test_viscosity_is_a_number_or_a_power_law() -> None:
-    assert AtomType(mass=1.0).viscosity == 0.1, "the manual's default of this harness"
-    assert AtomType(mass=1.0, viscosity=0.0).viscosity == 0.0
-    assert AtomType.model_validate({"mass": 1.0, "viscosity": POWER}).viscosity == PowerLaw(**POWER)
+    assert particles.AtomType(mass=1.0).viscosity == 0.1, "the manual's default of this harness"
+    assert particles.AtomType(mass=1.0, viscosity=0.0).viscosity == 0.0
+    assert particles.AtomType.model_validate({"mass": 1.0, "viscosity": POWER}).viscosity == particles.PowerLaw(**POWER)
 
 
 def test_thermal_keys_make_a_type_thermal() -> None:
-    assert not AtomType(mass=1.0, rho0=2.0, cs=3.0, phase="solid").thermal
+    assert not particles.AtomType(mass=1.0, rho0=2.0, cs=3.0, phase="solid").thermal
     given = [{"conductivity": 0.1}, {"specific_heat": 1.0}, {"T_freeze": 0.0}, {"latent_heat": 0.5, "T_freeze": 0.1}]
-    assert all(AtomType.model_validate({"mass": 1.0, **each}).thermal for each in given)
+    assert all(particles.AtomType.model_validate({"mass": 1.0, **each}).thermal for each in given)
 
 
 def test_only_defaults_in_use_are_listed() -> None:
@@ -221,22 +175,24 @@ def test_only_defaults_in_use_are_listed() -> None:
 
 
 def test_shift_is_on_off_or_has_arguments() -> None:
-    assert RheoSettings().shifting is None and RheoSettings(shift=False).shifting is None
-    assert RheoSettings(shift=True).shifting == ShiftSettings(exclude=(), scale_cross_type=None)
-    assert ShiftSettings.model_validate({"exclude": 2}).exclude == ("2",)
-    assert ShiftSettings.model_validate({"exclude": ["1*2", 3]}).exclude == ("1*2", "3")
+    assert settings.RheoSettings().shifting is None and settings.RheoSettings(shift=False).shifting is None
+    assert settings.RheoSettings(shift=True).shifting == settings.ShiftSettings(exclude=(), scale_cross_type=None)
+    assert settings.ShiftSettings.model_validate({"exclude": 2}).exclude == ("2",)
+    assert settings.ShiftSettings.model_validate({"exclude": ["1*2", 3]}).exclude == ("1*2", "3")
 
 
 def test_newton_of_bonds_defaults_to_that_of_pairs() -> None:
     flags = [
-        EngineSettings(newton=pair, newton_bond=bond).newton_flags for pair in (True, False) for bond in (None, True)
+        runs.EngineSettings(newton=pair, newton_bond=bond).newton_flags
+        for pair in (True, False)
+        for bond in (None, True)
     ]
     assert flags == [(True, True), (True, True), (False, False), (False, True)]
 
 
 @pytest.mark.parametrize(("key", "value"), [("rescale", 0.25), ("newton", False), ("tilt", [1, 0, 0]), ("ranks", 2)])
 def test_kind_of_a_twin_is_its_key(key: str, value: Any) -> None:
-    assert TwinSettings.model_validate({key: value}).kind == key
+    assert runs.TwinSettings.model_validate({key: value}).kind == key
 
 
 def test_line_of_the_manual_is_found_by_its_location() -> None:
@@ -249,8 +205,8 @@ def test_line_of_the_manual_is_found_by_its_location() -> None:
 # --- steps and stops
 
 
-def evolved(**keys: Any) -> Evolve:
-    return Evolve.model_validate({"timestep": 0.1} | keys)
+def evolved(**keys: Any) -> settings.Evolve:
+    return settings.Evolve.model_validate({"timestep": 0.1} | keys)
 
 
 @pytest.mark.parametrize(
@@ -292,30 +248,34 @@ def test_box_shrinks_separately_before_and_after_a_stop() -> None:
 
 
 def test_deformation_rates_by_axis() -> None:
-    deform = DeformSettings(x=1.0, y=2.0, z=3.0, xy=4.0, xz=5.0, yz=6.0)
+    deform = settings.DeformSettings(x=1.0, y=2.0, z=3.0, xy=4.0, xz=5.0, yz=6.0)
     assert (deform.rates, deform.shears, deform.remap) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), "x")
 
 
 def test_shipped_cases_cover_every_route() -> None:
-    assert {*AS_TEXT, *REDEFINED, *FOR_EACH_ATOM} <= set(ROUTES)
+    assert {*runs.AS_TEXT, *runs.REDEFINED, *runs.FOR_EACH_ATOM} <= set(runs.ROUTES)
     cases = [case.scene.evolve for case in casefile.load()]
-    assert {stop.by for evolve in cases if evolve for stop in evolve.stops} == set(ROUTES)
+    assert {stop.by for evolve in cases if evolve for stop in evolve.stops} == set(runs.ROUTES)
 
 
 def test_step_count_continues_from_the_value_set_at_a_stop() -> None:
-    stops = (Stop(at=2, count=100), Stop(at=4), Stop(at=5, count=7))
-    assert counted((0, 1, 2, 3, 4, 5, 6), stops) == (0, 1, 100, 101, 102, 7, 8)
+    stops = (runs.Stop(at=2, count=100), runs.Stop(at=4), runs.Stop(at=5, count=7))
+    assert runs.counted((0, 1, 2, 3, 4, 5, 6), stops) == (0, 1, 100, 101, 102, 7, 8)
 
 
 @pytest.mark.parametrize(("by", "renewed"), [("run", 0), ("restart", 0), ("recreated", 2), ("redefined", 9)])
 def test_number_of_recreated_atoms_by_route(by: str, renewed: int) -> None:
-    assert Stop.model_validate({"at": 0, "by": by}).count_recreated_atoms(9) == renewed
+    assert runs.Stop.model_validate({"at": 0, "by": by}).count_recreated_atoms(9) == renewed
 
 
 def test_stretches_accumulate_in_upper_corners() -> None:
-    stops = [Stop(at=1, stretch=Stretch(x=2.0)), Stop(at=3), Stop(at=4, stretch=Stretch(x=0.5, z=1.5))]
-    assert upper_corners(stops, (-1.0, -1.0, 0.1), (2.0, 0.7, 2.1)) == {1: [5.0, 0.7, 2.1], 4: [2.0, 0.7, 3.1]}
-    assert upper_corners([Stop(at=1, stretch=Stretch())], (0.1,) * 3, (0.3,) * 3) == {1: [0.3] * 3}
+    stops = [
+        runs.Stop(at=1, stretch=runs.Stretch(x=2.0)),
+        runs.Stop(at=3),
+        runs.Stop(at=4, stretch=runs.Stretch(x=0.5, z=1.5)),
+    ]
+    assert runs.upper_corners(stops, (-1.0, -1.0, 0.1), (2.0, 0.7, 2.1)) == {1: [5.0, 0.7, 2.1], 4: [2.0, 0.7, 3.1]}
+    assert runs.upper_corners([runs.Stop(at=1, stretch=runs.Stretch())], (0.1,) * 3, (0.3,) * 3) == {1: [0.3] * 3}
 
 
 # --- what numbers are
@@ -324,11 +284,11 @@ def test_stretches_accumulate_in_upper_corners() -> None:
 def test_number_without_a_quantity_is_no_model() -> None:
     with pytest.raises(TypeError, match=r"Part.a holds numbers: its type needs a Dim"):
 
-        class Part(SceneModel):
-            a: tuple[Positive | None, ...] = ()
+        class Part(values.SceneModel):
+            a: tuple[values.Positive | None, ...] = ()
 
     with pytest.raises(KeyError, match="densty"):
-        Dim("densty")
+        values.Dim("densty")
 
 
 def test_every_number_is_listed_with_its_quantity() -> None:
@@ -337,7 +297,9 @@ def test_every_number_is_listed_with_its_quantity() -> None:
     forces = [{"style": "gravity", "vector": [0.5, 1.5]}, {"style": "setforce", "vector": [None, 2.5]}]
     found = {
         ".".join(map(str, path)): (value, dict(powers))
-        for path, value, powers in numbers(scene(types=types, pressure=law, forces=forces, rho={"per_type": [0.5]}))
+        for path, value, powers in values.numbers(
+            scene(types=types, pressure=law, forces=forces, rho={"per_type": [0.5]})
+        )
     }
     assert found["types.0.rho0"] == (1.0, {"rho": 1}), "a number that is left out"
     assert found["types.0.viscosity.K"] == (0.3, {"viscosity": 1, "grad/v": 1 - 0.7})
@@ -350,13 +312,13 @@ def test_every_number_is_listed_with_its_quantity() -> None:
 
 def test_change_keeps_the_other_keys() -> None:
     for case in casefile.load()[::20]:
-        same = changed(case.scene, lambda _, value, __: value)
+        same = values.changed(case.scene, lambda _, value, __: value)
         assert same == case.scene and same.model_fields_set == case.scene.model_fields_set
-        twice = changed(case.scene, lambda _, value, powers: value * 2.0 ** sum(power for _, power in powers))
-        given = [(path, value) for path, value, _ in numbers(case.scene)]
-        assert [path for path, _, _ in numbers(twice)] == [path for path, _ in given]
+        twice = values.changed(case.scene, lambda _, value, powers: value * 2.0 ** sum(power for _, power in powers))
+        given = [(path, value) for path, value, _ in values.numbers(case.scene)]
+        assert [path for path, _, _ in values.numbers(twice)] == [path for path, _ in given]
         assert twice.thermal == case.scene.thermal
-        for _, value, powers in numbers(case.scene):
+        for _, value, powers in values.numbers(case.scene):
             assert isinstance(value, float) and all(named(quantity) for quantity, _ in powers)
 
 
@@ -408,7 +370,9 @@ POWERS = {
 def test_numbers_of_another_size_follow_their_dimensions() -> None:
     given = scene(**EVERYTHING)
     scale = Scale(2, length=2.0, mass=2.0**10, time=2.0**20)
-    before, after = ({path: value for path, value, _ in numbers(of)} for of in (given, rescaled(given, scale, 2.0)))
+    before, after = (
+        {path: value for path, value, _ in values.numbers(of)} for of in (given, rescaled(given, scale, 2.0))
+    )
     found = {".".join(map(str, path)): after[path] / value for path, value in before.items() if after[path] != value}
     assert found == {key: 2.0 ** (length + 10 * mass + 20 * time) for key, (length, mass, time) in POWERS.items()}
 

@@ -190,5 +190,11 @@ def test_plan_names_dependents_of_each_quantity(case_file: Write) -> None:
     assert (items["time steps"].needed, items["time steps"].why) == (False, "one evaluation of the state given")
 
 
+def test_plan_of_a_law_says_why_it_needs_no_more(case_file: Write, snapshot: SnapshotAssertion) -> None:
+    of_law = plan_of(case_file())
+    items = (*of_law.reference, *of_law.lammps)
+    assert "\n".join(f"{'yes' if item.needed else 'no':3} {item.name}: {item.why}" for item in items) == snapshot
+
+
 def test_unplanned_items_are_not_needed(case_file: Write) -> None:
     assert not plan_of(case_file()).needs("no such item")

@@ -203,8 +203,8 @@ class Scene(SceneModel):
         members = {"axis": self.dimension, "type": len(self.types)}
         for path, per, given in lists(self):
             if len(given) != members[per.of]:
-                rule = f"{'.'.join(map(str, path))} needs {members[per.of]} {per.members}"
-                raise BrokenRule(rule, *path, found=len(given))
+                key = ".".join(part for part in path if isinstance(part, str))
+                raise BrokenRule(f"{key} needs {members[per.of]} {per.members}", *path, found=len(given))
 
     def _check_stops(self) -> None:
         stops = self.evolve.stops if self.evolve else ()

@@ -127,8 +127,8 @@ class SceneModel(BaseModel):
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
         for key, field in cls.model_fields.items():
-            if float in _within(field.annotation) and cls.dim(key) is None:
-                raise TypeError(f"{cls.__name__}.{key} holds numbers: its type needs a Dim")
+            numeric = float in _within(field.annotation)
+            assert not numeric or cls.dim(key), f"{cls.__name__}.{key} holds numbers: its type needs a Dim"
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
@@ -141,7 +141,7 @@ class SceneModel(BaseModel):
 
     @classmethod
     def dim(cls, key: str) -> Dim | None:
-        """Return what the numbers of a key are; None if there are none."""
+        """Return what the numbers of a key are; None for a key without numbers."""
         return next((each for each in cls.model_fields[key].metadata if isinstance(each, Dim)), None)
 
 

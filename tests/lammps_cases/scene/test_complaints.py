@@ -135,7 +135,7 @@ STOPPING = "  evolve: {steps: 4, timestep: 0.1, stops: [{at: 1, stretch: {z: 2}}
         (WHOLE.replace("sq", "sc").replace("[5, 4]", "[5, 4, 3]"), "does not fit dimension 2 (line 6, column 24)"),
         (
             WHOLE.replace(", rho0: 1", "") + "  forces: [{style: addforce, vector: [0, 0, 1]}]\n",
-            "forces.0.vector needs 2 components, found 3 (line 10, column 38)",
+            "forces.vector needs 2 components, found 3 (line 10, column 38)",
         ),
         (WHOLE.replace(", rho0: 1", "") + STOPPING, "stretch.z must be 1 in 2D, found 2.0 (line 10, column 44)"),
     ],

@@ -282,7 +282,7 @@ def test_stretches_accumulate_in_upper_corners() -> None:
 
 
 def test_number_without_a_quantity_is_no_model() -> None:
-    with pytest.raises(TypeError, match=r"Part.a holds numbers: its type needs a Dim"):
+    with pytest.raises(AssertionError, match=r"Part.a holds numbers: its type needs a Dim"):
 
         class Part(values.SceneModel):
             a: tuple[values.Positive | None, ...] = ()

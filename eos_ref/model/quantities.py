@@ -259,6 +259,25 @@ QUANTITIES: dict[str, Quantity] = {
     )
 }
 
+# Of the input, in addition to the quantities of the model.
+INPUTS: dict[str, Quantity] = {
+    q.name: q
+    for q in (
+        Quantity("number", "numbers"),
+        Quantity("mass", "masses", Dimension(mass=1)),
+        Quantity("time", "times", Dimension(time=1)),
+        Quantity("acceleration", "accelerations", Dimension(1, 0, -2)),
+        Quantity("diffusivity", "diffusivities", Dimension(2, 0, -1)),
+        Quantity("A3", "inverse squares of densities", Dimension(0, -2, 0, 2)),
+        Quantity("latent heat", "energies per mass", Dimension(2, 0, -2)),
+    )
+}
+
+
+def named(name: str) -> Quantity:
+    """Return the record of a quantity of the model or of the input."""
+    return INPUTS[name] if name in INPUTS else QUANTITIES[name]
+
 
 def order() -> tuple[str, ...]:
     """Return the quantities of a force evaluation, in its order."""

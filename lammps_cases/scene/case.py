@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -24,7 +24,6 @@ from lammps_cases.scene.particles import (
     FromFile,
     Lattice,
     LawSettings,
-    Listed,
     Positions,
     PowerLaw,
     Values,
@@ -33,7 +32,7 @@ from lammps_cases.scene.particles import (
 )
 from lammps_cases.scene.runs import AS_TEXT, FOR_EACH_ATOM, LOSES_MASSES, EngineSettings, Expect, Stretch, TwinSettings
 from lammps_cases.scene.settings import DeformSettings, Evolve, ForceSettings, PairSettings, RheoSettings
-from lammps_cases.scene.values import BrokenRule, SceneModel
+from lammps_cases.scene.values import BrokenRule, Dim, SceneModel, lists
 
 METHOD_KEYS = ("method", "tolerance")  # of the Python interface; a scene is judged with the reference's own method
 MAX_ATOMS = 10_000_000
@@ -53,11 +52,15 @@ class Scene(SceneModel):
         "shuffled", description="how types, in equal shares, are dealt out to the particles"
     )
     pressure: tuple[LawSettings, ...] = Field(description="entries of fix rheo/pressure, in order")
-    mass: Values | None = Field(
+    mass: Annotated[Values | None, Dim("mass")] = Field(
         None, description="masses of the particles instead of their types' (fix property/atom rmass)"
     )
-    rho: Values | None = Field(None, description="density; not given if a file or the summation sets it")
-    energy: Values | None = Field(None, description="internal energy per unit mass (ideal/gas)")
+    rho: Annotated[Values | None, Dim("rho")] = Field(
+        None, description="density; not given if a file or the summation sets it"
+    )
+    energy: Annotated[Values | None, Dim("latent heat")] = Field(
+        None, description="internal energy per unit mass (ideal/gas)"
+    )
     velocity: Velocity = Velocity()
     rheo: RheoSettings = RheoSettings()
     pair: PairSettings = PairSettings()
@@ -96,22 +99,16 @@ class Scene(SceneModel):
             atoms = math.prod(self.positions.cells) * {"hex": 2, "bcc": 2, "fcc": 4}.get(self.positions.lattice, 1)
             if atoms > MAX_ATOMS:
                 raise BrokenRule(f"at most {MAX_ATOMS} particles", "positions", "cells", found=atoms)
-        if isinstance(self.positions, Listed) and len(self.positions.low) != self.dimension:
-            raise BrokenRule(f"positions need {self.dimension} components", "positions", found=len(self.positions.low))
         if self.violate and not self.expect:
             raise BrokenRule("violate needs expect: {refused: TEXT}", "violate")
-        for key in ("mass", "rho", "energy"):
-            field = getattr(self, key)
-            if field and field.per_type and len(field.per_type) != len(self.types):
-                raise BrokenRule(
-                    f"{key}.per_type needs {len(self.types)} values", key, "per_type", found=len(field.per_type)
-                )
         for key in ("rho0", "cs"):
             given = [getattr(t, key) is not None for t in self.types]
             if any(given) and not all(given):
                 raise BrokenRule(f"{key} must be given for every type or for none (fix rheo takes N values)", "types")
         self._check_types()
-        self._check_vectors()
+        self._check_lengths()
+        if self.velocity.values is not None and any(t.velocity for t in self.types):
+            raise BrokenRule("velocity.values stands instead of the velocity of a type", "velocity", "values")
         self._check_compare()
         self._check_stops()
         if self.evolve and self.evolve.deform:
@@ -202,20 +199,12 @@ class Scene(SceneModel):
         if any(t.thermal for t in self.types) and self.energy is None and not isinstance(self.positions, FromFile):
             raise BrokenRule("conductivity, specific_heat, latent_heat and T_freeze need energy", "types")
 
-    def _check_vectors(self) -> None:
-        vectors: dict[tuple[str, ...], list[tuple[float | None, ...] | tuple[float, ...] | None]] = {
-            ("velocity.uniform", "velocity", "uniform"): [self.velocity.uniform],
-            ("velocity.values", "velocity", "values"): [*(self.velocity.values or ())],
-            ("velocity of a type", "types"): [t.velocity for t in self.types],
-            ("vector of a force", "forces"): [force.vector for force in self.forces],
-            ("vector of twin", "twin"): [self.twin.translate or self.twin.boost] if self.twin else [],
-        }
-        if self.velocity.values is not None and any(t.velocity for t in self.types):
-            raise BrokenRule("velocity.values stands instead of the velocity of a type", "velocity", "values")
-        for (what, *at), given in vectors.items():
-            for vector in given:
-                if vector is not None and len(vector) != self.dimension:
-                    raise BrokenRule(f"{what} needs {self.dimension} components", *at, found=len(vector))
+    def _check_lengths(self) -> None:
+        members = {"axis": self.dimension, "type": len(self.types)}
+        for path, per, given in lists(self):
+            if len(given) != members[per.of]:
+                key = ".".join(part for part in path if isinstance(part, str))
+                raise BrokenRule(f"{key} needs {members[per.of]} {per.members}", *path, found=len(given))
 
     def _check_stops(self) -> None:
         stops = self.evolve.stops if self.evolve else ()

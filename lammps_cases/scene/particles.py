@@ -12,11 +12,16 @@ from eos_ref.eos.registry import LAWS, PARAMETER, Style
 from eos_ref.model.box import TILTED
 from eos_ref.syntax.fixes import PressureEntry
 from lammps_cases.scene.values import (
+    NUMBER,
+    OF_HOLDER,
+    PER_TYPE,
     BrokenRule,
+    Dim,
     Finite,
     LocalFile,
     NonNegative,
     Positive,
+    Powers,
     SceneModel,
     TypeRange,
     Vector,
@@ -25,18 +30,23 @@ from lammps_cases.scene.values import (
 LatticeStyle = Literal["sq", "hex", "sc", "bcc", "fcc"]
 PLANAR = ("sq", "hex")
 Tilt = Annotated[
-    tuple[Finite] | tuple[Finite, Finite, Finite],
+    tuple[Finite] | tuple[Finite, Finite, Finite] | None,
+    Dim("x"),
     Field(description="tilt of the box: xy in 2D; xy, xz and yz in 3D"),
 ]
+
+
+def _consistency(law: PowerLaw, _: object) -> Powers:
+    return ("viscosity", 1.0), ("grad/v", 1 - law.n)
 
 
 class PowerLaw(SceneModel):
     """Arguments of fix rheo/viscosity power."""
 
-    eta: NonNegative
-    gd0: Positive
-    K: NonNegative
-    n: Finite
+    eta: Annotated[NonNegative, Dim("viscosity")]
+    gd0: Annotated[Positive, Dim("grad/v")]
+    K: Annotated[NonNegative, Dim(_consistency, about="unit: viscosity times (strain rate)^(1 - n)")]
+    n: Annotated[Finite, NUMBER]
 
 
 # A mapping is a power law; the tags hold spaces, which keeps them out of the place named in messages.
@@ -49,16 +59,20 @@ ViscosityLaw = Annotated[
 class AtomType(SceneModel):
     """One atom type: mass, phase, and per-type values of the RHEO fixes (rho0 and cs: default 1)."""
 
-    mass: Positive
-    rho0: Positive | None = None
-    cs: Positive | None = None
+    mass: Annotated[Positive, Dim("mass")]
+    rho0: Annotated[Positive | None, Dim("rho", implied=1.0)] = None
+    cs: Annotated[Positive | None, Dim("v", implied=1.0)] = None
     phase: Literal["fluid", "solid"] = Field("fluid", description="of all its particles, at the beginning")
-    viscosity: ViscosityLaw = Field(0.1, description="constant, or eta, gd0, K, n of a power law")
-    conductivity: NonNegative = Field(0.1, description="of particles that carry energy")
-    specific_heat: Positive = Field(1.0, description="of particles that carry energy")
-    latent_heat: NonNegative | None = Field(None, description="energy per unit mass; needs T_freeze")
-    T_freeze: Finite | None = None
-    velocity: Vector | None = Field(None, description="initial velocity, instead of velocity.uniform: a moving wall")
+    viscosity: Annotated[ViscosityLaw, Dim("viscosity")] = Field(
+        0.1, description="constant, or eta, gd0, K, n of a power law"
+    )
+    conductivity: Annotated[NonNegative, Dim("conductivity")] = Field(0.1, description="of particles that carry energy")
+    specific_heat: Annotated[Positive, Dim("cv")] = Field(1.0, description="of particles that carry energy")
+    latent_heat: Annotated[NonNegative | None, Dim("latent heat")] = Field(None, description="needs T_freeze")
+    T_freeze: Annotated[Finite | None, Dim("temperature")] = None
+    velocity: Annotated[Vector | None, Dim("v")] = Field(
+        None, description="initial velocity, instead of velocity.uniform: a moving wall"
+    )
 
     @model_validator(mode="after")
     def _freezes(self) -> AtomType:
@@ -84,9 +98,9 @@ class LawSettings(SceneModel):
 
     types: TypeRange = Field(description="*, n, *n, m* or m*n, as in the manual")
     style: Style | Literal["background"]
-    A3: Finite | None = None
-    gamma: Finite | None = None
-    P_b: Finite | None = None
+    A3: Annotated[Finite | None, Dim("A3")] = None
+    gamma: Annotated[Finite | None, NUMBER] = None
+    P_b: Annotated[Finite | None, Dim("pressure")] = None
 
     @model_validator(mode="after")
     def _one_argument(self) -> LawSettings:
@@ -140,23 +154,25 @@ class Region(SceneModel):
     """A block of the lattice whose particles have one type, or are removed."""
 
     type: int | None = Field(ge=1, strict=True, description="null removes the particles")
-    low: Vector = Field(description="corner, in fractions of the lattice")
-    high: Vector = Field(description="opposite corner; sites on it lie outside")
+    low: Annotated[Vector, NUMBER] = Field(description="corner, in fractions of the lattice")
+    high: Annotated[Vector, NUMBER] = Field(description="opposite corner; sites on it lie outside")
 
 
 class Lattice(SceneModel):
     """Particles on a lattice that fills the box, moved by seeded uniform disorder."""
 
     lattice: LatticeStyle
-    spacing: Positive = Field(description="nearest lattice constant (distance)")
+    spacing: Annotated[Positive, Dim("x")] = Field(description="nearest lattice constant (distance)")
     cells: tuple[int, ...] = Field(description="unit cells along each axis")
-    disorder: Annotated[Finite, Field(ge=0, lt=0.5)] = Field(
+    disorder: Annotated[Finite, Field(ge=0, lt=0.5), NUMBER] = Field(
         0.0, description="largest displacement along an axis, as a fraction of the spacing"
     )
     regions: tuple[Region, ...] = Field((), description="applied in order to the sites, before disorder")
     periodic: tuple[bool, ...] | None = Field(None, description="one flag per axis; default: all true")
-    margin: NonNegative = Field(1.0, description="empty space beyond faces that are not periodic, in spacings")
-    tilt: Tilt | None = None
+    margin: Annotated[NonNegative, NUMBER] = Field(
+        1.0, description="empty space beyond faces that are not periodic, in spacings"
+    )
+    tilt: Tilt = None
 
     @model_validator(mode="after")
     def _size(self) -> Lattice:
@@ -244,15 +260,17 @@ class FromDump(FromFile):
 class Listed(SceneModel):
     """Particles one by one, in order of id, in a box."""
 
-    x: tuple[Vector, ...] = Field(min_length=1, description="one position per particle")
+    x: Annotated[tuple[Vector, ...], Dim("x")] = Field(min_length=1, description="one position per particle")
     types: tuple[Annotated[int, Field(ge=1, strict=True)], ...] | None = Field(
         None, description="one type per particle; default: all 1"
     )
-    low: Vector = Field(description="corner of the box")
-    high: Vector = Field(description="opposite corner")
+    low: Annotated[Vector, Dim("x")] = Field(description="corner of the box")
+    high: Annotated[Vector, Dim("x")] = Field(description="opposite corner")
     periodic: tuple[bool, ...] | None = Field(None, description="one flag per axis; default: all true")
-    spacing: Positive = Field(1.0, description="distance that the cutoff and the skin are given in by default")
-    tilt: Tilt | None = None
+    spacing: Annotated[Positive, Dim("x")] = Field(
+        1.0, description="distance that the cutoff and the skin are given in by default"
+    )
+    tilt: Tilt = None
 
     @model_validator(mode="after")
     def _size(self) -> Listed:
@@ -293,8 +311,8 @@ Positions = Annotated[
 class Offset(SceneModel):
     """Relative distances from the density of equilibrium, or a mass: rho = rho0 (1 +/- d), d spaced logarithmically."""
 
-    low: Positive
-    high: Positive
+    low: Annotated[Positive, NUMBER]
+    high: Annotated[Positive, NUMBER]
     sign: Literal["both", "+", "-"] = "both"
 
     @model_validator(mode="after")
@@ -314,14 +332,18 @@ class ValueTable(SceneModel):
 class Values(SceneModel):
     """Per-atom values of a field: exactly one of the keys; sequences are dealt out in a seeded random order."""
 
-    constant: Finite | None = None
-    per_type: tuple[Finite, ...] | None = Field(None, description="one value per atom type")
-    range: tuple[Finite, Finite] | None = Field(None, description="from, to")
-    ratio: tuple[Finite, Finite] | None = Field(
+    constant: Annotated[Finite | None, OF_HOLDER] = None
+    per_type: Annotated[tuple[Finite, ...] | None, OF_HOLDER, PER_TYPE] = Field(
+        None, description="one value per atom type"
+    )
+    range: Annotated[tuple[Finite, Finite] | None, OF_HOLDER] = Field(None, description="from, to")
+    ratio: Annotated[tuple[Finite, Finite] | None, NUMBER] = Field(
         None, description="from, to, in units of the type's rho0; of masses: of its mass"
     )
     offset: Offset | None = None
-    values: tuple[Finite, ...] | None = Field(None, description="one value per particle, in order of id")
+    values: Annotated[tuple[Finite, ...] | None, OF_HOLDER] = Field(
+        None, description="one value per particle, in order of id"
+    )
     table: ValueTable | None = None
     spacing: Literal["linear", "log"] = Field("linear", description="of range and ratio")
 
@@ -340,9 +362,11 @@ class Values(SceneModel):
 class Velocity(SceneModel):
     """Initial velocities: a seeded random part, which solid types do not get, and one common to all."""
 
-    random: Finite = Field(0.0, description="largest component")
-    uniform: Vector | None = None
-    values: tuple[Vector, ...] | None = Field(None, description="one per particle, in order of id; instead of all else")
+    random: Annotated[Finite, Dim("v")] = Field(0.0, description="largest component")
+    uniform: Annotated[Vector | None, Dim("v")] = None
+    values: Annotated[tuple[Vector, ...] | None, Dim("v")] = Field(
+        None, description="one per particle, in order of id; instead of all else"
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> Velocity:

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field, model_validator
 
 from eos_ref.model.units import UnitStyle
-from lammps_cases.scene.values import BrokenRule, Finite, Positive, SceneModel, TypeRange, Vector
+from lammps_cases.scene.values import NUMBER, BrokenRule, Dim, Finite, Positive, SceneModel, TypeRange, Vector
 
 # Operations on the state at a stop, and why it must come out unchanged.
 Route = Literal[
@@ -36,16 +36,16 @@ REDEFINED: tuple[Route, ...] = (*AS_TEXT, "redefined", "by hand")
 QUARTER = 4  # one atom in this many is recreated
 LOSES_MASSES: tuple[Route, ...] = (*AS_TEXT, "replicated", "recreated", "by hand")  # particles' own masses
 FOR_EACH_ATOM: tuple[Route, ...] = ("set", "recreated", "by hand")  # commands that hold LAMMPS' values of every atom
-Factor = Annotated[Finite, Field(ge=0.5, le=2.0)]
+Factor = Annotated[Finite, Field(ge=0.5, le=2.0), NUMBER]
 Boundary = Literal["f", "s", "m", "fs", "sf", "fm", "mf", "sm", "ms"]
 
 
 class Displacement(SceneModel):
     """A move of some atoms by displace_atoms."""
 
-    x: Finite = 0.0
-    y: Finite = 0.0
-    z: Finite = 0.0
+    x: Annotated[Finite, Dim("x")] = 0.0
+    y: Annotated[Finite, Dim("x")] = 0.0
+    z: Annotated[Finite, Dim("x")] = 0.0
     types: TypeRange | None = Field(None, description="default: all")
 
     @property
@@ -72,7 +72,7 @@ class Stop(SceneModel):
 
     at: int = Field(ge=0, strict=True, description="step")
     by: Route = Field("run", description="what the state goes through")
-    timestep: Positive | None = Field(None, description="from here on")
+    timestep: Annotated[Positive | None, Dim("time")] = Field(None, description="from here on")
     count: int | None = Field(None, ge=0, strict=True, description="LAMMPS counts on from here (reset_timestep)")
     displace: Displacement | None = None
     stretch: Stretch | None = None
@@ -127,8 +127,8 @@ class EngineSettings(Rebuild):
 
     newton: bool = True
     newton_bond: bool | None = Field(None, description="newton of bonds; default: that of pairs")
-    skin: Positive = Field(0.3, description="of neighbour lists, in spacings")
-    ghosts: Positive | None = Field(
+    skin: Annotated[Positive, NUMBER] = Field(0.3, description="of neighbour lists, in spacings")
+    ghosts: Annotated[Positive | None, NUMBER] = Field(
         None,
         description="distance from a process at which it has images and others' particles, in spacings",
     )
@@ -146,7 +146,7 @@ class EngineSettings(Rebuild):
     boundary: Boundary = Field(
         "f", description="of faces that are not periodic: one for both, or the lower and the upper one"
     )
-    time_limit: Annotated[Finite, Field(gt=0, le=3600)] = Field(60.0, description="seconds")
+    time_limit: Annotated[Finite, Field(gt=0, le=3600), NUMBER] = Field(60.0, description="seconds")
 
     @model_validator(mode="after")
     def _shared(self) -> EngineSettings:
@@ -170,13 +170,19 @@ Edges = Annotated[int, Field(ge=-8, le=8, strict=True)]
 class TwinSettings(SceneModel):
     """A second run of LAMMPS, its own first one the reference: exactly one of the keys; see `lammps_cases.setup`."""
 
-    translate: Vector | None = Field(None, description="displacement of all particles, wrapped in periodic axes")
-    boost: Vector | None = Field(None, description="velocity added to all particles, walls included")
+    translate: Annotated[Vector | None, Dim("x")] = Field(
+        None, description="displacement of all particles, wrapped in periodic axes"
+    )
+    boost: Annotated[Vector | None, Dim("v")] = Field(
+        None, description="velocity added to all particles, walls included"
+    )
     relabel: Literal[True] | None = Field(None, description="ids assigned again at random (seeded)")
-    rescale: Positive | None = Field(None, description="lengths times a power of two; densities and velocities stay")
+    rescale: Annotated[Positive | None, NUMBER] = Field(
+        None, description="lengths times a power of two; densities and velocities stay"
+    )
     units: UnitStyle | None = Field(None, description="everything measured in another system of units")
     newton: Annotated[bool, Field(strict=True)] | None = Field(None, description="the other setting")
-    skin: Positive | None = Field(None, description="another skin, in spacings")
+    skin: Annotated[Positive | None, NUMBER] = Field(None, description="another skin, in spacings")
     rebuild: Rebuild | None = Field(None, description="neighbour lists built at other steps")
     split: Literal[True] | None = Field(None, description="one run against two, the second with pre no")
     ranks: Literal[2] | None = Field(None, description="two processes against one")

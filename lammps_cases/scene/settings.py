@@ -3,15 +3,31 @@
 from __future__ import annotations
 
 import itertools
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
 from eos_ref.kernels.styles import KernelStyle
 from eos_ref.model.box import Remap
 from eos_ref.syntax.fixes import SurfaceStyle
+from eos_ref.syntax.manual import weighs_distance
 from lammps_cases.scene.runs import Stop, counted
-from lammps_cases.scene.values import RANGE_SCHEMA, BrokenRule, Finite, NonNegative, Positive, SceneModel, TypeRange
+from lammps_cases.scene.values import (
+    NUMBER,
+    PER_AXIS,
+    RANGE_SCHEMA,
+    BrokenRule,
+    Dim,
+    Finite,
+    NonNegative,
+    Positive,
+    Powers,
+    SceneModel,
+    TypeRange,
+)
+
+if TYPE_CHECKING:
+    from lammps_cases.scene.case import Scene
 
 SNAPSHOTS = (0, 1, 10, 100)  # steps compared by default: the set-up, the first step, and the growth of rounding
 
@@ -20,7 +36,7 @@ class SurfaceDetectionSettings(SceneModel):
     """Arguments of surface/detection."""
 
     style: SurfaceStyle
-    limit: Finite
+    limit: Annotated[Finite, NUMBER]
     splash: int = Field(strict=True)
 
     @model_validator(mode="after")
@@ -37,13 +53,20 @@ def _several(types: object) -> object:
 _ONE_OR_MORE = {"oneOf": [RANGE_SCHEMA, {"type": "array", "items": RANGE_SCHEMA}]}
 
 
+def _wmin(_: object, scene: Scene) -> Powers:
+    return ("kernel", 1.0), ("x", float(weighs_distance(scene.manual)))
+
+
 class ShiftSettings(SceneModel):
     """Arguments of shift."""
 
     exclude: Annotated[tuple[TypeRange, ...], BeforeValidator(_several), WithJsonSchema(_ONE_OR_MORE)] = Field(
         (), description="types that are not shifted: a range, or a list of them"
     )
-    scale_cross_type: tuple[Finite, Finite, Finite] | None = Field(None, description="shiftscale, cmin, wmin")
+    scale_cross_type: Annotated[
+        tuple[Finite, Finite, Finite] | None,
+        Dim("number", "number", _wmin, about="unit of wmin: of kernel values, or kernel values times distances"),
+    ] = Field(None, description="shiftscale, cmin, wmin")
 
 
 OnOrShift = Annotated[
@@ -56,7 +79,7 @@ class RheoSettings(SceneModel):
     """Arguments of fix rheo, except those of the types."""
 
     kernel: KernelStyle = "quintic"
-    cut: Positive | None = Field(None, description="kernel cutoff; default 3 spacings")
+    cut: Annotated[Positive | None, Dim("x")] = Field(None, description="kernel cutoff; default 3 spacings")
     zmin: int = Field(0, ge=0, strict=True)
     rho_sum: bool = Field(False, description="density summed over neighbours (rho/sum)")
     self_mass: bool = Field(False, description="argument of rho/sum")
@@ -81,16 +104,22 @@ class RheoSettings(SceneModel):
 class PairSettings(SceneModel):
     """Arguments of pair_style rheo; 0 turns a term off."""
 
-    artificial_visc: NonNegative = 0.0
-    rho_damp: NonNegative = 0.0
+    artificial_visc: Annotated[NonNegative, NUMBER] = 0.0
+    rho_damp: Annotated[NonNegative, Dim("diffusivity")] = 0.0
     harmonic_means: bool = False
+
+
+def _of_force(force: ForceSettings, _: object) -> Powers:
+    return (("acceleration" if force.style == "gravity" else "f", 1.0),)
 
 
 class ForceSettings(SceneModel):
     """A fix gravity, addforce or setforce, in the order of the list."""
 
     style: Literal["gravity", "addforce", "setforce"]
-    vector: tuple[Finite | None, ...] = Field(description="one component per axis; null: setforce leaves it")
+    vector: Annotated[
+        tuple[Finite | None, ...], PER_AXIS, Dim(_of_force, about="unit of accelerations (gravity) or forces")
+    ] = Field(description="one component per axis; null: setforce leaves it")
     types: TypeRange | None = Field(None, description="default: all")
 
     @model_validator(mode="after")
@@ -100,15 +129,18 @@ class ForceSettings(SceneModel):
         return self
 
 
+Rate = Annotated[Finite, Dim(lambda *_: (("time", -1.0),), about="unit: 1/time")]
+
+
 class DeformSettings(SceneModel):
     """A box that grows and tilts while particles move (fix deform 1, styles erate): engineering strain rates."""
 
-    x: Finite = 0.0
-    y: Finite = 0.0
-    z: Finite = 0.0
-    xy: Finite = 0.0
-    xz: Finite = 0.0
-    yz: Finite = 0.0
+    x: Rate = 0.0
+    y: Rate = 0.0
+    z: Rate = 0.0
+    xy: Rate = 0.0
+    xz: Rate = 0.0
+    yz: Rate = 0.0
     remap: Remap = Field(
         "x", description="positions grow with the box (x), velocities change at its faces (v), or nothing does (none)"
     )
@@ -128,7 +160,7 @@ class Evolve(SceneModel):
     """Time steps that LAMMPS takes."""
 
     steps: int = Field(ge=1, le=100_000, strict=True)
-    timestep: Positive
+    timestep: Annotated[Positive, Dim("time")]
     compare_at: tuple[Annotated[int, Field(ge=0, strict=True)], ...] | None = Field(
         None,
         min_length=1,

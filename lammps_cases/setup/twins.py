@@ -16,23 +16,13 @@ import numpy as np
 
 from eos_ref import Box, InputError
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.quantities import QUANTITIES, Dimension
+from eos_ref.model.quantities import named
 from eos_ref.model.units import UNITS, Units
-from eos_ref.syntax.manual import Manual, weighs_distance
 from lammps_cases.records.yaml_files import flow
-from lammps_cases.scene import (
-    AtomType,
-    ForceSettings,
-    Lattice,
-    LawSettings,
-    PowerLaw,
-    RheoSettings,
-    Scene,
-    TwinSettings,
-)
+from lammps_cases.scene import Scene, TwinSettings
 from lammps_cases.scene.atoms import Atoms, IntArray, kernel_cut, seed
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.settings import DeformSettings, Evolve
+from lammps_cases.scene.values import Powers, changed
 
 Fields = dict[str, Any]
 UNIT = 2.0**-53  # largest relative error of one rounding
@@ -52,22 +42,6 @@ WHY = {
     "ranks": "which process owns a particle is bookkeeping",
     "tilt": "tilting by whole edges gives the same lattice of periodic images",
 }
-
-
-# Of the input, in addition to the quantities of the model.
-INPUTS = {
-    "mass": Dimension(mass=1),
-    "time": Dimension(time=1),
-    "acceleration": Dimension(1, 0, -2),
-    "diffusivity": Dimension(2, 0, -1),
-    "A3": Dimension(0, -2, 0, 2),
-    "latent heat": Dimension(2, 0, -2),
-}
-
-
-def dimension(name: str) -> Dimension:
-    """Return the dimension of a quantity of the model or of the input."""
-    return INPUTS[name] if name in INPUTS else QUANTITIES[name].dimension
 
 
 @dataclass(frozen=True)
@@ -93,9 +67,16 @@ class Scale:
 
     def of(self, quantity: str) -> float:
         """Return the factor of a quantity."""
-        length, mass, time, volume = dimension(quantity)
+        length, mass, time, volume = named(quantity).dimension
         made = self.length ** (length + self.d * volume) * self.mass**mass * self.time**time
         return float(made * (self.of_unit.of(quantity) / self.in_unit.of(quantity)))
+
+    def scaled(self, number: float, powers: Powers) -> float:
+        """Return a number of a scene, which is a product of powers of quantities, times its factor."""
+        for quantity, power in powers:
+            # A division rounds once.
+            number = number / self.of(quantity) if power == -1 else number * self.of(quantity) ** power
+        return number
 
 
 @dataclass(frozen=True)
@@ -310,74 +291,8 @@ def rescaled(scene: Scene, scale: Scale, cut: float) -> Scene:
     The extra repulsion of reconstructed walls (NUMERICS.md, section 5) has the dimension of a force in 3D only, and the
     normal of a surface contains a constant that does not scale (1e-10; NUMERICS.md, section 4).
     """
-    positions = scene.positions
-    if isinstance(positions, Lattice):
-        positions = positions.model_copy(update={"spacing": positions.spacing * scale.of("x")})
-    update: dict[str, Any] = {
-        "types": tuple(_rescaled_type(t, scale, scene.thermal) for t in scene.types),
-        "positions": positions,
-        "pressure": tuple(_rescaled_law(law, scale) for law in scene.pressure),
-        "rheo": _rescaled_rheo(scene.rheo, scene.manual, scale, cut),
-        "pair": scene.pair.model_copy(update={"rho_damp": scene.pair.rho_damp * scale.of("diffusivity")}),
-        "forces": tuple(_rescaled_force(force, scale) for force in scene.forces),
-    }
-    if scene.evolve:
-        evolve = {"timestep": scene.evolve.timestep * scale.of("time"), "deform": _rescaled_deform(scene.evolve, scale)}
-        update["evolve"] = scene.evolve.model_copy(update=evolve)
-    return scene.model_copy(update=update)
-
-
-def _rescaled_type(t: AtomType, scale: Scale, thermal: bool) -> AtomType:
-    law, eta = t.viscosity, scale.of("viscosity")
-    if isinstance(law, PowerLaw):
-        # K is a viscosity times a strain rate to the power of 1 - n.
-        rate = scale.of("grad/v")
-        scaled = {"eta": law.eta * eta, "gd0": law.gd0 * rate, "K": law.K * eta * rate ** (1 - law.n)}
-        law = law.model_copy(update=scaled)
-    else:
-        law = law * eta
-    update: dict[str, Any] = {"mass": t.mass * scale.of("mass"), "viscosity": law}
-    if scale.of("rho") != 1 or t.rho0 is not None:
-        update["rho0"] = (1.0 if t.rho0 is None else t.rho0) * scale.of("rho")
-    if scale.of("v") != 1 or t.cs is not None:
-        update["cs"] = (1.0 if t.cs is None else t.cs) * scale.of("v")
-    if thermal:  # a type with a thermal property makes particles carry energy
-        update |= {
-            "conductivity": t.conductivity * scale.of("conductivity"),
-            "specific_heat": t.specific_heat * scale.of("cv"),
-            "latent_heat": None if t.latent_heat is None else t.latent_heat * scale.of("latent heat"),
-        }
-    return t.model_copy(update=update)
-
-
-def _rescaled_law(law: LawSettings, scale: Scale) -> LawSettings:
-    update = {
-        "A3": None if law.A3 is None else law.A3 * scale.of("A3"),
-        "P_b": None if law.P_b is None else law.P_b * scale.of("pressure"),
-    }
-    return law.model_copy(update=update)
-
-
-def _rescaled_rheo(rheo: RheoSettings, manual: Manual, scale: Scale, cut: float) -> RheoSettings:
-    update: dict[str, Any] = {"cut": cut * scale.of("x")}
-    if rheo.shifting and rheo.shifting.scale_cross_type:
-        keep, cmin, wmin = rheo.shifting.scale_cross_type
-        support = scale.of("kernel") * (scale.of("x") if weighs_distance(manual) else 1.0)
-        scaled = (keep, cmin, wmin * support)
-        update["shift"] = rheo.shifting.model_copy(update={"scale_cross_type": scaled})
-    return rheo.model_copy(update=update)
-
-
-def _rescaled_deform(evolve: Evolve, scale: Scale) -> DeformSettings | None:
-    if evolve.deform is None:
-        return None
-    rates = zip(("x", "y", "z", "xy", "xz", "yz"), (*evolve.deform.rates, *evolve.deform.shears), strict=True)
-    return evolve.deform.model_copy(update={axis: rate / scale.of("time") for axis, rate in rates})
-
-
-def _rescaled_force(force: ForceSettings, scale: Scale) -> ForceSettings:
-    by = scale.of("acceleration" if force.style == "gravity" else "f")
-    return force.model_copy(update={"vector": tuple(None if v is None else v * by for v in force.vector)})
+    given = scene.model_copy(update={"rheo": scene.rheo.model_copy(update={"cut": cut})})
+    return changed(given, lambda _, value, powers: scale.scaled(value, powers))
 
 
 def rescaled_atoms(atoms: Atoms, scale: Scale) -> Atoms:

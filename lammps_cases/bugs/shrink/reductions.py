@@ -29,7 +29,6 @@ from lammps_cases.bugs.shrink.candidate import (
 )
 
 Fails = Callable[[Content], FailureMode | None]  # how a content fails, if in the same way
-KEPT: tuple[Path, ...] = (("positions",), ("types",))  # parts whose keys are not dropped as a whole
 # Numbers of neighbours; the limit of divergence, below 1 or not much above, is not lowered by these.
 COUNTS: tuple[Path, ...] = (
     ("rheo", "zmin"),
@@ -186,17 +185,14 @@ def fewer_keys(content: Content, fails: Fails) -> Content:
     content = _plainer_values(content, fails)
     tried: set[Path] = set()
     while True:
-        path = next((path for path in keys(content) if path not in tried and _may_go(path)), None)
+        # A type has its number by its place: `fewer_types` leaves them out.
+        path = next((p for p in keys(content) if p not in tried and (p[0] != "types" or len(p) != 2)), None)
         if path is None:
             return content
         tried.add(path)
         candidate = without(content, path)
         if fails(candidate):
             content, tried = candidate, {p for p in tried if p[: len(path)] != path}
-
-
-def _may_go(path: Path) -> bool:
-    return path not in KEPT and not (path[0] == "types" and len(path) == 2)
 
 
 def _plainer_values(content: Content, fails: Fails) -> Content:

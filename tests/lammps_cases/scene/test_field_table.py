@@ -88,7 +88,6 @@ def test_every_derived_table_has_every_field(make: Make) -> None:
         assert name in job.outputs if field.column else field.array in job.atom_arrays or field.compute
         assert bool(field.compute) == (field.compute_id in {compute.id for compute in job.computes})
         assert field.key in output_faults.REAL | output_faults.WHOLE | output_faults.PER_TYPE
-        assert twins.dimension(name) == quantity.dimension
         assert (name in audit.offered()) == (field.unaudited is not None)
         assert audit.why_not(name, model, setting) or name in audit.checked() or name not in audit.offered()
     assert in_step_order(reversed(FIELDS)) == list(FIELDS)

@@ -10,12 +10,11 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from lammps_cases.engine.session import Job, RunCommand
+from lammps_cases.engine.session import Job
 from lammps_cases.run import campaign, prepared_case
 from lammps_cases.scene import casefile, models
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from tests.support.outcome import Outcome
 
 Write = Callable[..., Path]
 
@@ -25,28 +24,6 @@ def told(name: str) -> Job:
     return job(case.scene, prepared_case.prepare(case).atoms, plan(case.scene))
 
 
-def test_pressure_only_scene_gets_minimal_commands() -> None:
-    commands = (*told("near-rho0.linear.2d").setup, *told("near-rho0.linear.2d").commands)
-    words = " ".join(commands)
-    for absent in ("pair_style", "comm_modify", "thermal", "enforce2d", "rho/sum", "timestep"):
-        assert absent not in words
-    fixes = [command.split()[3] for command in commands if command.startswith("fix ")]
-    assert fixes == ["rheo", "rheo/viscosity", "rheo/pressure"], "what LAMMPS itself insists on, and no more"
-    assert told("near-rho0.linear.2d").runs == (RunCommand("run 0 post no"),)
-
-
-@pytest.mark.slow
-def test_scene_with_sums_or_motion_gets_neighbours() -> None:
-    summed, moved = told("summed.2d"), told("evolved.2d")
-    assert any(command.startswith("pair_style rheo") for command in summed.commands)
-    assert any("rho/sum" in command for command in summed.commands)
-    assert moved.runs == (RunCommand("run 10 post no", read=False), RunCommand("run 0 post no"))
-    assert any("enforce2d" in command for command in moved.commands)
-    assert not any("enforce2d" in command for command in told("evolved.3d").commands)
-    assert any("rheo/thermal" in command for command in told("evolved.ideal-gas").commands)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["near-rho0.linear.2d", "evolved.ideal-gas", "ideal-gas.beside-tait", "summed.3d"])
 def test_numbers_in_commands_round_trip_exactly(name: str) -> None:
     (case,) = casefile.select(casefile.load(), [name])
@@ -129,13 +106,6 @@ def test_types_have_equal_shares() -> None:
     assert np.ptp(np.bincount(atoms.type_n)[1:]) <= 1
     blocks = prepared_case.prepare(casefile.select(casefile.load(), ["ranges.blocks"])[0]).atoms
     assert np.all(np.diff(blocks.type_n) >= 0)
-
-
-def test_explain_prints_the_plan(eos_ref_command: Callable[..., Outcome]) -> None:
-    code, out, _ = eos_ref_command("explain", "near-rho0.linear.2d", "--full")
-    assert code == 0
-    for part in ("neighbour list", "no compared field is a sum over neighbours", "roundings x 2^-53", "pair rheo"):
-        assert part in out
 
 
 @pytest.mark.lammps

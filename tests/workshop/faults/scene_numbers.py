@@ -70,6 +70,8 @@ def _annotated(ready: PreparedCase) -> Iterator[SceneNumber]:
         of_heat = key in OF_HEAT and not scene.thermal
         if part not in PARTS or path[:2] in (("rheo", "cut"), ("rheo", "surface_detection")) or "velocity" in path:
             continue
+        if part == "types" and getattr(scene.types[int(path[1])], str(path[2])) is None:
+            continue  # stands for 1
         if "stops" in path or of_heat or not (scene.interacts or part == "pressure" or key in OF_LAWS):
             continue
         parameter, place = _named(scene, path)

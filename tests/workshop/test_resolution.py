@@ -98,8 +98,8 @@ class Threshold:
 
 
 def _smallest(case: Threshold, value: float, guess: float, sign: int = 1) -> VisibleChange | None:
-    number = SceneNumber("cs", "type 1", value, lambda other: other - value)  # type: ignore[arg-type, return-value]
-    return resolution.smallest_change(case, number, sign, guess)  # type: ignore[arg-type]
+    number = SceneNumber("cs", "type 1", value, lambda other: other - value)  # type: ignore[return-value]
+    return resolution.smallest_change(case, number, sign, guess)
 
 
 @pytest.mark.parametrize("guess", [1e-16, 1.0, 1e3])

@@ -187,9 +187,9 @@ def _records(workers: JudgingWorkers, kind: Kind, cases: Sequence[Case], progres
 
     def judged(case: Case) -> Asking[CaseRecord]:
         perturbed = perturbed_case(kind, prepare(case.by(workers.judge.engine.manual)))
-        record = yield workers.judging(run_and_judge, perturbed)
+        record: CaseRecord | Failure = yield workers.judging(run_and_judge, perturbed)
         if isinstance(record, Failure):  # LAMMPS terminated the worker: the failure is judged here
-            record = workers.judge.verdict(perturbed, [record for _ in perturbed.jobs])
+            return workers.judge.verdict(perturbed, [record for _ in perturbed.jobs])
         return record
 
     records: Records = {}

@@ -173,7 +173,7 @@ class Hunt:
             return
         if gap := known_gap(verdict, drawn.case.scene, record.engine.distribution):
             record.gaps[gap] = record.gaps.get(gap, 0) + 1
-        elif _lost(drawn, verdict, record.engine.distribution):
+        elif is_loss(drawn.ready, verdict, record.engine.distribution):
             record.lost += 1
         elif is_unbounded(verdict, record.engine.distribution):
             record.unbounded += 1
@@ -225,11 +225,11 @@ def record_of(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, e
     return flow.faulty(drawn.ready, engine, outcome) if isinstance(outcome, Failure) else outcome[0]
 
 
-def _lost(drawn: DrawnScene, record: CaseRecord, engine: str) -> bool:
+def is_loss(ready: PreparedCase, record: CaseRecord, engine: str) -> bool:
     """Return whether particles are lost by both sides, or by the reference alone, whose forces LAMMPS may lack."""
     if record.harness_error:
-        return record.harness_error.exception == InputError.__name__ and loses(drawn.ready)
-    return is_lost(record) and loses(drawn.ready, engine)
+        return record.harness_error.exception == InputError.__name__ and loses(ready)
+    return is_lost(record) and loses(ready, engine)
 
 
 def is_lost(record: CaseRecord) -> bool:

@@ -105,7 +105,8 @@ _GIVEN = {
     0.15: "types.latent_heat evolve.every",
     0.2: "mass evolve.deform",
     0.25: "positions.tilt evolve.stops.count engine.communication",
-    0.45: "twin rheo.surface_detection pair.rho_damp evolve.compare_at engine.skin",
+    0.35: "rheo.surface_detection",
+    0.45: "twin pair.rho_damp evolve.compare_at engine.skin",
     0.5: "positions.margin rheo.shift pair.artificial_visc engine.newton engine.time_limit "
     "twin.rebuild.every twin.rebuild.delay twin.rebuild.check",
     0.6: "positions.periodic forces forces.types",
@@ -562,7 +563,7 @@ def twin(s: Drawing, part: Content) -> Any:
         return LEFT_OUT
     keys = schema.object_at("twin")["properties"]
     kinds = [kind for kind in keys if POSSIBLE.get(kind, lambda s: True)(s)]
-    kind = s.choice([*kinds, "rebuild", *["units"] * 5 * ("units" in kinds)])
+    kind = s.choice([*kinds, "rebuild", *["units"] * 8 * ("units" in kinds)])
     return {kind: s.value(schema.resolved(keys[kind]), f"twin.{kind}", {})}
 
 

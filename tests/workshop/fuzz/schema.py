@@ -61,13 +61,14 @@ def below(place: str, key: str) -> str:
     return f"{place}.{key}" if place else key
 
 
+@cache
 def choices() -> list[str]:
     """Return every choice of the schema."""
     return list(dict.fromkeys(_choices(root(), "", optional=False)))
 
 
-def options(place: str) -> list[Any]:
-    """Return the listed values of a place."""
+def options(place: str) -> list[str]:
+    """Return the words listed at a place."""
     above, _, key = place.rpartition(".")
     node = resolved(object_at(above, key)["properties"][key])
     return [value for branch in branches(node) for value in values_of(branch) or ()]

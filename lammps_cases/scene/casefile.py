@@ -28,7 +28,7 @@ from lammps_cases.records.wording import some
 from lammps_cases.records.yaml_files import flow, if_deck, read_yaml
 from lammps_cases.scene import FromFile, Scene, check_name
 from lammps_cases.scene.changes import catalogue
-from lammps_cases.scene.complaints import Combination, Complaint, Format, Keys, Source, complaints, explained, refused
+from lammps_cases.scene.complaints import Combination, Complaint, Keys, Source, complaints, explained, places, refused
 
 MAX_CASES = 10_000  # of one file
 SCENES = ("scene", "matrix")  # the keys that make scenes
@@ -114,9 +114,9 @@ def merge(base: Any, patch: Any) -> Any:
 
 
 @functools.cache
-def _format() -> Format:
+def _places() -> list[Keys]:
     file, scene = CaseFile.model_json_schema(), Scene.model_json_schema()
-    return Format({"properties": {**file["properties"], "scene": scene}, "$defs": scene["$defs"]})
+    return places({"properties": {**file["properties"], "scene": scene}, "$defs": scene["$defs"]})
 
 
 def load_file(path: Path, shipped: bool = False) -> list[Case]:
@@ -136,7 +136,7 @@ def load_file(path: Path, shipped: bool = False) -> list[Case]:
         file = CaseFile.model_validate(data)
     except ValidationError as error:
         raise refused(
-            explained([*complaints(error, data, source), *_of_scenes(data, source)], _format()), source
+            explained([*complaints(error, data, source), *_of_scenes(data, source)], _places()), source
         ) from None
     _check_name(file.name, source, ("name",))
     cases, wrong = [], []
@@ -146,7 +146,7 @@ def load_file(path: Path, shipped: bool = False) -> list[Case]:
         except ValidationError as error:
             wrong += complaints(error, each, source)
     if wrong:
-        raise refused(explained(wrong, _format()), source)
+        raise refused(explained(wrong, _places()), source)
     _check_exercises(file, [case.name for case in cases], source)
     return sorted(cases, key=lambda case: case.name)
 

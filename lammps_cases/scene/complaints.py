@@ -32,13 +32,13 @@ RULES = {
     "finite_number": ("must be", "a finite number"),
     "float_parsing": ("must be", "a number"),
     "float_type": ("must be", "a number"),
-    "greater_than": ("must be", "greater than {gt}"),
-    "greater_than_equal": ("must be", "at least {ge}"),
+    "greater_than": ("must be", "greater than {gt:g}"),
+    "greater_than_equal": ("must be", "at least {ge:g}"),
     "int_from_float": ("must be", "a whole number"),
     "int_parsing": ("must be", "a whole number"),
     "int_type": ("must be", "a whole number"),
-    "less_than": ("must be", "less than {lt}"),
-    "less_than_equal": ("must be", "at most {le}"),
+    "less_than": ("must be", "less than {lt:g}"),
+    "less_than_equal": ("must be", "at most {le:g}"),
     "list_type": ("must be", "a list"),
     "literal_error": ("must be", "{expected}"),
     "model_type": ("must hold", "keys with values"),
@@ -250,7 +250,8 @@ def _one_each(every: Sequence[Complaint]) -> list[Complaint]:
     return list(by_keys.values())
 
 
-def _with_hint(complaint: Complaint, words: Sequence[str]) -> Complaint:
+def _with_hint(complaint: Complaint) -> Complaint:
+    words = re.findall("'([^']*)'", complaint.rule)
     hint = nearest(str(complaint.found), words)
     rule = "must be a known name" if hint and len(words) > MANY else complaint.rule
     return replace(complaint, rules=(("", rule + hint),))
@@ -259,68 +260,23 @@ def _with_hint(complaint: Complaint, words: Sequence[str]) -> Complaint:
 # --- unknown keys
 
 
-class Format:
-    """The keys that a case file can hold, from the schema of the file."""
+def places(schema: Mapping[str, Any]) -> list[Keys]:
+    """Return the places of all keys that a case file can hold, without the indices of lists, from its schema."""
 
-    def __init__(self, schema: Mapping[str, Any]) -> None:
-        self._schema = schema
+    def below(node: Mapping[str, Any], place: Keys) -> Iterator[Keys]:
+        node = schema["$defs"][node["$ref"].rpartition("/")[2]] if "$ref" in node else node
+        children = node.get("properties", {})
+        yield from ((*place, key) for key in children)
+        for key, child in children.items():
+            yield from below(child, (*place, key))
+        members = [node["items"]] if "items" in node else []
+        for part in (*node.get("anyOf", ()), *node.get("oneOf", ()), *node.get("prefixItems", ()), *members):
+            yield from below(part, place)
 
-    def sibling_keys(self, keys: Keys) -> set[str]:
-        """Return the keys allowed at the location of a key."""
-        return set(self._children(self._level(keys[:-1])))
-
-    def words(self, keys: Keys) -> list[str]:
-        """Return the words allowed as the value of a key."""
-        return list(dict.fromkeys(word for node in self._level(keys) for word in self._words(node)))
-
-    def _level(self, keys: Keys) -> list[Any]:
-        level: list[Any] = [self._schema]
-        for part in keys:
-            level = self._children(level).get(part, []) if isinstance(part, str) else level
-        return level
-
-    def _words(self, node: Mapping[str, Any]) -> Iterator[str]:
-        node = self._resolved(node)
-        yield from (word for word in (*node.get("enum", ()), node.get("const")) if isinstance(word, str))
-        for part in _parts(node):
-            yield from self._words(part)
-
-    def homes(self, name: str) -> list[tuple[str, ...]]:
-        """Return the keys under which a key is allowed."""
-        return list(dict.fromkeys(place for place, key in self._places([self._schema], ()) if key == name))
-
-    def _places(self, level: Sequence[Any], place: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str]]:
-        for key, nodes in self._children(level).items():
-            yield place, key
-            yield from self._places(nodes, (*place, key))
-
-    def _children(self, level: Sequence[Any]) -> dict[str, list[Any]]:
-        children: dict[str, list[Any]] = {}
-        for node in level:
-            for mapping in self._mappings(node):
-                for key, child in mapping["properties"].items():
-                    children.setdefault(key, []).append(child)
-        return children
-
-    def _mappings(self, node: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-        """Yield the mappings that a node is, can be, or has as members."""
-        node = self._resolved(node)
-        if "properties" in node:
-            yield node
-        for part in _parts(node):
-            yield from self._mappings(part)
-
-    def _resolved(self, node: Mapping[str, Any]) -> Mapping[str, Any]:
-        return self._schema["$defs"][node["$ref"].rpartition("/")[2]] if "$ref" in node else node
+    return list(dict.fromkeys(below(schema, ())))
 
 
-def _parts(node: Mapping[str, Any]) -> list[Any]:
-    """Return what a node can be, or has as members."""
-    members = [node["items"]] if "items" in node else []
-    return [*node.get("anyOf", ()), *node.get("oneOf", ()), *node.get("prefixItems", ()), *members]
-
-
-def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
+def explained(every: Sequence[Complaint], allowed: Sequence[Keys]) -> list[Complaint]:
     """Return complaints with unknown keys first, with suggestions; a suggested key is not reported as missing, too."""
     missing = {each.keys for each in every if each.kind == "missing"}
     first, meant = list[Complaint](), set[Keys]()
@@ -330,7 +286,7 @@ def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
             first.append(replace(each, rules=(("", each.rule + hint),)))
             meant.add(key)
     others = [
-        _with_hint(each, allowed.words(each.keys)) if each.kind == "literal_error" else each
+        _with_hint(each) if each.kind == "literal_error" else each
         for each in every
         if each.kind != "extra_forbidden" and each.keys not in meant
     ]
@@ -340,7 +296,7 @@ def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
     return [each for part in (first, rest) for each in sorted(part, key=lambda each: each.mark)]
 
 
-def _meant(keys: Keys, missing: set[Keys], allowed: Format) -> tuple[str, Keys]:
+def _meant(keys: Keys, missing: set[Keys], allowed: Sequence[Keys]) -> tuple[str, Keys]:
     """Return the hint for an unknown key, and the key that was probably meant.
 
     In this order: a similar key missing at its level, the same key at another level, any similar one at its level.
@@ -348,13 +304,16 @@ def _meant(keys: Keys, missing: set[Keys], allowed: Format) -> tuple[str, Keys]:
     *parent, last = keys
     name = str(last)
     wanted = [str(key[-1]) for key in missing if key[:-1] == tuple(parent)]
-    homes = allowed.homes(name)
+    homes = [place[:-1] for place in allowed if place[-1] == name]
     homes = [home for home in homes if (*home, name) in missing] or homes
     key = similar(name, wanted)
     if not key and 1 <= len(homes) <= 2:
-        under = " or ".join(f"{'.'.join(home[len(home) > 1 :])}:" if home else "no other key" for home in homes)
+        under = " or ".join(
+            f"{'.'.join(map(str, home[len(home) > 1 :]))}:" if home else "no other key" for home in homes
+        )
         return f" (belongs under {under})", (*homes[0], name)
-    key = key or similar(name, sorted(allowed.sibling_keys(keys)))
+    level = tuple(part for part in parent if isinstance(part, str))
+    key = key or similar(name, sorted(str(place[-1]) for place in allowed if place[:-1] == level))
     return nearest(name, [key]), (*parent, key) if key else ()
 
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from eos_ref import InputError
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import Atoms, seed
@@ -111,24 +109,3 @@ def test_density_offsets_are_geometric_on_both_sides(case_file: Write) -> None:
 def test_seed_depends_on_the_name_alone() -> None:
     assert seed("one") == seed("one") != seed("two")
     assert 0 <= seed("one") < 2**64
-
-
-@pytest.mark.parametrize(
-    ("changes", "text"),
-    [
-        ({"rho": {"values": [1.0, 2.0]}}, "need one value per particle (20), found 2"),
-        ({"rho": {"constant": -1.0}}, "rho: tait/general of type 1 is defined within"),
-        ({"rho": {"constant": 1e300}}, "rho: the pressure of tait/general overflows"),
-        ({"rho": None}, "rho: must be given unless rho_sum is on"),
-        ({"pressure": [{"types": "*", "style": "ideal/gas", "gamma": 1.4}]}, "energy: ideal/gas needs"),
-        (
-            {"positions": {**ORDERED, "regions": [{"type": None, "low": [0, 0], "high": [1, 1]}]}},
-            "positions: the scene is empty",
-        ),
-        ({"positions": {**ORDERED, "spacing": 1e308}}, "spacing: must leave the box finite, found 1e+308"),
-    ],
-)
-def test_meaningless_scenes_are_refused(case_file: Write, changes: dict[str, Any], text: str) -> None:
-    with pytest.raises(InputError) as refused:
-        atoms_of(case_file(**changes))
-    assert text in str(refused.value)

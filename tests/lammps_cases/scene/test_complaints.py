@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import copy
-import json
+import math
 import re
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from eos_ref import InputError
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import build
+from tests.conftest import BASE
+from tests.support.bad_scenes import BAD, OTHERS
 from tests.support.outcome import Outcome
 
 MANY = """name: many
@@ -170,50 +177,38 @@ def test_error_while_building_particles_has_line_and_column(
     assert int(at[1]) in (of_key, of_key + 1), "the key, or the first one below it"
 
 
-RICH: dict[str, Any] = {
-    "name": "rich",
-    "about": "all kinds of values",
-    "tags": ["a"],
-    "exercises": {"*": ["shift"]},
-    "matrix": {"axis": {"one": {"units": "lj"}}},
-    "scene": {
-        "units": "lj",
-        "dimension": 2,
-        "types": [{"mass": 1.3, "rho0": 1.2, "cs": 3.0, "viscosity": {"eta": 0.1, "gd0": 0.2, "K": 0.1, "n": 0.5}}],
-        "positions": {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "periodic": [True, True], "tilt": [0.1]},
-        "pressure": [{"types": "*", "style": "cubic", "A3": 2.0}],
-        "rho": {"ratio": [0.8, 1.3], "spacing": "log"},
-        "energy": {"offset": {"low": 0.1, "high": 0.2}},
-        "velocity": {"uniform": [1.0, 0.0]},
-        "rheo": {"kernel": "RK1", "shift": {"exclude": ["1"], "scale_cross_type": [1.0, 0.1, 0.2]}},
-        "forces": [{"style": "setforce", "vector": [0.0, None]}],
-        "evolve": {"steps": 2, "timestep": 0.01, "compare_at": [0, 2], "stops": [{"at": 1, "displace": {"x": 0.1}}]},
-        "compare": ["f"],
-        "engine": {"newton": True, "skin": 0.2, "processors": [1, 1, 1], "boundary": "f"},
-        "twin": {"relabel": True},
-        "expect": {"refused": "a long refusal"},
-    },
-}
-WRONG = (
-    "word",
-    "",
-    1.5,
-    -3,
-    True,
-    None,
-    [],
-    {},
-    [None],
-    [[1]],
-    {"odd": 1},
-    {"odd": {"even": []}},
-    ["a", "b", "c", "d"],
-)
+@pytest.mark.parametrize(("changes", "parts"), [*BAD.values(), *OTHERS])
+def test_bad_scene_is_refused_in_one_line_with_its_location(
+    changes: dict[str, Any], parts: tuple[str, ...], case_file: Callable[..., Path]
+) -> None:
+    with pytest.raises(InputError) as refusal:
+        for case in casefile.load_file(case_file(**changes)):
+            prepare(case)
+    (line,) = str(refusal.value).splitlines()
+    assert all(part in line for part in parts), line
+    assert re.search(r"mine\.yaml, line \d+, column \d+\b", line)
+
+
 # Words of pydantic and Python that are foreign to YAML.
 FOREIGN = re.compile(
     r"\b(tuple|dict|dictionary|NoneType|None|True|False|literal|instance|pydantic|str|float|int|bool|boolean|input|"
     r"Field|Value|valid|object|validation|extra|forbidden|permitted|discriminator|tag|parse|type=)\b",
 )
+SHIPPED = [case.scene.model_dump(mode="json", exclude_unset=True) for case in casefile.load()[::7]]
+RICH: dict[str, Any] = {  # keys that few cases have
+    **BASE,
+    "types": [{"mass": 1.3, "rho0": 1.2, "cs": 3.0, "viscosity": {"eta": 0.1, "gd0": 0.2, "K": 0.1, "n": 0.5}}],
+    "positions": {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "periodic": [True, True], "tilt": [0.1]},
+    "energy": {"offset": {"low": 0.1, "high": 0.2}},
+    "velocity": {"uniform": [1.0, 0.0]},
+    "rheo": {"kernel": "RK1", "shift": {"exclude": ["1"], "scale_cross_type": [1.0, 0.1, 0.2]}},
+    "forces": [{"style": "setforce", "vector": [0.0, None]}],
+    "evolve": {"steps": 2, "timestep": 0.01, "compare_at": [0, 2], "stops": [{"at": 1, "displace": {"x": 0.1}}]},
+    "engine": {"newton": True, "skin": 0.2, "processors": [1, 1, 1], "boundary": "f"},
+    "twin": {"relabel": True},
+    "expect": {"refused": "a long refusal"},
+}
+WRONG = ("word", "", 1.5, -3, 0, 1e300, math.nan, -math.inf, True, None, [], {}, [None], [[1]], {"odd": 1}, ["a"] * 4)
 
 
 def _places(content: Any, keys: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -223,25 +218,42 @@ def _places(content: Any, keys: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...
             yield from _places(value, (*keys, key))
 
 
-@pytest.mark.parametrize("keys", [*_places(RICH)], ids=lambda keys: ".".join(map(str, keys)))
-def test_errors_contain_no_words_of_python(keys: tuple[Any, ...], tmp_path: Path) -> None:
-    said = []
-    for wrong in WRONG:
-        content = copy.deepcopy(RICH)
-        at: Any = content
-        for key in keys[:-1]:
-            at = at[key]
-        at[keys[-1]] = wrong
-        path = tmp_path / "rich.yaml"
-        path.write_text(json.dumps(content, indent=1))  # which is YAML
+@st.composite
+def edited_files(draw: st.DrawFn) -> dict[str, Any]:
+    """A case file in which one key or member has another value, another name or none, or is there several times."""
+    scene = copy.deepcopy(draw(st.sampled_from([RICH, *SHIPPED])))
+    file = {"name": "mine", "about": "of the tests", "tags": ["a"], "matrix": {"axis": {"one": {"units": "lj"}}}}
+    content: Any = file | {"scene": scene}
+    *above, last = draw(st.sampled_from([*_places(content)]))
+    at = content
+    for key in above:
+        at = at[key]
+    edit = draw(st.sampled_from(["value", "value", "name", "none", "longer"]))
+    if edit == "value":
+        at[last] = draw(st.sampled_from(WRONG))
+    elif isinstance(at, list):
+        at[last : last + 1] = at[last : last + 1] * (3 * (edit == "longer"))
+    else:
+        value = at.pop(last)
+        if edit == "longer":
+            at[last] = [value] * 4
+        elif edit == "name":
+            at[draw(st.sampled_from([f"{last}s", last[1:], "wibble"]))] = value
+    return content
+
+
+@given(edited_files())
+@settings(max_examples=200)
+def test_edited_scene_is_valid_or_refused_in_lines_with_a_location(content: dict[str, Any]) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mine.yaml"
+        path.write_text(yaml.safe_dump(content, sort_keys=False))
         try:
             casefile.load_file(path)
         except InputError as error:
-            said += [f"{each.what}: {each.rule} ({each.where})" for each in error.errors]
-    assert said
-    for line in said:
-        assert not FOREIGN.search(line), line
-        assert re.search(r"line \d+, column \d+", line), line
+            for line in (str(each) for each in error.errors):
+                assert re.search(r"mine\.yaml, line \d+, column \d+", line) and "\n" not in line
+                assert not FOREIGN.search(line.partition(", found ")[0]), "a word of Python"
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
 import pytest
 
 from lammps_cases.engine.interlude import FOLDER, Interlude
 from lammps_cases.engine.session import RunCommand
 from lammps_cases.run import prepared_case
-from lammps_cases.scene import casefile
+from lammps_cases.run.prepared_case import PreparedCase
+from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.runs import FOR_EACH_ATOM, ROUTES, Route, Stop
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
@@ -16,19 +21,32 @@ MODEL = ("fix ", "compute ", "pair_")
 KEPT = ("mass", "set type", "create_", "region")  # what files hold
 
 
+@cache
+def prepared(name: str) -> PreparedCase:
+    (case,) = casefile.select(casefile.load(), [name])
+    return prepared_case.prepare(case)
+
+
+def changed(ready: PreparedCase, **evolve: Any) -> Scene:
+    """Return a scene with other settings of its time steps."""
+    assert ready.case.scene.evolve
+    return ready.case.scene.model_copy(update={"evolve": ready.case.scene.evolve.model_copy(update=evolve)})
+
+
+def runs_of(ready: PreparedCase, scene: Scene, every_step: bool = False) -> Sequence[RunCommand | Interlude]:
+    return job(scene, ready.atoms, plan(scene), every_step).runs
+
+
 def lines(by: Route, **stop: object) -> tuple[list[str], list[str]]:
     """Return the initial commands of a case with walls, and those at a stop after step 1."""
-    (case,) = casefile.select(casefile.load(), ["runs-walls.fluid.settings"])
-    assert case.scene.evolve
+    ready = prepared("runs-walls.fluid.settings")
     told = Stop.model_validate({"at": 1, "by": by, "timestep": 0.002 if by == "dt/reset" else None} | stop)
-    evolve = case.scene.evolve.model_copy(update={"stops": (told,)})
-    scene = case.scene.model_copy(update={"evolve": evolve})
-    given = job(scene, prepared_case.prepare(case).atoms, plan(scene))
+    scene = changed(ready, stops=(told,))
+    given = job(scene, ready.atoms, plan(scene))
     (between,) = (stretch for stretch in given.runs if isinstance(stretch, Interlude))
     return [*given.setup, *given.commands], [action.text for action in between.actions]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("by", [by for by in ROUTES if by != "replaced"])
 def test_exactly_the_removed_definitions_are_restored(by: Route) -> None:
     first, between = lines(by)
@@ -56,7 +74,6 @@ def test_file_is_read_where_it_was_written(by: Route) -> None:
     assert any(line.endswith("nofix") for line in between) == (by == "data nofix")
 
 
-@pytest.mark.slow
 def test_settings_follow_the_route() -> None:
     _, between = lines("restart", timestep=0.002, count=7, displace={"x": 0.5, "types": 1})
     assert between[-4:] == [
@@ -72,12 +89,11 @@ def test_settings_follow_the_route() -> None:
 
 
 def test_runs_begin_with_a_set_up_and_a_read_after_each_stop() -> None:
-    (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
-    ready = prepared_case.prepare(case)
+    ready = prepared("runs.fluid.settings")
     for every_step in (False, True):
-        runs = job(case.scene, ready.atoms, plan(case.scene), every_step).runs
+        runs = runs_of(ready, ready.case.scene, every_step)
         read = [stretch for stretch in runs if not isinstance(stretch, Interlude) and stretch.read]
-        assert len(read) == len(case.scene.snapshots) == 5
+        assert len(read) == len(ready.case.scene.snapshots) == 5
         for k, stretch in enumerate(runs):
             if isinstance(stretch, Interlude):
                 before, after = runs[k - 1], runs[k + 1]
@@ -103,8 +119,8 @@ def test_fix_rheo_is_replaced_and_then_restored() -> None:
 
 
 def test_continued_run_has_its_time_step_and_no_set_up() -> None:
-    (case,) = casefile.select(casefile.load(), ["edges-steps.continued.fluid.2d"])
-    runs = job(case.scene, prepared_case.prepare(case).atoms, plan(case.scene)).runs
+    ready = prepared("edges-steps.continued.fluid.2d")
+    runs = runs_of(ready, ready.case.scene)
     texts = [s.command if isinstance(s, RunCommand) else [a.text for a in s.actions] for s in runs]
     assert texts[3:6] == [["timestep 0.006"], "run 0 pre no post no", "run 1 pre no post no"]
 
@@ -114,31 +130,25 @@ def test_fix_dt_reset_sets_the_time_step_alone() -> None:
     assert between == ["fix reset all dt/reset 1 0.002 0.0020000000000000005 1e-30 units box"]
 
 
-@pytest.mark.slow
 def test_every_appears_in_runs_that_begin_with_a_set_up() -> None:
-    (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
-    assert case.scene.evolve
+    ready = prepared("runs.fluid.settings")
     for halts, last in (((1,), 5), ((1, 5), 5)):
         stops = tuple(Stop(at=at) for at in halts)
-        update = {"steps": last, "every": 2, "compare_at": (last,), "stops": stops}
-        scene = case.scene.model_copy(update={"evolve": case.scene.evolve.model_copy(update=update)})
-        atoms = prepared_case.prepare(case).atoms
-        told = [s for s in job(scene, atoms, plan(scene)).runs if not isinstance(s, Interlude)]
+        scene = changed(ready, steps=last, every=2, compare_at=(last,), stops=stops)
+        told = [s for s in runs_of(ready, scene) if not isinstance(s, Interlude)]
         ends = ["run 1 post no every 2 NULL", "run 4 post no every 2 NULL"]
         assert [s.command for s in told] == [*ends, *["run 0 post no"] * (last in halts)]
         assert [s.read for s in told] == [False] * (len(told) - 1) + [True]
         # Read at every step, for neighbour lists, its pieces are separate runs.
-        pieces = job(scene, atoms, plan(scene), every_step=True).runs
+        pieces = runs_of(ready, scene, every_step=True)
         at = [k for k, s in enumerate(pieces) if isinstance(s, Interlude)]
         assert [pieces[k + 1] for k in at] == [RunCommand("run 0 post no")] * (2 + (last in halts))
 
 
 def test_step_count_continues_after_a_data_file() -> None:
-    (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
-    assert case.scene.evolve
-    stops = (Stop(at=1, count=100), Stop(at=3, by="data"))
-    scene = case.scene.model_copy(update={"evolve": case.scene.evolve.model_copy(update={"stops": stops})})
-    between = [s for s in job(scene, prepared_case.prepare(case).atoms, plan(scene)).runs if isinstance(s, Interlude)]
+    ready = prepared("runs.fluid.settings")
+    scene = changed(ready, stops=(Stop(at=1, count=100), Stop(at=3, by="data")))
+    between = [s for s in runs_of(ready, scene) if isinstance(s, Interlude)]
     assert between[1].actions[-1].text == "reset_timestep 102"
 
 
@@ -149,14 +159,10 @@ def test_recreated_atoms_rejoin_the_groups_of_forces() -> None:
 
 
 def test_time_step_and_communication_survive_a_data_file() -> None:
-    (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
-    assert case.scene.evolve
-    stops = (Stop(at=0, timestep=0.25), Stop(at=1, by="data"))
-    evolve = case.scene.evolve.model_copy(update={"stops": stops})
-    engine = case.scene.engine.model_copy(update={"communication": "tiled"})
-    scene = case.scene.model_copy(update={"evolve": evolve, "engine": engine})
-    ready = prepared_case.prepare(case)
-    between = [s for s in job(scene, ready.atoms, plan(scene)).runs if isinstance(s, Interlude)][1]
+    ready = prepared("runs.fluid.settings")
+    scene = changed(ready, stops=(Stop(at=0, timestep=0.25), Stop(at=1, by="data")))
+    scene = scene.model_copy(update={"engine": scene.engine.model_copy(update={"communication": "tiled"})})
+    between = [s for s in runs_of(ready, scene) if isinstance(s, Interlude)][1]
     texts = [action.text for action in between.actions]
     read = next(k for k, text in enumerate(texts) if text.startswith("read_data"))
     assert "comm_style tiled" in texts[read + 1 :] and texts[-1] == "timestep 0.25"
@@ -168,7 +174,6 @@ def test_atoms_in_2d_are_recreated_at_z_0() -> None:
     assert "create_atoms {type} single {x} {y} 0.0 units box" in between
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("by", [by for by in FOR_EACH_ATOM if by != "by hand"])
 def test_commands_for_each_atom_name_every_attribute(by: Route) -> None:
     _, between = lines(by)

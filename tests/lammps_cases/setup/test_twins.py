@@ -232,32 +232,6 @@ def test_grid_moves_particles_within_its_resolution(make: Make) -> None:
     assert 0 < moved_nc.max() <= np.abs(ready.atoms.x_nc).max() * 2.0**-twins.GRID_BITS
 
 
-@pytest.mark.parametrize(
-    ("twin", "changes", "complaint"),
-    [
-        ({"relabel": True, "split": True}, {}, "exactly one of"),
-        ({}, {}, "exactly one of"),
-        ({"relabel": False}, {}, "twin"),
-        ({"boost": [0.1, 0.2]}, {"rheo": {"shift": True}}, "depends on the frame"),
-        ({"boost": [0.1, 0.2, 0.3]}, {}, "needs 2 components"),
-        ({"rescale": 3.0}, {}, "power of two"),
-        ({"rescale": 1.0}, {}, "power of two"),
-        ({"rescale": 2.0}, {}, "must be exact"),  # n = 0.5
-        ({"newton": True}, {}, "must differ from engine.newton"),
-        ({"skin": 0.3}, {}, "must differ from engine.skin"),
-        ({"rebuild": {"every": 2, "delay": 3}}, {}, "multiple of every"),
-        ({"split": True}, {"evolve": {"steps": 1, "timestep": 0.004}}, "two time steps"),
-        ({"relabel": True}, {"compare": None}, "whole model"),
-        ({"mirror": True}, {}, "unknown key"),
-    ],
-)
-def test_invalid_twins_are_refused(
-    twin: dict[str, Any], changes: dict[str, Any], complaint: str, case_file: Callable[..., Path]
-) -> None:
-    with pytest.raises(InputError, match=complaint):
-        casefile.load_file(case_file(**{**BASE, **changes, "twin": twin}))
-
-
 def test_particles_must_stay_in_the_box(make: Make) -> None:
     positions = BASE["positions"] | {"periodic": [True, False], "margin": 1.0}
     assert prepared_case.prepare(make("translate", [3.0, 0.5], positions=positions)).twin is not None

@@ -67,7 +67,7 @@ def instructions(library: Path) -> Iterator[tuple[str, int, Any]]:
         elf = ELFFile(file)
         loads = [part for part in elf.iter_segments() if part["p_type"] == "PT_LOAD"]
         for symbol in elf.get_section_by_name(".dynsym").iter_symbols():
-            function, at, size = _function(symbol.name), symbol["st_value"], symbol["st_size"]
+            function, at, size = function_of(symbol.name), symbol["st_value"], symbol["st_size"]
             load = next((s for s in loads if s["p_vaddr"] <= at < s["p_vaddr"] + s["p_filesz"]), None)
             if not function or not size or load is None or symbol["st_info"]["type"] != "STT_FUNC":
                 continue
@@ -77,7 +77,7 @@ def instructions(library: Path) -> Iterator[tuple[str, int, Any]]:
                 yield function, instruction.address, instruction
 
 
-def _function(symbol: str) -> str:
+def function_of(symbol: str) -> str:
     """Class and function of a mangled name, or of a thunk's (which holds a copy), empty if not one of RHEO's."""
     match = re.match(r"_Z(?:Tv\d+_n\d+_)?NK?9LAMMPS_NS(\d+)(\w+)", symbol)
     if not match or ASIDE.search(symbol):

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from lammps_cases.comparison.store import VARIABLE
 from lammps_cases.engine import installations, ranks
-from lammps_cases.engine.session import Answer, EngineCrashed
+from lammps_cases.engine.session import EngineCrashed
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.run import prepared_case
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from tests.support.outcome import Solver
 from tests.workshop.faults import alarms
-from tests.workshop.faults.alarms import AlarmRun, Kind
-from tests.workshop.faults.perturbed import PerturbedCase, in_order
+from tests.workshop.faults.alarms import AlarmRun, Kind, measure
+from tests.workshop.faults.perturbed import in_order
 
 pytestmark = pytest.mark.lammps
 
@@ -27,68 +27,52 @@ CASES = {case.name: case for case in casefile.load()}
 LAW, FLUID, TWIN = "near-rho0.ideal-gas.2d", "images.quintic.two", "twins.fluid.ranks"
 ALL = [CASES[name] for name in (LAW, FLUID, TWIN)]
 HERE: tuple[Kind, ...] = tuple(kind for kind in alarms.KINDS if kind != "machine")
+CROSS, WALLS, STORED, LAYER = (
+    *("cross-type.scale.2d", "walls.reconstructed.plain", "walls.stored.plain", "power-status.divergence"),
+)
 
 
-@pytest.fixture(scope="module")
-def measured() -> dict[str, AlarmRun]:
-    return {run.kind: run for run in alarms.measure(ALL, installations.Engine(), HERE)}
+def _measured(names: list[str], *kinds: Kind) -> dict[str, AlarmRun]:
+    return {run.kind: run for run in measure([CASES[name] for name in names], installations.Engine(), kinds, jobs=1)}
 
 
-def test_nothing_turns_red(measured: dict[str, AlarmRun]) -> None:
+def test_nothing_turns_red_and_renaming_changes_no_bit() -> None:
+    measured = _measured([case.name for case in ALL], *HERE)
     assert tuple(measured) == HERE
     for run in measured.values():
         assert run.alarms == (), run
-        assert run.cases == len(ALL)
-        assert run.same_bits + run.within == len(ALL)
-        assert sum(run.verdicts.values()) == len(ALL)
-
-
-def test_renaming_changes_no_bit_and_reordering_does(measured: dict[str, AlarmRun]) -> None:
-    assert measured["as given"].same_bits == len(ALL)
-    assert measured["renamed"].same_bits == len(ALL)
-    assert measured["relabelled"].same_bits < len(ALL)
-    assert measured["relabelled"].same_bits == measured["reordered"].same_bits
-    assert measured["newton"].same_bits < len(ALL)
-    assert measured["ranks"].same_bits < len(ALL)
-    assert measured["seed"].same_bits == 0
-
-
-@pytest.fixture(scope="module")
-def solved(solver: Solver) -> Callable[[PerturbedCase], Answer]:
-    return lambda perturbed: in_order(solver(perturbed.jobs[0]), perturbed.row_n)
+        assert run.cases == run.same_bits + run.within == sum(run.verdicts.values()) == len(ALL)
+    same = {kind: run.same_bits for kind, run in measured.items()}
+    assert same["as given"] == same["renamed"] == len(ALL)
+    assert same["seed"] == 0
+    assert same["relabelled"] == same["reordered"] < len(ALL)
+    assert max(same["newton"], same["ranks"]) < len(ALL)
 
 
 @pytest.mark.parametrize("kind", HERE)
-def test_every_kind_changes_the_job_and_particles_return_to_their_rows(
-    kind: Kind, solved: Callable[[PerturbedCase], Answer]
-) -> None:
-    ready = prepared_case.prepare(CASES[FLUID])
+def test_every_kind_changes_the_job_and_particles_return_to_their_rows(kind: Kind, solver: Solver) -> None:
+    ready = prepare(CASES[FLUID])
     perturbed = alarms.perturbed_case(kind, ready)
     plain, other = ready.jobs[0], perturbed.jobs[0]
     order = not all(np.array_equal(getattr(plain, name), getattr(other, name)) for name in ("id_n", "x_nc"))
     changed = order or (plain.setup, plain.ranks) != (other.setup, other.ranks)
     assert changed == (kind != "as given")
-    first = solved(perturbed).snapshots[0]
-    atoms = perturbed.ready.atoms
-    assert np.array_equal(first["id"], atoms.id_n)
-    assert np.array_equal(first["type"], atoms.type_n)
-    assert np.array_equal(first["rho"], atoms.rho_n)
-    assert np.array_equal(first["v"], atoms.v_nc)
+    first, atoms = in_order(solver(other), perturbed.row_n).snapshots[0], perturbed.ready.atoms
+    for key, array in {"id": atoms.id_n, "type": atoms.type_n, "rho": atoms.rho_n, "v": atoms.v_nc}.items():
+        assert array is not None and np.array_equal(first[key], array)
 
 
 def test_another_seed_gives_another_scene_of_the_same_name() -> None:
-    one, other = prepared_case.prepare(CASES[FLUID]), alarms.prepared_anew(CASES[FLUID])
+    one, other = prepare(CASES[FLUID]), alarms.prepared_anew(CASES[FLUID])
     assert other.case is CASES[FLUID]
-    assert one.atoms.rho_n is not None
-    assert other.atoms.rho_n is not None
     assert not np.array_equal(one.atoms.x_nc, other.atoms.x_nc)
-    assert not np.array_equal(one.atoms.rho_n, other.atoms.rho_n)
+    assert one.atoms.rho_n is not None and not np.array_equal(one.atoms.rho_n, other.atoms.rho_n)
 
 
 def test_rows_out_of_order_raise_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
     right = alarms.perturbed_case
     monkeypatch.setattr(alarms, "perturbed_case", lambda kind, ready: replace(right(kind, ready), row_n=None))
-    found = {run.kind: run for run in alarms.measure([CASES[LAW]], installations.Engine(), ("relabelled", "reordered"))}
+    found = _measured([LAW], "relabelled", "reordered")
     assert [alarm.case for alarm in found["relabelled"].alarms] == [LAW]
     assert found["relabelled"].false == 1
     assert "rho" in found["relabelled"].alarms[0].message
@@ -96,10 +80,9 @@ def test_rows_out_of_order_raise_an_alarm(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_faults_hidden_in_ordinary_runs_are_named() -> None:
-    cases = [CASES["cross-type.scale.2d"], CASES["walls-moving.free.rk1"]]
-    found = {run.kind: run for run in alarms.measure(cases, installations.Engine(), ("rebuilt", "ranks"))}
+    found = _measured([CROSS, "walls-moving.free.rk1"], "rebuilt", "ranks")
     assert found["as given"].alarms == ()
-    assert [(a.case, a.finding) for a in found["ranks"].alarms] == [("cross-type.scale.2d", "cross-type-normal")]
+    assert [(a.case, a.finding) for a in found["ranks"].alarms] == [(CROSS, "cross-type-normal")]
     (walls,) = found["rebuilt"].alarms
     assert (walls.case, walls.finding) == ("walls-moving.free.rk1", "walls-after-rebuild")
     assert "in addition to" in walls.message  # the step at which the findings of the scene do not explain everything
@@ -109,26 +92,25 @@ def test_faults_hidden_in_ordinary_runs_are_named() -> None:
 @pytest.mark.parametrize(
     ("kind", "case", "verdict", "finding"),
     [
-        ("ranks", "cross-type.scale.2d", "differs", "cross-type-normal"),
-        ("ranks", "cross-type.scale.2d", "crashed", ""),
+        ("ranks", CROSS, "differs", "cross-type-normal"),
+        ("ranks", CROSS, "crashed", ""),
         ("ranks", "shift.all.2d", "differs", ""),
-        ("newton", "cross-type.scale.2d", "differs", ""),
-        ("rebuilt", "walls.reconstructed.plain", "differs", "walls-after-rebuild"),
-        ("rebuilt", "walls.stored.plain", "differs", ""),
-        ("reordered", "power-status.divergence", "differs", "layer-depends-on-pair-order"),
-        ("renamed", "power-status.divergence", "differs", ""),
+        ("newton", CROSS, "differs", ""),
+        ("rebuilt", WALLS, "differs", "walls-after-rebuild"),
+        ("rebuilt", STORED, "differs", ""),
+        ("reordered", LAYER, "differs", "layer-depends-on-pair-order"),
+        ("renamed", LAYER, "differs", ""),
     ],
 )
 def test_only_predicted_differences_are_called_known(kind: Kind, case: str, verdict: str, finding: str) -> None:
-    plain = CaseRecord(case=case, verdict="pass")
     record = CaseRecord(case=case, verdict=verdict)
-    run = alarms._run(kind, [CASES[case]], {case: plain}, {case: record}, None)
+    run = alarms.alarm_run(kind, [CASES[case]], {case: CaseRecord(case=case, verdict="pass")}, {case: record})
     assert [alarm.finding for alarm in run.alarms] == [finding]
     assert run.false == (not finding)
 
 
 def test_death_by_a_signal_has_one_name_on_one_rank_and_on_several() -> None:
-    job = replace(prepared_case.prepare(CASES["refused.range-two-stars"]).jobs[0], ranks=2)
+    job = replace(prepare(CASES["refused.range-two-stars"]).jobs[0], ranks=2)
     with pytest.raises(EngineCrashed, match="killed by SIGABRT"):
         ranks.solve(None, job)
 
@@ -138,19 +120,18 @@ def test_death_by_a_signal_has_one_name_on_one_rank_and_on_several() -> None:
 
 def test_older_machine_is_green_and_recomputes_everything(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[dict[str, str]] = []
-    right = subprocess.Popen
+    right = subprocess.run
 
-    def popen(program: list[str], env: dict[str, str], **options: object) -> object:
+    def run(program: list[str], env: dict[str, str], **options: Any) -> Any:
         given.append(env)
-        return right(program, env=env, **options)  # type: ignore[call-overload]
+        return right(program, env=env, **options)
 
-    monkeypatch.setattr(subprocess, "Popen", popen)
-    found = alarms.measure([CASES[FLUID]], installations.Engine(), ("machine",), jobs=1)
-    run = next(run for run in found if run.kind == "machine")
-    assert (run.cases, run.alarms) == (1, ())
-    assert run.same_bits + run.within == 1
-    assert run.reference_moved is not None
-    here, there = given
+    monkeypatch.setattr(subprocess, "run", run)
+    found = _measured([FLUID], "machine")["machine"]
+    assert (found.cases, found.alarms) == (1, ())
+    assert found.same_bits + found.within == 1
+    assert found.reference_moved is not None
+    here, there = (env for env in given if "EOS_REF_HISTORY" in env and "PYTHONPATH" in env)
     assert "NUMBA_CPU_NAME" not in here
     assert there["NUMBA_CPU_NAME"] == "generic"
     assert there["GLIBC_TUNABLES"].startswith("glibc.cpu.hwcaps=")

@@ -18,7 +18,7 @@ from lammps_cases.scene import casefile
 from lammps_cases.verdict.cases import compare_case
 from tests.support.outcome import Solver
 from tests.workshop.faults import resolution
-from tests.workshop.faults.resolution import Resolution
+from tests.workshop.faults.resolution import Resolution, VisibleChange
 from tests.workshop.faults.scene_numbers import SceneNumber, numbers
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
@@ -97,38 +97,31 @@ class Threshold:
         return {"pressure": abs(change) / self.size}
 
 
+def _smallest(case: Threshold, value: float, guess: float, sign: int = 1) -> VisibleChange | None:
+    number = SceneNumber("cs", "type 1", value, lambda other: other - value)  # type: ignore[return-value]
+    return resolution.smallest_change(case, number, sign, guess)
+
+
 @pytest.mark.parametrize("guess", [1e-16, 1.0, 1e3])
 @pytest.mark.parametrize("size", [1e-14, 3e-7, 0.2])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_bisection_ends_within_a_factor(size: float, guess: float, sign: int) -> None:
     case = Threshold(size)
-    number = SceneNumber("cs", "type 1", 1.0, lambda value: value - 1.0)  # type: ignore[return-value]
-    probe = resolution.Sensitivity("cs", "type 1", min(size * guess, 1.0), whole=False, decides=False)
-    found = resolution._bisected(case, number, sign, probe)
+    found = _smallest(case, 1.0, min(size * guess, 1.0), sign)
     assert found is not None
     assert math.copysign(1, found.change) == sign
     assert found.unseen < size <= found.relative_change <= resolution.CLOSE * max(found.unseen, size / resolution.CLOSE)
     assert case.asked < 70
 
 
-def test_search_ends_at_one_ulp() -> None:
-    case = Threshold(0.0)
-    number = SceneNumber("cs", "type 1", 1.3, lambda value: value - 1.3)  # type: ignore[return-value]
-    probe = resolution.Sensitivity("cs", "type 1", resolution.FLOOR, whole=False, decides=False)
-    case.moved = lambda change: {"pressure": 1.0}
-    found = resolution._bisected(case, number, 1, probe)
+def test_search_ends_at_one_ulp_or_where_nothing_is_detected() -> None:
+    found = _smallest(Threshold(5e-324), 1.3, resolution.FLOOR)
     assert found is not None
-    assert found.change == math.ulp(1.3)
-    assert found.unseen == 0
-
-
-def test_undetectable_parameter_is_reported() -> None:
-    number = SceneNumber("cs", "type 1", 1.0, lambda value: value - 1.0)  # type: ignore[return-value]
+    assert (found.change, found.unseen) == (math.ulp(1.3), 0)
+    assert _smallest(Threshold(5.0), 1.0, 0.1) is None
     probe = resolution.Sensitivity("cs", "type 1", 0.1, whole=False, decides=False)
-    assert resolution._bisected(Threshold(5.0), number, 1, probe) is None
-    assert resolution._resolution("cs", {"a": [probe]}, [], set()) == Resolution(
-        "cs", "", None, 1, 1, None, None, "no case sees it"
-    )
+    nothing = Resolution("cs", "", None, 1, 1, None, None, "no case sees it")
+    assert resolution.resolution_of("cs", {"a": [probe]}, [], set()) == nothing
 
 
 # --- with LAMMPS
@@ -175,11 +168,8 @@ def test_quick_and_insensitive_cases_are_distinguished(measured: dict[str, Resol
     assert measured["cs"].quick is not None
     assert measured["cs"].quick.case == LAW
     assert measured["viscosity"].quick is None  # only the fluid has one
-    assert (measured["mass"].candidates, measured["mass"].sensitive) == (
-        2,
-        1,
-    )  # no law except ideal/gas depends on the mass
-    assert (measured["cs"].candidates, measured["cs"].sensitive) == (2, 2)
+    counts = {name: (measured[name].candidates, measured[name].sensitive) for name in ("mass", "cs")}
+    assert counts == {"mass": (2, 1), "cs": (2, 2)}  # no law except ideal/gas depends on the mass
 
 
 @pytest.mark.lammps

@@ -10,7 +10,7 @@ from lammps_cases.engine.installations import Engine
 from tests.workshop.fuzz.hunt import Hunt
 from tests.workshop.fuzz.record import FuzzRecord
 
-SEED, SCENES = 31, 8
+SEED, SCENES = 31, 12
 
 
 @pytest.mark.lammps
@@ -20,6 +20,6 @@ def test_nothing_is_unexplained(tmp_path: Path) -> None:
     assert [red.message for red in record.red] == []
     assert record.exit_code == 0 and not record.interrupted
     assert record.drawn == sum(record.verdicts.values()) == SCENES
-    assert {"exact", "explained"} <= set(record.verdicts) and record.twins
+    assert "explained" in record.verdicts and {"exact", "pass"} & set(record.verdicts) and record.twins
     assert sum(record.gaps.values()) <= SCENES // 4  # limits that no variant reproduces
     assert FuzzRecord.model_validate_json((tmp_path / "fuzz.json").read_bytes()) == record

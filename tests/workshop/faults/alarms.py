@@ -11,10 +11,9 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +33,8 @@ from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.particle_model import Reason
 from tests.workshop.faults.perturbed import (
     JudgingWorkers,
@@ -42,6 +43,7 @@ from tests.workshop.faults.perturbed import (
     rearranged,
     run_and_judge,
 )
+from tests.workshop.together import Asking, together
 
 Kind = str
 WHAT: dict[Kind, str] = {
@@ -58,6 +60,12 @@ WHAT: dict[Kind, str] = {
     "machine": "newer instructions switched off in the C library, numpy, numba and OpenBLAS; predictions recomputed",
 }
 KINDS = tuple(WHAT)
+SETTINGS: dict[Kind, dict[str, Any]] = {
+    "unsorted": {"sort": 0},
+    "newton": {"newton": None},
+    "skin": {"skin": 0.71},
+    "rebuilt": {"every": 1, "delay": 0, "check": False},
+}
 AHEAD = 40  # cases prepared before they are judged
 Records = dict[str, CaseRecord]
 
@@ -112,26 +120,21 @@ class AlarmRun:
 # --- what LAMMPS is given
 
 
-def perturbed_case(kind: Kind, ready: PreparedCase) -> PerturbedCase:
-    """Return a case with the jobs of a kind."""
+def perturbed_case(kind: Kind, ready: PreparedCase, every_step: bool = False) -> PerturbedCase:
+    """Return a case with the jobs of a kind, read at the steps compared or at every one."""
     p_n = np.random.default_rng(seed(f"{ready.case.name}/{kind}")).permutation(len(ready.atoms))
-    jobs, row_n = ready.jobs, None
+    ready = prepared_anew(ready.case) if kind == "seed" else ready
+    others = [(_with_settings(scene, SETTINGS.get(kind, {})), atoms) for scene, atoms in ready.sides]
+    jobs, row_n = [job(scene, atoms, plan(scene), every_step=every_step) for scene, atoms in others], None
     match kind:
-        case "seed":
-            ready = prepared_anew(ready.case)
-            jobs = ready.jobs
         case "relabelled":
-            jobs, row_n = [rearranged(job, p_n, job.id_n) for job in jobs], np.argsort(p_n)
+            jobs, row_n = [rearranged(one, p_n, one.id_n) for one in jobs], np.argsort(p_n)
         case "renamed":
-            jobs, row_n = [replace(job, id_n=job.id_n[p_n]) for job in jobs], p_n
+            jobs, row_n = [replace(one, id_n=one.id_n[p_n]) for one in jobs], p_n
         case "reordered":
-            jobs = [rearranged(job, p_n) for job in jobs]
+            jobs = [rearranged(one, p_n) for one in jobs]
         case "ranks":
-            jobs = [replace(job, ranks=2) for job in jobs]
-        case "unsorted":
-            jobs = [replace(job, setup=(*job.setup, "atom_modify sort 0 0.0")) for job in jobs]
-        case "newton" | "skin" | "rebuilt":
-            jobs = _with_settings(kind, ready).jobs
+            jobs = [replace(one, ranks=2) for one in jobs]
     return PerturbedCase(ready, tuple(jobs), row_n)
 
 
@@ -140,21 +143,11 @@ def prepared_anew(case: Case) -> PreparedCase:
     return replace(prepare(replace(case, name=f"{case.name}/another seed")), case=case)
 
 
-def _with_settings(kind: Kind, ready: PreparedCase) -> PreparedCase:
-    """Return a case with other settings of LAMMPS, in both the original and the twin."""
-
-    def other(scene: Scene) -> Scene:
-        settings: dict[Kind, dict[str, Any]] = {
-            "newton": {"newton": not scene.engine.newton},
-            "skin": {"skin": 0.71},
-            "rebuilt": {"every": 1, "delay": 0, "check": False},
-        }
-        return scene.model_copy(update={"engine": scene.engine.model_copy(update=settings[kind])})
-
-    twin = ready.twin
-    if twin is not None:
-        twin = replace(twin, scene=other(twin.scene), other_scene=other(twin.other_scene))
-    return replace(ready, case=replace(ready.case, scene=other(ready.case.scene)), twin=twin)
+def _with_settings(scene: Scene, settings: Mapping[str, Any]) -> Scene:
+    """Return a scene with other settings of LAMMPS; newton is the other one."""
+    engine = scene.engine
+    other = {"newton": not engine.newton} if "newton" in settings else settings
+    return scene.model_copy(update={"engine": engine.model_copy(update=other)})
 
 
 # --- the runs
@@ -180,30 +173,29 @@ def measure(
         for kind in dict.fromkeys(("as given", *kinds)):
             if kind != "machine":
                 records = plain if kind == "as given" else _records(workers, kind, cases, progress)
-                runs.append(_run(kind, cases, plain, records, workers))
+                runs.append(alarm_run(kind, cases, plain, records, workers))
     if "machine" in kinds:  # by separate processes: the workers have ended by then
-        here = run_apart(cases, engine, {}, jobs, progress)
-        there = run_apart(cases, engine, older(), jobs, progress)
+        here = run_apart(cases, engine, {}, jobs)
+        there = run_apart(cases, engine, older(), jobs)
         moved = sum(there.references[name] != here.references[name] for name in here.references)
-        runs.append(_run("machine", cases, here.records, there.records, None, moved))
+        runs.append(alarm_run("machine", cases, here.records, there.records, None, moved))
     return runs
 
 
 def _records(workers: JudgingWorkers, kind: Kind, cases: Sequence[Case], progress: Progress) -> Records:
     """Return the record of every case by name; some cases are prepared while others run."""
-    perturbed_cases = (perturbed_case(kind, prepare(case.by(workers.judge.engine.manual))) for case in cases)
-    waiting = ((perturbed, workers.judging(run_and_judge, perturbed)) for perturbed in perturbed_cases)
-    queue = deque(islice(waiting, AHEAD))
-    records: Records = {}
-    while queue:
-        perturbed, future = queue.popleft()
-        queue.extend(islice(waiting, 1))
-        record = workers.outcome(future)
+
+    def judged(case: Case) -> Asking[CaseRecord]:
+        perturbed = perturbed_case(kind, prepare(case.by(workers.judge.engine.manual)))
+        record: CaseRecord | Failure = yield workers.judging(run_and_judge, perturbed)
         if isinstance(record, Failure):  # LAMMPS terminated the worker: the failure is judged here
-            record = workers.judge.verdict(perturbed, [record for _ in perturbed.jobs])
-        name = perturbed.ready.case.name
-        records[name] = record
-        progress.advance(len(records), len(cases), f"alarms, {kind}: {name}")
+            return workers.judge.verdict(perturbed, [record for _ in perturbed.jobs])
+        return record
+
+    records: Records = {}
+    for record in together(workers, map(judged, cases), AHEAD):
+        records[record.case] = record
+        progress.advance(len(records), len(cases), f"alarms, {kind}: {record.case}")
     return records
 
 
@@ -213,18 +205,19 @@ def _reason(workers: JudgingWorkers, kind: Kind, case: Case) -> Reason | None:
     if not scene.whole_model or scene.twin or scene.snapshots[-1] < 1 or kind == "ranks":
         return None
     ready = prepare(case.by(workers.judge.engine.manual))
-    first = workers.outcome(workers.judging(first_difference, perturbed_case(kind, ready)))
+    first = workers.outcome(workers.judging(first_difference, perturbed_case(kind, ready, every_step=True)))
     return None if isinstance(first, Failure) else first
 
 
-def _run(
+def alarm_run(
     kind: Kind,
     cases: Sequence[Case],
     plain: Records,
     records: Records,
-    workers: JudgingWorkers | None,
+    workers: JudgingWorkers | None = None,
     moved: int | None = None,
 ) -> AlarmRun:
+    """Return what a restatement changed, with its alarms, whose first difference workers look for."""
     same = {name for name, record in records.items() if _bits(record) == _bits(plain[name])}
     red = [
         case
@@ -291,13 +284,7 @@ def older() -> dict[str, str]:
     return switches | ({"NPY_DISABLE_CPU_FEATURES": " ".join(extensions)} if extensions else {})
 
 
-def run_apart(
-    cases: Sequence[Case],
-    engine: Engine,
-    settings: Mapping[str, str],
-    jobs: int = 2,
-    progress: Progress = SILENT,
-) -> MachineRun:
+def run_apart(cases: Sequence[Case], engine: Engine, settings: Mapping[str, str], jobs: int = 2) -> MachineRun:
     """Run cases by ``eos-ref run`` with some environment variables; without any, with the user's store.
 
     Raises
@@ -308,28 +295,16 @@ def run_apart(
     with tempfile.TemporaryDirectory(prefix="eos-ref-machine-") as folder:
         report = Path(folder) / "report"
         own = {VARIABLE: str(Path(folder) / "store")} if settings else {}
-        own["EOS_REF_HISTORY"] = "off"  # a run for a separate purpose
         here = os.pathsep.join([str(Path(__file__).parents[3]), *filter(None, [os.environ.get("PYTHONPATH")])])
         sources = sorted({str(case.source) for case in cases})
         program = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--engine", engine.name, "--jobs", str(jobs)]
         program += ["--out", str(report), *(word for path in sources for word in ("--cases", path))]
-        with subprocess.Popen(
-            [*program, *(case.name for case in cases)],
-            env={**os.environ, **settings, **own, "PYTHONPATH": here},
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        ) as process:
-            last = ""
-            try:
-                for line in process.stderr or ():
-                    last = line.strip() or last
-                    progress.advance(0, None, f"machine: {last}")
-            except BaseException:
-                process.terminate()
-                raise
+        # No entry of the history: a run for a separate purpose. Its progress is shown as it shows it.
+        environment = {**os.environ, **settings, **own, "EOS_REF_HISTORY": "off", "PYTHONPATH": here}
+        names = [case.name for case in cases]
+        subprocess.run([*program, *names], env=environment, stdout=subprocess.DEVNULL, check=False)
         if not (report / "run.json").exists():
-            raise RuntimeError(f"eos-ref run on the other machine left no report: {last}")
+            raise RuntimeError("eos-ref run on the other machine left no report")
         records = {record.case: record for record in read_run(report).cases}
         return MachineRun(records, {name: _reference(report / "fields" / f"{name}.npz") for name in records})
 

@@ -21,7 +21,7 @@ from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.provenance import command_line, run_record
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
-from tests.workshop.faults import alarms, formula, input_faults, output_faults, record, resolution, schedule
+from tests.workshop.faults import alarms, input_faults, output_faults, record, resolution, schedule, substitute
 from tests.workshop.faults.fault import SECTIONS, Fault, by_id
 from tests.workshop.faults.record import ControlRecord, FaultRecord, Power
 from tests.workshop.faults.schedule import MutationPool
@@ -31,9 +31,9 @@ from tests.workshop.faults.schedule import MutationPool
 def faults(engine: str = "") -> dict[str, Fault]:
     """Return all faults by id, family after family, without those that an engine is known to have."""
     had = {entry.model_variant.stages for entry in LEDGER if entry.model_variant and entry.listed(engine)} - {None}
-    families: Sequence[Mapping[str, Fault]] = (input_faults.faults(), output_faults.faults(), formula.faults())
+    families: Sequence[Mapping[str, Fault]] = (input_faults.faults(), output_faults.faults(), substitute.faults())
     every = [fault for family in families for fault in family.values()]
-    return by_id(fault for fault in every if formula.stages(fault) not in had)
+    return by_id(f for f in every if not (isinstance(f, substitute.FormulaFault) and f.stages in had))
 
 
 def select(

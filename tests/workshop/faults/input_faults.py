@@ -6,7 +6,7 @@ dropped, an atom moved) is changed in the job itself. A change without effect on
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
 from functools import cache
 from typing import Any
@@ -22,11 +22,11 @@ from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.changes import Kind
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from tests.workshop.faults import input_faults_scene
+from tests.workshop.faults import scene_faults
 from tests.workshop.faults.fault import by_id
 from tests.workshop.faults.output_faults import ends_exchanged, middle, single
 from tests.workshop.faults.perturbed import rearranged
-from tests.workshop.faults.scene_changes import InputFault, JobChange
+from tests.workshop.faults.scene_faults import InputFault, JobChange
 
 
 def jobs(fault: InputFault, ready: PreparedCase, lists: bool = False) -> list[Job] | None:
@@ -105,20 +105,21 @@ def _last(begins: str) -> JobChange:
     return lambda of: replace(of, commands=tuple(sorted(of.commands, key=lambda line: line.startswith(begins))))
 
 
-def _neighbours(*settings: str) -> JobChange:
-    """Set other settings of neighbour lists."""
-    words = {line.split()[0] for line in settings}
+def _seldom(steps: int) -> JobChange:
+    """Rebuild neighbour lists every so many steps, with hardly any skin."""
 
     def change_job(of: Job) -> Job:
         if not any(line.startswith("pair_style") for line in of.commands):
             return of
-        kept = [line for line in of.setup if line.split()[0] not in words or "binsize" in line]
+        kept = [line for line in of.setup if line.split()[0] not in ("neighbor", "neigh_modify") or "binsize" in line]
         at = next(k for k, line in enumerate(kept) if line.startswith("region"))
+        settings = "neighbor 1e-9 bin", f"neigh_modify every {steps} delay {steps} check no"
         return replace(of, setup=(*kept[:at], *settings, *kept[at:]))
 
     return change_job
 
 
+Actions = tuple[InterludeAction, ...]
 _FIELDS = {"x": "x_nc", "v": "v_nc", "type": "type_n"}
 
 
@@ -183,54 +184,45 @@ def _newton_apart(of: Job) -> Job:
     return replace(of, setup=(*setup[:at], "newton off on", *setup[at:]))
 
 
-def _first_run_again(of: Job) -> Job:
-    """Set up every run again, where it should be continued."""
-    return _commands_of_runs(lambda command: command.replace(" pre no", ""))(of)
-
-
-def _commands_of_runs(change: Callable[[str], str]) -> JobChange:
-    """Change the run commands."""
-    return lambda of: replace(
-        of, runs=tuple(replace(r, command=change(r.command)) if isinstance(r, RunCommand) else r for r in of.runs)
-    )
-
-
-def _between(before: str, *commands: str) -> JobChange:
-    """Add commands between runs, before those that begin with ``before``; at the end if that is empty."""
+def _commands_of_runs(old: str, new: str) -> JobChange:
+    """Replace text in the run commands."""
 
     def change(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
-        if isinstance(stretch, RunCommand):
-            return stretch
-        actions = stretch.actions
-        at = [k for k, action in enumerate(actions) if action.text.startswith(before)][:1] if before else [len(actions)]
-        further = tuple(map(InterludeAction, commands))
-        return replace(stretch, actions=(*actions[: at[0]], *further, *actions[at[0] :]) if at else actions)
+        runs = isinstance(stretch, RunCommand)
+        return replace(stretch, command=stretch.command.replace(old, new)) if runs else stretch
 
     return lambda of: replace(of, runs=tuple(map(change, of.runs)))
+
+
+def _between(change: Callable[[Actions], Iterable[InterludeAction]]) -> JobChange:
+    """Change what is done between runs."""
+
+    def changed(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
+        between = isinstance(stretch, Interlude)
+        return replace(stretch, actions=tuple(change(stretch.actions))) if between else stretch
+
+    return lambda of: replace(of, runs=tuple(map(changed, of.runs)))
+
+
+def _added(before: str, *commands: str) -> JobChange:
+    """Add commands between runs, before those that begin with ``before``; at the end if that is empty."""
+
+    def change(actions: Actions) -> Actions:
+        places = [k for k, action in enumerate(actions) if action.text.startswith(before)] if before else [len(actions)]
+        further = map(InterludeAction, commands)
+        return (*actions[: places[0]], *further, *actions[places[0] :]) if places else actions
+
+    return _between(change)
 
 
 def _not_between(*beginnings: str) -> JobChange:
     """Leave out commands between runs with these beginnings."""
-
-    def change(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
-        if isinstance(stretch, RunCommand):
-            return stretch
-        kept = tuple(action for action in stretch.actions if not action.text.startswith(beginnings))
-        return replace(stretch, actions=kept)
-
-    return lambda of: replace(of, runs=tuple(map(change, of.runs)))
+    return _between(lambda actions: (action for action in actions if not action.text.startswith(beginnings)))
 
 
 def _between_without(words: str) -> JobChange:
     """Leave out words of the commands between runs."""
-
-    def change(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
-        if isinstance(stretch, RunCommand):
-            return stretch
-        fewer = tuple(replace(action, text=action.text.replace(words, "")) for action in stretch.actions)
-        return replace(stretch, actions=fewer)
-
-    return lambda of: replace(of, runs=tuple(map(change, of.runs)))
+    return _between(lambda actions: (replace(action, text=action.text.replace(words, "")) for action in actions))
 
 
 def _never_again(of: Job) -> Job:
@@ -238,7 +230,7 @@ def _never_again(of: Job) -> Job:
     first, *others = of.runs
     if not any(isinstance(stretch, Interlude) for stretch in others):
         return of
-    changed = _commands_of_runs(lambda command: command.replace("run 0 post", "run 0 pre no post"))
+    changed = _commands_of_runs("run 0 post", "run 0 pre no post")
     return replace(of, runs=(first, *changed(replace(of, runs=tuple(others))).runs))
 
 
@@ -260,65 +252,37 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
     (
         "pair-cut-smaller",
         "neighbours",
-        "cutoff of pair_style rheo 10 % smaller",
+        "cutoff of pairs 10 % smaller",
         _number("pair_style rheo", 2, lambda cut: cut * 0.9),
     ),
     ("dimension-3", "constant", "dimension 3 in place of 2", _replaced("dimension 2", "dimension 3")),
     ("not-periodic", "neighbours", "periodic axes made fixed", _replaced("boundary p", "boundary f")),
     ("box-longer", "neighbours", "box longer by 1e-6", _number("region box", 4, lambda high: high * (1 + 1e-6))),
     ("box-twice", "neighbours", "box twice as long", _number("region box", 4, lambda high: high * 2)),
-    (
-        "lists-never-rebuilt",
-        "stale",
-        "neighbour lists never rebuilt, with hardly any skin",
-        _neighbours("neighbor 1e-9 bin", "neigh_modify every 10000 delay 10000 check no"),
-    ),
-    (
-        "lists-rebuilt-seldom",
-        "stale",
-        "neighbour lists built every 8 steps, with hardly any skin",
-        _neighbours("neighbor 1e-9 bin", "neigh_modify every 8 delay 8 check no"),
-    ),
+    ("lists-never-rebuilt", "stale", "neighbour lists never rebuilt", _seldom(10000)),
+    ("lists-rebuilt-seldom", "stale", "neighbour lists built every 8 steps", _seldom(8)),
     ("pairs-left-out", "neighbours", "pairs of different types left out of the lists", _exclude_pairs),
     ("velocities-of-images", "stale", "velocities of periodic images not communicated", _without("comm_modify")),
     ("images-collect-twice", "neighbours", "pairs across boundaries counted twice in some sums", _newton_apart),
-    ("set-up-again", "order of operations", "every run set up again where it is continued", _first_run_again),
+    ("set-up-again", "order of operations", "every run set up again where continued", _commands_of_runs(" pre no", "")),
     ("no-deform", "missing term", "fix deform left out", _without("fix deform")),
     ("deform-alone", "missing term", "positions not changed with a box that grows", _replaced("remap x", "remap none")),
-    (
-        "deform-with-x",
-        "missing term",
-        "positions changed with a box that grows alone",
-        _replaced("remap none", "remap x"),
-    ),
+    ("deform-with-x", "missing term", "positions changed with it", _replaced("remap none", "remap x")),
     ("images-at-rest", "missing term", "images that do not move with the box", _replaced("remap v", "remap none")),
     ("deform-later", "stale", "the box growing in every second step", _replaced(" deform 1 ", " deform 2 ")),
     # --- between runs
     ("set-up-never-again", "stale", "runs continued where they should be set up again", _never_again),
     ("nothing-between", "missing term", "nothing done between runs", _without_interludes),
-    (
-        "restart-loses-rho",
-        "unset",
-        "densities 1 after a file is read",
-        _between("pair_style", "set group all rheo/rho 1.0"),
-    ),
-    (
-        *("restart-loses-status", "unset", "all atoms fluid after a file is read"),
-        _between("pair_style", "set group all rheo/status 0"),
-    ),
-    (
-        "restart-loses-energy",
-        "unset",
-        "energies 1 after a file is read",
-        _between("pair_style", "set group all sph/e 1.0"),
-    ),
+    ("restart-loses-rho", "unset", "densities 1 after a file", _added("pair_style", "set group all rheo/rho 1.0")),
+    ("restart-loses-status", "unset", "all fluid after a file", _added("pair_style", "set group all rheo/status 0")),
+    ("restart-loses-energy", "unset", "energies 1 after a file", _added("pair_style", "set group all sph/e 1.0")),
     (
         *("restart-loses-v", "unset", "velocities 0 after a file is read"),
-        _between("pair_style", "set group all vx 0.0 vy 0.0 vz 0.0"),
+        _added("pair_style", "set group all vx 0.0 vy 0.0 vz 0.0"),
     ),
     (
         *("restart-moves-one", "last digits", "one atom moved by 1e-9 between runs"),
-        _between("", "group moved id 3", "displace_atoms moved move 1e-9 0 0 units box"),
+        _added("", "group moved id 3", "displace_atoms moved move 1e-9 0 0 units box"),
     ),
     ("between-no-timestep", "unset", "time step not set between runs", _not_between("timestep")),
     ("between-no-reset", "unset", "fix dt/reset left out", _not_between("fix reset")),
@@ -332,12 +296,7 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
     ("atom-lost", "missing term", "last atom not created", _fewer),
     ("atoms-renamed", "exchanged", "two atoms with each other's place and values", _exchange_atoms),
     ("types-exchanged", "exchanged", "two atoms with each other's type", _array("type", ends_exchanged)),
-    (
-        "type-of-one",
-        "type range",
-        "an atom of type 1 where it is of the last",
-        _array("type", lambda t: np.r_[1, t[1:]]),
-    ),
+    ("type-of-one", "type range", "an atom of type 1", _array("type", lambda t: np.r_[1, t[1:]])),
     ("all-of-type-1", "type range", "all atoms of type 1", _array("type", np.ones_like)),
     ("x-single", "single precision", "positions rounded to float32", _array("x", single)),
     ("v-single", "single precision", "velocities rounded to float32", _array("v", single)),
@@ -363,4 +322,4 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
 def faults() -> dict[str, InputFault]:
     """Return all faults of this family by their id, in order."""
     of_jobs = (InputFault(f"told.{name}", kind, what, None, change) for name, kind, what, change in _TABLE)
-    return by_id((*input_faults_scene.FAULTS, *of_jobs))
+    return by_id((*scene_faults.FAULTS, *of_jobs))

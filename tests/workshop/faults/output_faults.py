@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
@@ -116,77 +116,65 @@ def _axis_lost(array_n: Any) -> Any:
 
 
 _shifted = partial(np.roll, shift=1, axis=0)
+VARIABLE = [
+    name for name in REAL if name not in ("x", "rho", "esph", "q.viscosity")
+]  # others: inputs, read once, constants
+OUTPUTS = ("q.rho", "q.pressure", "q.viscosity", "q.temperature", "q.energy")
+STRESSES = ("own_stress_atom", "own_virial")
+UNSET = ("f", "drho", "pressure", "q.grad/v", "q.heatflow", "q.shift/v", "q.chi", "v")
+SIGNED = ("f", "drho", "q.pressure", "q.shift/v", "q.surface/n", "q.stress/v", "q.heatflow", *STRESSES)
 
 
-# --- the faults
+# --- the faults: name, kind, what with the words of a field for {}, fields, change of an array or of all steps
 
-
-def _fault(name: str, kind: Kind, what: str, change: ArraysChange) -> OutputFault:
-    return OutputFault(f"read.{name.replace('q.', 'output-').replace('/', '-').replace('_', '-')}", kind, what, change)
-
-
-def _per_field() -> Iterator[OutputFault]:
-    for name, words in REAL.items():
-        yield _fault(f"single-{name}", "single precision", f"{words} rounded to float32", _each(name, single))
-        yield _fault(f"one-off-{name}", "last digits", f"{words}: one atom off by 1e-9", _each(name, _one_off))
-        if name not in ("x", "rho", "esph", "q.viscosity"):  # inputs, compared once, and constants are never stale
-            yield _fault(f"stale-{name}", "stale", f"{words} of the reading before", _stale(name))
-    for name in ("f", "drho", "pressure", "q.grad/v", "q.heatflow", "q.shift/v", "q.chi", "v"):
-        yield _fault(f"zero-{name}", "unset", f"{REAL[name]} all 0", _each(name, np.zeros_like))
-    for name in ("f", "q.pressure", "q.temperature", "q.stress/t"):
-        yield _fault(f"nan-{name}", "unset", f"{REAL[name]}: NaN for one atom", _each(name, middle(lambda _: np.nan)))
-    for name in ("f", "q.pressure", "drho", "q.shift/v", "q.surface/n", "q.stress/v", "q.heatflow"):
-        yield _fault(f"sign-{name}", "sign", f"{REAL[name]} of the other sign", _each(name, np.negative))
-    for name in ("f", "v", "q.shift/v", "q.surface/n", "x"):
-        yield _fault(f"axes-{name}", "exchanged", f"components x and y of {REAL[name]}", _each(name, _axes))
-    for name in ("v", "f", "q.surface/n"):
-        yield _fault(f"axis-lost-{name}", "unset", f"component y of {REAL[name]} is 0", _each(name, _axis_lost))
-    for name in ("q.grad/v",):  # stresses are symmetric
-        yield _fault(
-            f"transposed-{name}", "exchanged", f"{REAL[name]} transposed", _each(name, lambda m: m.swapaxes(1, 2))
-        )
-    for name in ("q.grad/v", "q.stress/v", "q.stress/t"):
-        yield _fault(
-            f"diagonal-{name}",
-            "missing term",
-            f"{REAL[name]}: diagonal only",
-            _each(name, lambda m: m * np.eye(m.shape[1])),
-        )
-    for name in ("rho", "q.rho", "pressure", "q.pressure", "f", "v", "x", "q.viscosity", "q.temperature", "q.energy"):
-        yield _fault(
-            f"swapped-{name}", "exchanged", f"{REAL[name]} of two atoms exchanged", _each(name, ends_exchanged)
-        )
-    for name, words in (WHOLE | PER_TYPE).items():
-        yield _fault(f"shifted-{name}", "exchanged", f"{words} of the atom before", _each(name, _shifted))
-        yield _fault(
-            f"one-more-{name}",
-            "last digits",
-            f"{words}: larger by 1 for one atom",
-            _each(name, middle(lambda n: n + 1)),
-        )
-    yield _fault(
-        "factor-output-pressure",
-        "units",
-        "pressures in atm, as of units real",
-        _each("q.pressure", lambda p: p / 68568.415),
-    )
-    for name in ("f", "own_stress_atom", "own_virial", "own_press"):
-        yield _fault(f"factor-{name}", "units", f"{REAL[name]} of half their size", _each(name, lambda f: 0.5 * f))
-    for name in ("own_stress_atom", "own_virial"):
-        yield _fault(f"sign-{name}", "sign", f"{REAL[name]} of the other sign", _each(name, np.negative))
+_TABLE: tuple[tuple[str, Kind, str, Iterable[str], Callable[[Any], Any]], ...] = (
+    ("single", "single precision", "{} rounded to float32", REAL, single),
+    ("one-off", "last digits", "{}: one atom off by 1e-9", REAL, _one_off),
+    ("zero", "unset", "{} all 0", UNSET, np.zeros_like),
+    (
+        *("nan", "unset", "{}: NaN for one atom"),
+        *(("f", "q.pressure", "q.temperature", "q.stress/t"), middle(lambda _: np.nan)),
+    ),
+    ("sign", "sign", "{} of the other sign", SIGNED, np.negative),
+    ("axes", "exchanged", "components x and y of {}", ("f", "v", "q.shift/v", "q.surface/n", "x"), _axes),
+    ("axis-lost", "unset", "component y of {} is 0", ("v", "f", "q.surface/n"), _axis_lost),
+    ("transposed", "exchanged", "{} transposed", ("q.grad/v",), lambda m: m.swapaxes(1, 2)),  # stresses are symmetric
+    (
+        *("diagonal", "missing term", "{}: diagonal only"),
+        *(("q.grad/v", "q.stress/v", "q.stress/t"), lambda m: m * np.eye(m.shape[1])),
+    ),
+    (
+        *("swapped", "exchanged", "{} of two atoms exchanged"),
+        *(("rho", "pressure", "f", "v", "x", *OUTPUTS), ends_exchanged),
+    ),
+    ("shifted", "exchanged", "{} of the atom before", [*WHOLE, *PER_TYPE], _shifted),
+    ("one-more", "last digits", "{}: larger by 1 for one atom", [*WHOLE, *PER_TYPE], middle(lambda n: n + 1)),
+    ("factor", "units", "{} of half their size", ("f", *STRESSES, "own_press"), lambda f: 0.5 * f),
+    ("factor", "units", "{} in atm, as of units real", ("q.pressure",), lambda p: p / 68568.415),
+)
+_OF_ALL: tuple[tuple[str, Kind, str, ArraysChange], ...] = (
+    ("all-shifted", "exchanged", "all arrays but the ids are those of the atom before", _all(_shifted, ("id",))),
+    ("ids-shifted", "exchanged", "ids of the atom before", _each("id", _shifted)),
+    ("id-repeated", "exchanged", "the last id twice", _each("id", lambda n: np.r_[n[:-2], n[-1:], n[-1:]])),
+    ("atom-missing", "missing term", "the last atom not read", _all(lambda array_n: array_n[:-1])),
+    ("all-late", "stale", "all arrays are those of the reading before", _late),
+    ("all-single", "single precision", "all arrays rounded to float32", _all(single, ("id", "type"))),
+)
 
 
 @cache
 def faults() -> dict[str, OutputFault]:
     """Return all faults of this family by their id, in order."""
-    whole = (
-        _fault(
-            "all-shifted", "exchanged", "all arrays but the ids are those of the atom before", _all(_shifted, ("id",))
-        ),
-        _fault("ids-shifted", "exchanged", "ids of the atom before", _each("id", _shifted)),
-        _fault("id-repeated", "exchanged", "the last id twice", _each("id", lambda n: np.r_[n[:-2], n[-1:], n[-1:]])),
-        _fault("atom-missing", "missing term", "the last atom not read", _all(lambda array_n: array_n[:-1])),
-        _fault("all-late", "stale", "all arrays are those of the reading before", _late),
-        _fault("all-single", "single precision", "all arrays rounded to float32", _all(single, ("id", "type"))),
+    words = REAL | WHOLE | PER_TYPE
+    made = [
+        (f"{what}-{name}", kind, about.format(words[name]), _each(name, change))
+        for what, kind, about, names, change in _TABLE
+        for name in names
+    ]
+    stale: list[tuple[str, Kind, str, ArraysChange]] = [
+        (f"stale-{name}", "stale", f"{REAL[name]} of the reading before", _stale(name)) for name in VARIABLE
+    ]
+    return by_id(
+        OutputFault(f"read.{name.replace('q.', 'output-').replace('/', '-').replace('_', '-')}", kind, what, change)
+        for name, kind, what, change in (*made, *stale, *_OF_ALL)
     )
-    return by_id((*_per_field(), *whole))

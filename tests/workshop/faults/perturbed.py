@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,8 +18,8 @@ from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.store import Store, current
 from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.installations import Engine
-from lammps_cases.engine.interlude import Carried, Interlude
-from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused, Job, RunCommand
+from lammps_cases.engine.interlude import Carried
+from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused, Job
 from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import Snapshot, combined
@@ -121,22 +121,9 @@ def outcome(site: str | None, job: Job) -> Answer | Failure:
 
 
 def first_difference(site: str | None, judge: PerturbedJudge, case: PerturbedCase) -> Reason | None:
-    """Task: find the first step, field and atom outside the bound, in a run that is read after every step."""
-    job = case.jobs[0]
-    answer = in_order(solve(site, replace(job, runs=tuple(stepwise(job.runs)))), case.row_n)
+    """Task: find the first step, field and atom outside the bound, in a run that is read at every step."""
+    answer = in_order(solve(site, case.jobs[0]), case.row_n)
     return first_step(case.ready.case, case.ready.atoms, answer, judge.engine.distribution, judge.predictor)
-
-
-def stepwise(runs: Sequence[RunCommand | Interlude]) -> Iterator[RunCommand | Interlude]:
-    """Yield the runs of a job step by step, each read at its end, or after the interlude that follows it."""
-    for stretch, following in zip(runs, (*runs[1:], None), strict=True):
-        if isinstance(stretch, Interlude):
-            yield stretch
-            continue
-        steps = int(stretch.command.split()[1])
-        singly = [RunCommand("run 1 pre no post no")] * steps or [stretch]
-        yield from singly[:-1]
-        yield replace(singly[-1], read=not isinstance(following, Interlude))
 
 
 def in_order(answer: Answer, row_n: Rows | None) -> Answer:

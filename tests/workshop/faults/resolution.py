@@ -7,11 +7,11 @@ The best few are then bisected by the ordinary verdict. Twins are left out: both
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
@@ -96,10 +96,8 @@ def probes(
 ) -> list[Sensitivity]:
     """Task: try every number of a case once, of some parameters or of all."""
     wanted = [n for n in numbers(ready) if not parameters or n.parameter in parameters]
-    if not wanted:
-        return []
-    case = RepeatedCase(site, judge, ready)
-    return [Sensitivity(n.parameter, n.place, _estimate(case, n), n.whole, n.decides) for n in wanted]
+    case = RepeatedCase(site, judge, ready) if wanted else None
+    return [Sensitivity(n.parameter, n.place, _estimate(case, n), n.whole, n.decides) for n in wanted if case]
 
 
 def _estimate(case: RepeatedCase, number: SceneNumber) -> float:
@@ -112,18 +110,14 @@ def _estimate(case: RepeatedCase, number: SceneNumber) -> float:
     if number.whole:
         steps = [sign * k for k in WHOLE for sign in (1, -1) if number.value + sign * k >= 0]
         return abs(next((k for k in steps if largest(k) > 1), math.inf)) / abs(number.value)
-    for size in PROBES:
-        for sign in (1, -1) if number.decides else (1,):
-            change = sign * size * number.value
-            ratio = largest(change)
-            if ratio > 1 and number.decides:
-                return size
-            if ratio == math.inf:
-                if largest(math.ulp(number.value)) > 1:
-                    return FLOOR
-                ratio = max(largest(change, but=math.inf), 1.0)
-            if ratio > 1:
-                return max(size / ratio, FLOOR)
+    for size, sign in itertools.product(PROBES, (1, -1) if number.decides else (1,)):
+        ratio = largest(sign * size * number.value)
+        if ratio == math.inf and not number.decides:
+            if largest(math.ulp(number.value)) > 1:
+                return FLOOR
+            ratio = max(largest(size * number.value, but=math.inf), 1.0)
+        if ratio > 1:
+            return size if number.decides else max(size / ratio, FLOOR)
     return math.inf
 
 
@@ -131,73 +125,59 @@ def smallest(
     site: str | None, judge: PerturbedJudge, ready: PreparedCase, places: Sequence[Sensitivity]
 ) -> list[tuple[str, VisibleChange]]:
     """Task: return the smallest detected changes of some numbers of a case, up or down."""
-    case = RepeatedCase(site, judge, ready)
-    by_place = {(n.parameter, n.place): n for n in numbers(ready)}
+    case, by_place = RepeatedCase(site, judge, ready), {(n.parameter, n.place): n for n in numbers(ready)}
     pairs = []
     for probe in places:
         number = by_place[probe.parameter, probe.place]
-        changes = [
-            change
-            for sign in (1, -1)
-            if (change := _counted(case, number, sign) if number.whole else _bisected(case, number, sign, probe))
-        ]
-        if changes:
+        both = [smallest_change(case, number, sign, probe.estimate) for sign in (1, -1)]
+        if changes := [change for change in both if change]:
             pairs.append((probe.parameter, min(changes, key=lambda change: change.relative_change)))
     return pairs
 
 
-def _counted(case: RepeatedCase, number: SceneNumber, sign: int) -> VisibleChange | None:
-    before = 0
-    for k in WHOLE:
-        if number.value + sign * k < 0:
-            break
-        if case.detects(number.job_with(number.value + sign * k)):
-            return _change(case, number, float(sign * k), before / abs(number.value))
-        before = k
-    return None
+def smallest_change(case: RepeatedCase, number: SceneNumber, sign: int, estimate: float) -> VisibleChange | None:
+    """Return the smallest detected change of a number, up or down; None: no change is detected."""
 
-
-def _bisected(case: RepeatedCase, number: SceneNumber, sign: int, probe: Sensitivity) -> VisibleChange | None:
     def altered(size: float) -> float:
-        return number.value * (1 + sign * size)
+        return number.value + sign * size if number.whole else number.value * (1 + sign * size)
 
     def sees(size: float) -> bool:
         return altered(size) != number.value and case.detects(number.job_with(altered(size)))
 
-    bracket = _bracket(sees, min(max(1.5 * probe.estimate, 2 * FLOOR), LARGEST))
-    if bracket is None:
+    if number.whole:
+        steps = [k for k in WHOLE if altered(k) >= 0]
+        seen = next((k for k in steps if sees(k)), None)
+        found = None if seen is None else (float(seen), float(max((k for k in steps if k < seen), default=0)))
+    else:
+        found = _bracket(sees, min(max(1.5 * estimate, 2 * FLOOR), LARGEST))
+    if found is None:
         return None
-    visible, invisible = bracket
-    while visible > CLOSE * invisible:
+    visible, invisible = found
+    while visible > CLOSE * invisible and not number.whole:
         middle = math.sqrt(visible * max(invisible, FLOOR))
         if altered(middle) in (altered(visible), altered(invisible)):
             break
         visible, invisible = (middle, invisible) if sees(middle) else (visible, middle)
-    below = abs(altered(invisible) - number.value) / abs(number.value)
-    return _change(case, number, altered(visible) - number.value, below)
+    change, value = altered(visible) - number.value, abs(number.value)
+    ratios = case.moved(number.job_with(number.value + change))
+    leaving = max(ratios, key=lambda name: ratios[name], default="no numbers")
+    below = abs(altered(invisible) - number.value) / value
+    return VisibleChange(case.ready.case.name, number.place, number.value, change, abs(change) / value, below, leaving)
 
 
 def _bracket(sees: Callable[[float], bool], start: float) -> tuple[float, float] | None:
     """Return a detected change and a smaller undetected one, from a first guess; None: no change is detected."""
-    size = start
-    if not sees(size):
-        while size < LARGEST:
-            size, invisible = min(4 * size, LARGEST), size
-            if sees(size):
-                return size, invisible
-        return None
-    while size > FLOOR:
-        visible, size = size, max(size / 4, FLOOR)
+    visible, invisible = start, 0.0
+    while not sees(visible):
+        if visible >= LARGEST:
+            return None
+        visible, invisible = min(4 * visible, LARGEST), visible
+    while not invisible and visible > FLOOR:
+        size = max(visible / 4, FLOOR)
         if not sees(size):
             return visible, size if size > FLOOR else 0.0
-    return size, 0.0
-
-
-def _change(case: RepeatedCase, number: SceneNumber, change: float, unseen: float) -> VisibleChange:
-    ratios = case.moved(number.job_with(number.value + change))
-    leaving = max(ratios, key=lambda name: ratios[name], default="no numbers")
-    relative = abs(change) / abs(number.value)
-    return VisibleChange(case.ready.case.name, number.place, number.value, change, relative, unseen, leaving)
+        visible = size
+    return visible, invisible
 
 
 # --- in the parent
@@ -219,25 +199,21 @@ def measure(
     """
     quick = {case.name for case in cases if "quick" in case.tags}
     with JudgingWorkers(engine, jobs, store) as workers:
-        judged_by_manual = (
-            case.by(workers.judge.engine.manual) for case in cases if not (case.scene.expect or case.scene.twin)
-        )
-        ready = {case.name: prepare(case) for case in judged_by_manual}
+        usable = [case.by(workers.judge.engine.manual) for case in cases if not (case.scene.expect or case.scene.twin)]
+        ready = {case.name: prepare(case) for case in usable}
 
-        def results(what: str, futures: dict[str, Future[list[R]]]) -> dict[str, list[R]]:
+        def results(task: Callable[..., list[R]], given: Mapping[str, Sequence[Any]]) -> dict[str, list[R]]:
             lists: dict[str, list[R]] = {}
+            futures = {name: workers.judging(task, ready[name], of) for name, of in given.items()}
             for name, future in futures.items():
                 outcome = workers.outcome(future)
                 lists[name] = [] if isinstance(outcome, Failure) else outcome
-                progress.advance(len(lists), len(futures), f"{what}: {name}")
+                progress.advance(len(lists), len(futures), f"resolution, {task.__name__}: {name}")
             return lists
 
-        trying = {name: workers.judging(probes, one, tuple(parameters)) for name, one in ready.items()}
-        tried = results("resolution, tried", trying)
-        chosen = _chosen(tried, quick, ready)
-        searching = {name: workers.judging(smallest, ready[name], places) for name, places in chosen.items()}
-        pairs = [pair for of_case in results("resolution, bisected", searching).values() for pair in of_case]
-    return [_resolution(parameter, tried, pairs, quick) for parameter in _parameters(tried)]
+        tried = results(probes, dict.fromkeys(ready, tuple(parameters)))
+        pairs = [pair for of in results(smallest, _chosen(tried, quick, ready)).values() for pair in of]
+    return [resolution_of(parameter, tried, pairs, quick) for parameter in _parameters(tried)]
 
 
 def _parameters(tried: dict[str, list[Sensitivity]]) -> list[str]:
@@ -267,9 +243,10 @@ def _chosen(
     return chosen
 
 
-def _resolution(
+def resolution_of(
     parameter: str, tried: dict[str, list[Sensitivity]], pairs: Sequence[tuple[str, VisibleChange]], quick: set[str]
 ) -> Resolution:
+    """Return the resolution of a parameter, from the probes and the smallest changes of all cases."""
     of = _of(parameter, tried)
     changes = sorted((c for p, c in pairs if p == parameter), key=lambda c: (c.relative_change, c.case))
     best = changes[0] if changes else None

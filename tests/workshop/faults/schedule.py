@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -19,10 +19,10 @@ from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene.casefile import Case
 from tests.workshop.faults import substitute, tasks
 from tests.workshop.faults.fault import Detection, Fault, files
-from tests.workshop.faults.formula import FormulaFault
 from tests.workshop.faults.perturbed import JudgingWorkers
 from tests.workshop.faults.substitute import Substitution
 from tests.workshop.faults.tasks import Control
+from tests.workshop.together import Asking, together
 
 WITNESSES = 2  # case files that detect a fault before the rest is skipped, unless all cases are run
 LIMIT = 300.0  # seconds that some cases with one fault may take
@@ -32,7 +32,7 @@ ENOUGH = 3  # answers that a mistaken reference changes, judged before it contin
 EXCLUDED_TAGS = {"long", "open", "crash"}  # of cases that are not used
 
 T = TypeVar("T")
-Detecting = Generator[Future[Any], Any, list[Detection]]
+Detecting = Asking[list[Detection]]
 
 
 def in_order(cases: Sequence[Case]) -> list[Case]:
@@ -94,7 +94,7 @@ class MutationPool:
     def prepare(self, cases: Sequence[Case], progress: Progress) -> list[Control]:
         """Run every case on both sides without a fault; only those as expected are used for faults."""
         controls: list[Control] = []
-        for control in self._together([self._control(case) for case in cases]):
+        for control in together(self._workers, map(self._control, cases), 2 * self.jobs):
             controls.append(control)
             progress.advance(len(controls), len(cases), f"without a fault: {control.case}")
         by_case = {c.case: c for c in controls}
@@ -105,7 +105,7 @@ class MutationPool:
         self.quick = {case.name for case in cases if "quick" in case.tags}
         return order
 
-    def _control(self, case: Case) -> Generator[Future[Any], Any, Control]:
+    def _control(self, case: Case) -> Asking[Control]:
         ready = prepare(case.by(self.engine.manual))
         outcome: Control | Failure = yield self._judging(tasks.answer_case, ready)
         if isinstance(outcome, Failure):
@@ -122,30 +122,12 @@ class MutationPool:
     def plant(self, faults: Sequence[Fault]) -> Iterator[tuple[Fault, tuple[Detection, ...]]]:
         """Plant faults; yield each, as it is done, with its detections: until there are enough of them, or all."""
 
-        def planted(fault: Fault) -> Generator[Future[Any], Any, tuple[Fault, tuple[Detection, ...]]]:
+        def planted(fault: Fault) -> Asking[tuple[Fault, tuple[Detection, ...]]]:
             by_lammps = fault.family in ("told", "read")
             detections = yield from (self._ask_lammps(fault) if by_lammps else self._ask_substitute(fault))
             return fault, tuple(detections)
 
-        return self._together([planted(fault) for fault in faults])
-
-    def _together(self, asking: Sequence[Generator[Future[Any], Any, Any]]) -> Generator[Any, None, None]:
-        """Advance several generators, each of which waits for one future at a time; results as they come."""
-        ahead = list(reversed(asking))
-        waiting: dict[Future[Any], Generator[Future[Any], Any, Any]] = {}
-        ready: list[tuple[Generator[Future[Any], Any, Any], Any]] = []
-        while ahead or waiting or ready:
-            while ahead and len(waiting) + len(ready) < 2 * self.jobs:
-                ready.append((ahead.pop(), None))
-            while ready:
-                one, value = ready.pop()
-                try:
-                    waiting[one.send(value)] = one
-                except StopIteration as end:
-                    yield end.value
-            if waiting:
-                done = wait(waiting, return_when=FIRST_COMPLETED).done
-                ready.extend((waiting.pop(future), self._workers.outcome(future)) for future in done)
+        return together(self._workers, map(planted, faults), 2 * self.jobs)
 
     def _groups(self, names: Sequence[str]) -> list[list[str]]:
         """Return the names in groups, quick ones by themselves."""
@@ -217,7 +199,7 @@ class MutationPool:
     def _call_substitute(
         self, fault: Fault, names: list[str], engine: str | None, enough: int
     ) -> Future[list[Substitution]]:
-        assert isinstance(fault, FormulaFault)
+        assert isinstance(fault, substitute.FormulaFault)
         given = fault.change, self.folder, names, engine, enough, CASE_LIMIT
         limit = 60.0 + CASE_LIMIT * len(names)
         return self._substitutes.call(substitute.answer_apart, limit, *given, time_limit=2 * limit)

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from types import FrameType
 from typing import Any, Literal
@@ -37,9 +37,30 @@ from lammps_cases.scene.changes import Change
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.case_arrays import snapshot
 from lammps_cases.verdict.problems import problem_of
+from tests.workshop.faults.fault import Fault, by_id
 
 Outcome = Answer | Failure
 Mistake = Change | None
+
+
+@dataclass(frozen=True)
+class FormulaFault(Fault):
+    """A planted fault in the formulas of the reference: a change of the catalogue."""
+
+    change: Change
+
+    @property
+    def stages(self) -> type[ArrayEvaluator] | None:
+        """Return the stages that make a mistake of the particle model; None for an edit of the source."""
+        return self.change.stages
+
+
+@cache
+def faults() -> dict[str, FormulaFault]:
+    """Return all faults of this family by their id, in order."""
+    return by_id(
+        FormulaFault(f"formula.{of.id}", of.kind, of.what, of) for of in changes().values() if of.role != "hypothesis"
+    )
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Draw random scenes over the whole schema of case files, and judge each as eos-ref run does.
 
 Scenes that are red and not explained by a finding are kept as case files, and shrunk. Scene k of a seed is the same on
-every machine. Writes fuzz.json; exit code 1 if something is unexplained; Ctrl-C reports what was done so far.
+every machine with the same hypothesis. Writes fuzz.json; exit code 1 if something is unexplained; Ctrl-C reports what
+was done so far.
 
 Examples:  make fuzz FUZZ='--seconds 600 --seed 7'
            make fuzz FUZZ='--seed 7 --draw 123'

@@ -1,29 +1,33 @@
-"""Draw scenes over the whole schema: by rules if there are any, else from the schema itself."""
+"""The strategy of random scenes over the whole schema, and the scenes that a seed gives."""
 
 from __future__ import annotations
 
+import hashlib
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
+import hypothesis
+from hypothesis import HealthCheck, Phase, assume, given, settings
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from eos_ref import InputError
+from eos_ref.model.units import UNITS
 from eos_ref.syntax.manual import Manual
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.values import Path as Place
+from lammps_cases.scene.values import Powers, changed
+from lammps_cases.setup.twins import Scale
 from tests.workshop.fuzz import schema
-from tests.workshop.fuzz.chance import Chance
-from tests.workshop.fuzz.fit import fitted
-from tests.workshop.fuzz.rules import GIVEN, HANDLED, LEFT_OUT, NEVER, RULES, type_range
-from tests.workshop.fuzz.scope import Content, Scope
+from tests.workshop.fuzz.drawing import Content, Drawing, rounded
+from tests.workshop.fuzz.fit import Fit, fitted
+from tests.workshop.fuzz.rules import COMMON, GIVEN, RULES
 
-OPTIONAL = 0.35  # probability of a key without a rule
-ATTEMPTS = 50
 SOURCE = Path("drawn.yaml")
 
 
@@ -59,8 +63,44 @@ class DrawnScene:
         return schema.taken(self.content)
 
 
+@st.composite
+def contents(draw: st.DrawFn) -> tuple[Content, Fit]:
+    """Draw the content of a scene, which may break rules that the schema does not contain, and what fits it."""
+    s = Drawing(draw, RULES, GIVEN, COMMON)
+    content = s.object("")
+    far = s.coin(0.15)
+    length, density, sound = (s.number(1e-3, 1e3) if far else s.number(*ends) for ends in ((0.5, 2), (0.5, 2), (3, 20)))
+    # Not given, both are 1.
+    density = density if all("rho0" in t for t in content["types"]) else 1.0
+    sound = sound if all("cs" in t for t in content["types"]) else 1.0
+    which = s.share()
+    share = s.number(*((0.02, 0.5) if which < 0.85 else (0.5, 1.0) if which < 0.98 else (1.5, 4.0)))
+    fit = Fit(share, kernel=s.choice(["quintic", "RK0"]), zmin=s.coin(0.2))
+    return scaled(content, length, density, sound), fit
+
+
+def scaled(content: Content, length: float, density: float, sound: float) -> Content:
+    """Return a content of another size, in the numbers of its units; a growing box keeps its shares.
+
+    Raises
+    ------
+    ValidationError
+        It is no scene.
+    """
+    scene = Scene.model_validate(content)
+    mass, time = density * length**scene.dimension, length / sound
+    scale = Scale(scene.dimension, length, mass, time, UNITS["lj"], UNITS[scene.units])
+
+    def number(place: Place, value: float, powers: Powers) -> float:
+        other = value if place[:2] == ("evolve", "deform") else scale.scaled(value, powers)
+        return value if other == value else rounded(other, 6)
+
+    made: Content = changed(scene, number).model_dump(mode="json", exclude_unset=True)
+    return made
+
+
 def draw(seed: int, number: int) -> DrawnScene:
-    """Return a scene, always the same for a seed and a number.
+    """Return a scene, always the same for a seed and a number (and a release of hypothesis).
 
     Raises
     ------
@@ -68,25 +108,38 @@ def draw(seed: int, number: int) -> DrawnScene:
         All of many attempts were invalid: a rule contradicts the schema.
     """
     rejected: list[str] = []
-    for attempt in range(ATTEMPTS):
-        name = f"{seed}/{number}" + f"/{attempt}" * bool(attempt)
+    found: list[DrawnScene] = []
+
+    @hypothesis.seed(int.from_bytes(hashlib.sha256(f"{seed}/{number}".encode()).digest()))
+    @settings(max_examples=1, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=HealthCheck)
+    @given(st.data())
+    def keep(data: st.DataObject) -> None:
+        assume(data.draw(st.booleans()))  # hypothesis begins with the simplest scene of all
         try:
-            chance = Chance(name)
-            content, ready = fitted(content_of(chance), chance.at("fit"), partial(_prepared, seed, number))
-        except InputError as error:
-            rejected.append(f"{error.what}: {error.rule}")
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            rejected.append(".".join(map(str, first["loc"])) + ": " + first["msg"])
-        else:
-            return DrawnScene(seed, number, content, ready, tuple(rejected))
-    raise InputError("draw", f"no valid scene in {ATTEMPTS} attempts, the last rejected for: {rejected[-1]}", number)
+            content, ready = fitted(*data.draw(contents()), partial(_prepared, seed, number))
+        except (InputError, ValidationError) as error:
+            rejected.append(_reason(error))
+            hypothesis.reject()
+        found.append(DrawnScene(seed, number, content, ready, tuple(rejected)))
+
+    try:
+        keep()
+    except hypothesis.errors.Unsatisfiable:
+        rule = f"no valid scene in {len(rejected)} attempts, the last rejected for: {rejected[-1]}"
+        raise InputError("draw", rule, number) from None
+    return found[0]
+
+
+def _reason(error: InputError | ValidationError) -> str:
+    if isinstance(error, InputError):
+        return f"{error.what}: {error.rule}"
+    first = error.errors(include_url=False)[0]
+    return ".".join(map(str, first["loc"])) + ": " + first["msg"]
 
 
 def draws(seed: int, first: int = 0) -> Iterator[DrawnScene]:
     """Yield the draws of a seed endlessly."""
-    for number in itertools.count(first):
-        yield draw(seed, number)
+    return (draw(seed, number) for number in itertools.count(first))
 
 
 def _prepared(seed: int, number: int, content: Content) -> PreparedCase:
@@ -100,95 +153,3 @@ def _prepared(seed: int, number: int, content: Content) -> PreparedCase:
     about = f"Drawn at random: make fuzz FUZZ='--seed {seed} --draw {number}'."
     case = Case(f"drawn-{seed}-{number}", about, ("drawn",), Scene.model_validate(content), SOURCE, shipped=False)
     return prepare(case)
-
-
-def content_of(chance: Chance) -> Content:
-    """Return the content of a scene; it may break rules that the schema does not contain."""
-    scope = Scope(chance)
-    for key in schema.root()["properties"]:
-        value = drawn_property(scope, chance, schema.root(), key, "")
-        if value is not LEFT_OUT:
-            scope.content[key] = value
-    return scope.content
-
-
-def drawn_property(scope: Scope, chance: Chance, node: schema.Node, key: str, place: str) -> Any:
-    """Return the value of a key of an object, or `LEFT_OUT`; ``chance`` is the object's."""
-    own, place = chance.at(key), schema.below(place, key)
-    required = key in node.get("required", ())
-    if place in NEVER or not (required or own.coin(GIVEN.get(place, OPTIONAL))):
-        return LEFT_OUT
-    return drawn_value(scope, own, schema.resolved(node["properties"][key]), place)
-
-
-def drawn_value(scope: Scope, chance: Chance, node: schema.Node, place: str) -> Any:
-    """Return a value of a node of the schema, or `LEFT_OUT`."""
-    if place in RULES:
-        return _completed(scope, chance, RULES[place](scope, chance), node, place)
-    branch = chance.choice([each for each in schema.branches(node) if each.get("type") != "null"])
-    if (values := _possible(branch, place)) is not None:
-        return chance.choice(values) if values else LEFT_OUT
-    if schema.is_range(branch):
-        return type_range(scope, chance)
-    match branch.get("type"):
-        case "object":
-            return _object(scope, chance, branch, place)
-        case "array":
-            return _array(scope, chance, branch, place)
-        case "integer":
-            return chance.whole(*_whole_limits(branch))
-        case "number":
-            return chance.number(*_limits(branch))
-    return LEFT_OUT  # text, or anything that needs a rule
-
-
-def _possible(node: schema.Node, place: str) -> list[Any] | None:
-    values = schema.values_of(node)
-    return None if values is None else [v for v in values if f"{place}={v}" not in NEVER]
-
-
-def _object(scope: Scope, chance: Chance, node: schema.Node, place: str) -> Content:
-    return _with_keys(scope, chance, {}, node, place, node["properties"])
-
-
-def _array(scope: Scope, chance: Chance, node: schema.Node, place: str) -> list[Any]:
-    nodes = schema.members(node)
-    if "prefixItems" not in node:
-        low, high = node.get("minItems", 1), node.get("maxItems", 3)
-        vector = (low, high) == (2, 3) and nodes[0].get("type") == "number"
-        nodes = nodes * (scope.d if vector else chance.whole(max(1, low), min(3, high)))
-    values = [drawn_value(scope, chance.at(k), each, place) for k, each in enumerate(nodes)]
-    return [value for value in values if value is not LEFT_OUT]
-
-
-def _whole_limits(node: schema.Node) -> tuple[int, int]:
-    low = int(node.get("minimum", node.get("ge", node.get("exclusiveMinimum", 0))))
-    return low, int(node.get("maximum", node.get("le", low + 5)))
-
-
-def _limits(node: schema.Node) -> tuple[float, float]:
-    high = float(node.get("maximum", node.get("le", 3.0)))
-    return high / 10, high
-
-
-def _completed(scope: Scope, chance: Chance, value: Any, node: schema.Node, place: str) -> Any:
-    """Return the value of a rule, completed by the keys of the schema that the rule does not set."""
-    if place not in HANDLED or value is LEFT_OUT:
-        return value
-    if isinstance(value, list):
-        (member,) = schema.members(node)
-        return [_with_other_keys(scope, chance.at(k), each, member, place) for k, each in enumerate(value)]
-    return _with_other_keys(scope, chance, value, schema.branch_of(value, node), place)
-
-
-def _with_other_keys(scope: Scope, chance: Chance, value: Content, node: schema.Node, place: str) -> Content:
-    return _with_keys(
-        scope, chance, value, node, place, [key for key in node["properties"] if key not in HANDLED[place]]
-    )
-
-
-def _with_keys(
-    scope: Scope, chance: Chance, value: Content, node: schema.Node, place: str, keys: Iterable[str]
-) -> Content:
-    drawn = ((key, drawn_property(scope, chance, node, key, place)) for key in keys)
-    return value | {key: each for key, each in drawn if each is not LEFT_OUT}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,7 @@ from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.stability.kinds import moment_matrices
 from lammps_cases.studies.stability.limits import numbers
-from tests.workshop.fuzz.chance import Chance, rounded
-from tests.workshop.fuzz.scope import Content
+from tests.workshop.fuzz.drawing import Content, rounded
 
 Prepare = Callable[[Content], PreparedCase]
 BUILDS = ("every", "delay")  # settings by which lists may be older than the last step
@@ -28,7 +28,19 @@ DEFAULT_SKIN = 0.3
 CONDITION = 1e6  # of a moment matrix; its square times 2^-52 bounds the relative error of a gradient
 
 
-def fitted(content: Content, chance: Chance, prepare: Prepare) -> tuple[Content, PreparedCase]:
+@dataclass(frozen=True)
+class Fit:
+    """What is drawn for fitting: the share of the largest time step, a kernel if the scene's has no gradients,
+
+    and whether zmin stays above the neighbours of some particles.
+    """
+
+    share: float
+    kernel: str = "quintic"
+    zmin: bool = True
+
+
+def fitted(content: Content, fit: Fit, prepare: Prepare) -> tuple[Content, PreparedCase]:
     """Return a content whose kernel, time step, margins and rebuilding of lists suit its scene, and its case.
 
     Raises
@@ -36,23 +48,22 @@ def fitted(content: Content, chance: Chance, prepare: Prepare) -> tuple[Content,
     InputError, ValidationError
         It is not a valid scene.
     """
-    content = in_own_units(content)
     ready = prepare(content)
     if ready.case.scene.interacts and not _has_gradients(ready):
-        content = content | {"rheo": content["rheo"] | {"kernel": chance.at("kernel").choice(["quintic", "RK0"])}}
+        content = content | {"rheo": content["rheo"] | {"kernel": fit.kernel}}
         ready = prepare(content)
-    content = _with_enough_neighbours(_without_lost_walls(content, ready), ready, chance.at("zmin"))
+    content = _without_lost_walls(content, ready)
+    content = content if fit.zmin else _with_enough_neighbours(content, ready)
     if "evolve" not in content:
         return content, prepare(content)
     limit, speed, sound = _limits(ready)
     lacking = min(_lacking(*side) for side in ready.sides)
-    share = chance.weighted({(0.02, 0.5): 0.85, (0.5, 1.0): 0.13, (1.5, 4.0): 0.02})
-    step = rounded(lacking * limit * chance.number(*share), 2)
+    step = rounded(lacking * limit * fit.share, 2)
     content = content | {"evolve": _with_time_step(content["evolve"], step, lacking)}
     boost = max(map(abs, content.get("twin", {}).get("boost", [0.0])))
     travel = content["evolve"]["steps"] * step * (3 * speed + boost + 0.2 * sound)
-    content = _with_room(content, travel)
-    return (content := _without_old_lists(content, travel)), prepare(content)
+    content = _without_old_lists(_with_room(content, travel), travel)
+    return content, prepare(content)
 
 
 def _with_time_step(evolve: Content, step: float, lacking: float) -> Content:
@@ -75,30 +86,31 @@ def _problem(scene: Scene, atoms: Atoms) -> tuple[Model, State]:
     return consistent_model(model, units), consistent_state(state, units)
 
 
-def _has_gradients(ready: PreparedCase) -> bool:
-    """Return whether a reproducing kernel has gradients at all particles: otherwise the reference defines none."""
+def _evaluated(ready: PreparedCase) -> tuple[ArrayEvaluator, State]:
+    """Return the evaluator of a scene at its particles, and their state."""
     model, state = _problem(ready.case.scene, ready.atoms)
-    if not model.corrects_gradients:
-        return True
     box = reference_side.box(ready.case.scene, ready.atoms)
     evaluator = ArrayEvaluator(model, box, state.type_n, state.solid_n)
     evaluator.move(state.x_nc)
+    return evaluator, state
+
+
+def _has_gradients(ready: PreparedCase) -> bool:
+    """Return whether a reproducing kernel has gradients at all particles: otherwise the reference defines none."""
+    evaluator, state = _evaluated(ready)
+    if not evaluator.model.corrects_gradients:
+        return True
     m_nbb, definite_n, used_n = moment_matrices(evaluator, state.rho_n)
-    if not definite_n[used_n].all():
-        return False
-    return bool((np.linalg.cond(m_nbb[used_n]) < CONDITION).all())
+    return bool(definite_n[used_n].all()) and bool((np.linalg.cond(m_nbb[used_n]) < CONDITION).all())
 
 
-def _with_enough_neighbours(content: Content, ready: PreparedCase, chance: Chance) -> Content:
-    """Return a content whose reproducing kernel is used by all particles, mostly; otherwise few values are defined."""
-    scene = ready.case.scene
-    model, state = _problem(scene, ready.atoms)
-    if not (scene.whole_model and model.corrects_gradients and scene.rheo.zmin) or chance.coin(0.2):
+def _with_enough_neighbours(content: Content, ready: PreparedCase) -> Content:
+    """Return a content whose reproducing kernel is used by all particles; otherwise few values are defined."""
+    rheo, (evaluator, _) = ready.case.scene.rheo, _evaluated(ready)
+    if not (ready.case.scene.whole_model and evaluator.model.corrects_gradients and rheo.zmin):
         return content
-    evaluator = ArrayEvaluator(model, reference_side.box(scene, ready.atoms), state.type_n, state.solid_n)
-    evaluator.move(state.x_nc)
     fewest = int(np.asarray(evaluator.coordination_n).min())
-    return content | {"rheo": content["rheo"] | {"zmin": min(scene.rheo.zmin, fewest)}}
+    return content | {"rheo": content["rheo"] | {"zmin": min(rheo.zmin, fewest)}}
 
 
 def _limits(ready: PreparedCase) -> tuple[float, float, float]:
@@ -175,38 +187,3 @@ def _without_old_lists(content: Content, travel: float) -> Content:
     if "rebuild" in twin:
         changed["twin"] = {"rebuild": safe(twin["rebuild"])}
     return content | changed
-
-
-# Keys whose numbers have such a unit: the quantity that they are of, by `eos_ref.model.units`.
-QUANTITIES: Mapping[str, str] = {
-    "types.rho0": "rho",
-    "types.viscosity": "viscosity",
-    "types.viscosity.eta": "viscosity",
-    "types.viscosity.K": "viscosity",
-    "types.conductivity": "conductivity",
-    "types.specific_heat": "cv",
-    "types.latent_heat": "latent heat",
-    "pressure.A3": "A3",
-    "pressure.P_b": "pressure",
-    "forces.vector": "f",
-    **{f"rho.{form}": "rho" for form in ("constant", "per_type", "range", "values")},
-    **{f"energy.{form}": "energy" for form in ("constant", "per_type", "range", "values")},
-}
-
-
-def in_own_units(content: Content) -> Content:
-    """Return a content whose numbers are in the units of its system; the same for consistent ones."""
-    units = UNITS[content.get("units", "lj")]
-    if units.consistent:
-        return content
-
-    def converted(part: Any, place: str) -> Any:
-        if isinstance(part, dict):
-            return {key: converted(value, f"{place}.{key}" if place else key) for key, value in part.items()}
-        if isinstance(part, list):
-            return [converted(value, place) for value in part]
-        if isinstance(part, float) and place in QUANTITIES:
-            return rounded(part / units.of(QUANTITIES[place]), 6)
-        return part
-
-    return {key: converted(value, key) for key, value in content.items()}

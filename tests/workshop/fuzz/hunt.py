@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import Future
 from dataclasses import dataclass, field
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,6 +39,7 @@ from tests.workshop.fuzz import schema
 from tests.workshop.fuzz.draw import DrawnScene, draws
 from tests.workshop.fuzz.record import FuzzRecord, Red
 from tests.workshop.fuzz.rules import NEVER
+from tests.workshop.together import Asking, together
 
 if TYPE_CHECKING:
     from lammps_cases.verdict.case_arrays import Arrays
@@ -145,28 +146,19 @@ class Hunt:
                 written = now
 
     def _judged(self, workers: Workers, judge: WorkerJudge, begin: float) -> Iterator[tuple[DrawnScene, CaseRecord]]:
-        """Yield scenes with their verdicts in the order of their draws, several in progress at a time."""
-        source = draws(self.seed, self.first)
-        running: deque[tuple[DrawnScene, list[Future[Answer]]]] = deque()
-        judging: deque[tuple[DrawnScene, Future[tuple[CaseRecord, Arrays]]]] = deque()
-        left = self.scenes
-        while True:
-            while len(running) <= workers.count and left != 0 and time.monotonic() - begin < self.seconds:
-                drawn = next(source).by(judge.engine.manual)
-                limit = drawn.case.scene.engine.time_limit
-                running.append((drawn, [workers.submit(job, limit) for job in drawn.ready.jobs]))
-                left = None if left is None else left - 1
-            if running and len(judging) <= workers.count:
-                drawn, futures = running.popleft()
-                outcomes = flow.outcomes_of(workers, futures)
-                task = workers.call(flow.judge, drawn.ready, outcomes, judge.engine, None, time_limit=JUDGING)
-                judging.append((drawn, task))
-            elif judging:
-                drawn, task = judging.popleft()
-                outcome = workers.outcome(task)
-                yield drawn, record_of(drawn, outcome, judge.engine)
-            else:
-                return
+        """Yield scenes with their verdicts, several in progress at a time."""
+
+        def judged(drawn: DrawnScene) -> Asking[tuple[DrawnScene, CaseRecord]]:
+            drawn = drawn.by(judge.engine.manual)
+            limit, outcomes = drawn.case.scene.engine.time_limit, list[Answer | Failure]()
+            for job in drawn.ready.jobs:
+                outcomes += [(yield workers.submit(job, limit))]
+            outcome = yield workers.call(flow.judge, drawn.ready, outcomes, judge.engine, None, time_limit=JUDGING)
+            return drawn, record_of(drawn, outcome, judge.engine)
+
+        scenes = islice(draws(self.seed, self.first), self.scenes)
+        scenes = takewhile(lambda _: time.monotonic() - begin < self.seconds, scenes)
+        return together(workers, map(judged, scenes), 2 * workers.count)
 
     def _count(self, record: FuzzRecord, drawn: DrawnScene, verdict: CaseRecord) -> None:
         record.drawn += 1
@@ -181,7 +173,7 @@ class Hunt:
             return
         if gap := known_gap(verdict, drawn.case.scene, record.engine.distribution):
             record.gaps[gap] = record.gaps.get(gap, 0) + 1
-        elif _lost(drawn, verdict, record.engine.distribution):
+        elif is_loss(drawn.ready, verdict, record.engine.distribution):
             record.lost += 1
         elif is_unbounded(verdict, record.engine.distribution):
             record.unbounded += 1
@@ -233,11 +225,11 @@ def record_of(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, e
     return flow.faulty(drawn.ready, engine, outcome) if isinstance(outcome, Failure) else outcome[0]
 
 
-def _lost(drawn: DrawnScene, record: CaseRecord, engine: str) -> bool:
+def is_loss(ready: PreparedCase, record: CaseRecord, engine: str) -> bool:
     """Return whether particles are lost by both sides, or by the reference alone, whose forces LAMMPS may lack."""
     if record.harness_error:
-        return record.harness_error.exception == InputError.__name__ and loses(drawn.ready)
-    return is_lost(record) and loses(drawn.ready, engine)
+        return record.harness_error.exception == InputError.__name__ and loses(ready)
+    return is_lost(record) and loses(ready, engine)
 
 
 def is_lost(record: CaseRecord) -> bool:

@@ -14,15 +14,6 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.values import RANGE_SCHEMA
 
 Node = Mapping[str, Any]
-_TYPES: dict[str, tuple[type, ...]] = {
-    "null": (type(None),),
-    "boolean": (bool,),
-    "integer": (int,),
-    "number": (int, float),
-    "string": (str,),
-    "array": (list, tuple),
-    "object": (dict,),
-}
 
 
 @cache
@@ -70,9 +61,33 @@ def below(place: str, key: str) -> str:
     return f"{place}.{key}" if place else key
 
 
+@cache
 def choices() -> list[str]:
     """Return every choice of the schema."""
     return list(dict.fromkeys(_choices(root(), "", optional=False)))
+
+
+def options(place: str) -> list[str]:
+    """Return the words listed at a place."""
+    above, _, key = place.rpartition(".")
+    node = resolved(object_at(above, key)["properties"][key])
+    return [value for branch in branches(node) for value in values_of(branch) or ()]
+
+
+def object_at(place: str, key: str = "") -> Node:
+    """Return the object at a place, or that of the members of a list; of several alternatives the one with a key."""
+    node = root()
+    for name in filter(None, place.split(".")):
+        node = next(each for each in _objects(node) if name in each["properties"])["properties"][name]
+    return next(each for each in _objects(node) if not key or key in each["properties"])
+
+
+def _objects(node: Node) -> Iterator[Node]:
+    for branch in branches(resolved(node)):
+        if branch.get("type") == "object":
+            yield branch
+        elif branch.get("type") == "array":
+            yield from (each for member in members(branch) for each in _objects(member))
 
 
 def _choices(node: Node, place: str, optional: bool) -> Iterator[str]:
@@ -94,39 +109,22 @@ def _choices(node: Node, place: str, optional: bool) -> Iterator[str]:
             yield place
 
 
-def taken(content: Any, node: Node | None = None, place: str = "", optional: bool = False) -> set[str]:
+def taken(content: Any) -> set[str]:
     """Return the choices that the content of a scene takes."""
-    branch = branch_of(content, resolved(root() if node is None else node))
-    if content is None:
-        return set() if optional else {f"{place}=null"}
-    if values_of(branch) is not None:
-        return {f"{place}={_word(content)}"}
-    places = {place} if place else set()
-    if isinstance(content, dict):
-        for key, value in content.items():
-            child = branch["properties"][key]
-            places |= taken(value, child, below(place, key), key not in branch.get("required", ()))
-    elif isinstance(content, list | tuple):
-        nodes = members(branch)
-        for k, value in enumerate(content):
-            places |= taken(value, nodes[min(k, len(nodes) - 1)], place)
-    return places
+    known = set(choices())
 
+    def below_place(part: Any, place: str) -> Iterator[str]:
+        value = f"{place}={_word(part)}"
+        yield value if part is None or isinstance(part, bool) or value in known else place
+        if isinstance(part, dict):
+            for key, each in part.items():
+                yield from below_place(each, below(place, key))
+        elif isinstance(part, list | tuple):
+            for each in part:
+                yield from below_place(each, place)
 
-def branch_of(content: Any, node: Node) -> Node:
-    """Return the alternative of a node that matches a content."""
-    return next((each for each in branches(node) if _fits(content, each)), node)
-
-
-def _fits(content: Any, node: Node) -> bool:
-    if (listed := values_of(node)) is not None:
-        return any(type(content) is type(value) and content == value for value in listed)
-    names = node.get("type", ())
-    kinds = [kind for name in ([names] if isinstance(names, str) else names) for kind in _TYPES[name]]
-    if isinstance(content, bool) or not isinstance(content, tuple(kinds)):
-        return False
-    return not isinstance(content, dict) or set(content) <= set(node.get("properties", ()))
+    return known.intersection(below_place(content, ""))
 
 
 def _word(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    return "null" if value is None else str(value).lower() if isinstance(value, bool) else str(value)

@@ -6,29 +6,36 @@ import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
 
 from eos_ref import InputError
 from lammps_cases.engine import cluster, installations
+from lammps_cases.engine.session import Answer
 from lammps_cases.records.progress import SILENT
+from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from lammps_cases.scene.changes import Change
+from lammps_cases.scene.changes import Change, catalogue
+from lammps_cases.scene.particles import AtomType
+from lammps_cases.scene.values import Dim, Positive
 from tests.support import dask_cluster
 from tests.workshop import power
 from tests.workshop.faults import (
     collect,
-    formula,
     input_faults,
     output_faults,
     record,
+    scene_faults,
     schedule,
+    substitute,
+    tasks,
 )
 from tests.workshop.faults.alarms import Alarm, AlarmRun
 from tests.workshop.faults.fault import FAMILIES, KINDS, Detection, files
+from tests.workshop.faults.perturbed import PerturbedJudge
 from tests.workshop.faults.record import ControlRecord, FaultRecord, Power
 from tests.workshop.faults.schedule import MutationPool
 from tests.workshop.faults.tasks import Control
@@ -38,6 +45,7 @@ CASES = {case.name: case for case in casefile.load()}
 NAMES = ("ranges.background-override", "ideal-gas.beside-tait", "strain.thinning.2d", "power-status.divergence")
 REFUSED = "refused.no-fix-rheo"
 LAW, GAS, FLUID, SURFACE = NAMES
+ENGINE = "2025.7.22.4.0"
 # fault: the case that detects it first, the verdict, the field it names
 SEEN: dict[str, tuple[str, str, str] | None] = {
     "told.cs-off": (LAW, "differs", "pressure_used"),
@@ -59,27 +67,20 @@ SEEN: dict[str, tuple[str, str, str] | None] = {
     "formula.dies": (LAW, "crashed", ""),
     "formula.raises": (LAW, "crashed", ""),
 }
-
-
-def _own_fault(name: str, statement: str) -> formula.FormulaFault:
-    """A fault in the law of NAMES[0]."""
-    law = {"function": "eos_ref.eos.laws:linear", "replace": "return cs * cs * (rho - rho0)"}
-    change = Change(name, statement, **law, by=statement)
-    return formula.FormulaFault(f"formula.{name}", "option", statement, change)
-
-
+# Faults in the law of the first case.
+STATEMENTS = {"hangs": "while True: pass", "dies": "import os; os._exit(3)", "raises": "raise ValueError('no')"}
+LINEAR = ("eos_ref.eos.laws:linear", "return cs * cs * (rho - rho0)")
 OWN = {
-    fault.id: fault
-    for fault in (
-        _own_fault("hangs", "while True: pass"),
-        _own_fault("dies", "import os; os._exit(3)"),
-        _own_fault("raises", "raise ValueError('no')"),
+    f"formula.{name}": substitute.FormulaFault(
+        f"formula.{name}", "option", name, Change(name, name, function=LINEAR[0], replace=LINEAR[1], by=by)
     )
+    for name, by in STATEMENTS.items()
 }
+Planted = tuple[list[Control], dict[str, tuple[Detection, ...]]]
 
 
 @pytest.fixture(scope="module")
-def planted() -> Iterator[tuple[list[Control], dict[str, tuple[Detection, ...]]]]:
+def planted() -> Iterator[Planted]:
     """The control, and all faults of SEEN planted."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(schedule, "CASE_LIMIT", 2.0)
@@ -90,24 +91,17 @@ def planted() -> Iterator[tuple[list[Control], dict[str, tuple[Detection, ...]]]
 
 
 @pytest.mark.lammps
-def test_without_a_fault_nothing_is_red(planted: tuple[list[Control], dict[str, tuple[Detection, ...]]]) -> None:
-    control, _ = planted
-    assert [(c.case, c.answered, c.played, c.red) for c in control] == [
-        *((name, True, True, ()) for name in NAMES),
-        (REFUSED, True, None, ()),
-    ]
+def test_without_a_fault_nothing_is_red(planted: Planted) -> None:
+    expected = [*((name, True, True, ()) for name in NAMES), (REFUSED, True, None, ())]
+    assert [(c.case, c.answered, c.played, c.red) for c in planted[0]] == expected
 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("fault", SEEN)
-def test_planted_fault_is_detected(fault: str, planted: tuple[list[Control], dict[str, tuple[Detection, ...]]]) -> None:
-    seen = planted[1][fault]
-    expected = SEEN[fault]
-    if expected is None:
-        assert seen == ()
-    else:
-        assert (seen[0].case, seen[0].verdict, seen[0].field) == expected
-        assert len(seen) == len(files(seen)) <= schedule.WITNESSES, "no more than it takes to know two scenes"
+def test_planted_fault_is_detected(fault: str, planted: Planted) -> None:
+    seen, expected = planted[1][fault], SEEN[fault]
+    assert [(one.case, one.verdict, one.field) for one in seen[:1]] == ([] if expected is None else [expected])
+    assert len(seen) == len(files(seen)) <= schedule.WITNESSES, "no more than it takes to know two scenes"
 
 
 @pytest.mark.lammps
@@ -121,30 +115,96 @@ def test_every_case_that_detects_a_fault() -> None:
     }
 
 
+@pytest.mark.lammps
+@pytest.mark.slow
+def test_faults_are_planted_in_the_same_cases_on_a_cluster() -> None:
+    cases = casefile.select(casefile.load(), ["ranges.star", "walls.stored.damped"])
+    controls = []
+    with dask_cluster.running(1, nanny=True) as steady:
+        for address in ("", steady.address):
+            with cluster.used(address), MutationPool(installations.resolve("env"), 2, None) as pool:
+                controls.append(pool.prepare(cases, SILENT))
+    assert controls[0] == controls[1] and [control.answered for control in controls[0]] == [True, True]
+
+
+# --- controls: cases without a fault, with which faults are compared
+
+
+def _control(name: str, folder: Path) -> tuple[Control, PerturbedJudge]:
+    judge = PerturbedJudge(EngineRecord(name="env", distribution=ENGINE))
+    return tasks.answer_case(None, judge, folder, prepared_case.prepare(CASES[name])), judge
+
+
+@pytest.mark.lammps
+def test_case_that_depends_on_lists_is_a_green_control(tmp_path: Path) -> None:
+    """It detects a corrupted output, and a fault in the input, whose run is read with its lists."""
+    name = "virials-twins.relabel"
+    control, judge = _control(name, tmp_path)
+    assert (control.answered, control.played, control.red) == (True, True, ())
+
+    def detected(fault: str) -> list[str]:
+        return [one.case for one in tasks.detect(None, judge, tmp_path, fault, [name], None)]
+
+    assert detected("read.axis-lost-f") == detected("told.mass-doubled") == [name]
+    assert detected("told.no-deform") == []  # has none
+
+
+@pytest.mark.lammps
+def test_mistake_hidden_by_a_finding_is_detected_for_a_lammps_without_it(tmp_path: Path) -> None:
+    name = "twins-units.fluids.real"
+    control, judge = _control(name, tmp_path)
+    assert (control.answered, control.played, control.manual, control.red) == (True, True, True, ())
+    mistake = catalogue()["units-k-unconverted"]
+    assert substitute.answer_cases(mistake, tmp_path, [name], ENGINE, 1, 30.0) == []
+    (played,) = substitute.answer_cases(mistake, tmp_path, [name], None, 1, 30.0)
+    detection = tasks.judge_substitution(None, judge, tmp_path, played)
+    assert detection and (detection.verdict, detection.field, detection.manual) == ("differs", "viscosity", True)
+
+
+@pytest.mark.lammps
+def test_twin_of_the_same_problem_uses_the_same_findings(tmp_path: Path) -> None:
+    """Read at other steps, a finding would be fitted to another snapshot."""
+    assert _control("twins-cross-type.split", tmp_path)[0].played
+
+
 # --- the faults themselves
 
 
 @pytest.mark.slow
-def test_faults_are_many_and_have_unique_names() -> None:
+def test_faults_are_many_and_of_all_kinds() -> None:
     faults = collect.faults()
     assert len(faults) >= 500
     assert {fault.family for fault in faults.values()} == set(FAMILIES)
     assert {fault.kind for fault in faults.values()} == set(KINDS)
     assert all(name == fault.id and fault.what for name, fault in faults.items())
+    assert set(record.arguments()) <= {(fault.id, fault.what) for fault in faults.values()}
 
 
 @pytest.mark.slow
-def test_mistakes_of_the_engine_are_not_planted() -> None:
-    assert "formula.lint-no-volume-in-the-force" not in collect.faults("2025.7.22.4.0")
+def test_mistakes_equal_to_findings_of_the_engine_are_not_planted() -> None:
+    findings = {"formula.lint-velocity-of-walls-lost", "formula.lint-no-volume-in-the-force"}
+    assert set(substitute.faults()) - set(collect.faults()) == findings
+    assert "formula.lint-no-volume-in-the-force" not in collect.faults(ENGINE)
     assert "formula.lint-no-volume-in-the-force" in collect.faults("2025.7.22.1.0")
-    assert "formula.lint-heat-divided-by-the-density" in collect.faults("2025.7.22.4.0")
+    assert "formula.lint-heat-divided-by-the-density" in collect.faults(ENGINE)
 
 
 @pytest.mark.slow
-def test_sample_is_reproducible() -> None:
-    drawn = [fault.id for fault in collect.select(collect.faults(), (), sample=7)]
-    assert drawn == [fault.id for fault in collect.select(collect.faults(), (), sample=7)]
-    assert len(drawn) == 7
+def test_faults_are_chosen_by_name_or_by_a_reproducible_sample() -> None:
+    faults = collect.faults()
+    assert [f.id for f in collect.select(faults, ("told.cs-o*",))] == ["told.cs-off", "told.cs-of-one"]
+    with pytest.raises(InputError, match=r"mean 'told\.cs-off"):
+        collect.select(faults, ("told.cs-of",))
+    drawn = collect.select(faults, (), sample=7)
+    assert drawn == collect.select(faults, (), sample=7) and len(drawn) == 7
+
+
+def test_new_number_of_a_type_is_planted_without_an_edit() -> None:
+    class SizedType(AtomType):
+        size: Annotated[Positive, Dim("x")]
+
+    new = set(scene_faults.numbers(SizedType, "types")) - set(scene_faults.numbers(AtomType, "types"))
+    assert new == {"types.size"}
 
 
 def test_fault_without_effect_does_not_apply() -> None:
@@ -153,30 +213,13 @@ def test_fault_without_effect_does_not_apply() -> None:
     assert input_faults.jobs(input_faults.faults()["told.mass-off"], ready) is not None
 
 
-@pytest.mark.lammps
-def test_corrupting_an_answer_keeps_the_correct_one(planted: Any) -> None:
-    from lammps_cases.engine.session import Answer
-
+def test_corrupting_an_answer_keeps_the_correct_one() -> None:
     right = {"id": np.arange(1, 5), "f": np.arange(12.0).reshape(4, 3)}
     answer = Answer(right, 0.0, (right,), (0,))
     for fault in output_faults.faults().values():
         faulty = output_faults.applied(fault, answer)
         assert right["f"].tolist() == np.arange(12.0).reshape(4, 3).tolist(), fault.id
         assert faulty is None or set(faulty.arrays) == set(right)
-
-
-@pytest.mark.lammps
-def test_arguments_name_planted_faults() -> None:
-    planted = {(fault.id, fault.what) for fault in collect.faults().values()}
-    assert set(record.arguments()) <= planted
-
-
-@pytest.mark.slow
-def test_names_of_faults() -> None:
-    faults = collect.faults()
-    assert [f.id for f in collect.select(faults, ("told.cs-o*",))] == ["told.cs-off", "told.cs-of-one"]
-    with pytest.raises(InputError, match=r"mean 'told\.cs-off"):
-        collect.select(faults, ("told.cs-of",))
 
 
 # --- the record
@@ -192,20 +235,25 @@ def _fault(name: str, *cases: str, quick: bool = True, argued: str = "") -> Faul
     return FaultRecord(f"told.{name}", "told", "constant", name, cases, quick and bool(cases), seen, argued)
 
 
-def _alarmed(alarm: Alarm) -> AlarmRun:
-    return AlarmRun(alarm.kind, "two", cases=1, same_bits=0, within=0, verdicts={"differs": 1}, alarms=(alarm,))
+def _alarmed(finding: str) -> AlarmRun:
+    alarm = Alarm("x", "ranks", "differs", "f", finding)
+    return AlarmRun("ranks", "two", cases=1, same_bits=0, within=0, verdicts={"differs": 1}, alarms=(alarm,))
 
 
-def test_complaints() -> None:
-    assert _power(_fault("a", "x")).complaints == []
-    assert _power(_fault("a", argued="equal")).complaints == []
-    assert "unseen: told.a" in _power(_fault("a")).complaints[0]
-    red = ControlRecord("told", 3, ("x: differs",))
-    assert "told: x" in _power(_fault("a", "x"), controls=(red,)).complaints[0]
-    alarm = _alarmed(Alarm("x", "ranks", "differs", "f"))
-    known = _alarmed(replace(alarm.alarms[0], finding="walls-after-rebuild"))
-    assert _power(_fault("a", "x"), alarms=(known,)).complaints == []
-    assert "false alarm, ranks: x" in _power(_fault("a", "x"), alarms=(alarm,)).complaints[0]
+@pytest.mark.parametrize(
+    ("fault", "more", "complaint"),
+    [
+        (_fault("a", "x"), {}, ""),
+        (_fault("a", argued="equal"), {}, ""),
+        (_fault("a"), {}, "unseen: told.a"),
+        (_fault("a", "x"), {"controls": (ControlRecord("told", 3, ("x: differs",)),)}, "told: x"),
+        (_fault("a", "x"), {"alarms": (_alarmed("walls-after-rebuild"),)}, ""),
+        (_fault("a", "x"), {"alarms": (_alarmed(""),)}, "false alarm, ranks: x"),
+    ],
+)
+def test_complaints(fault: FaultRecord, more: dict[str, Any], complaint: str) -> None:
+    found = _power(fault, **more).complaints
+    assert len(found) == bool(complaint) and all(complaint in line for line in found)
 
 
 @pytest.mark.parametrize(
@@ -228,11 +276,8 @@ def test_rates_are_checked_for_all_faults_together(slow: int, unseen: int, quick
 
 def test_red_control_belongs_to_the_families_that_use_it() -> None:
     found = record.controls([Control("x", True, False, ("played: differs",)), Control("y", True, None)])
-    assert {c.family: (c.cases, len(c.red)) for c in found} == {
-        "told": (2, 0),
-        "read": (2, 0),
-        "formula": (1, 1),
-    }
+    counts = {c.family: (c.cases, len(c.red)) for c in found}
+    assert counts == {"told": (2, 0), "read": (2, 0), "formula": (1, 1)}
 
 
 def test_finished_faults_are_kept_after_a_kill(tmp_path: Path) -> None:
@@ -250,15 +295,9 @@ def test_finished_faults_are_kept_after_a_kill(tmp_path: Path) -> None:
 # --- the command
 
 
-@pytest.fixture
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The command knows two cases."""
-    monkeypatch.setattr(casefile, "load", lambda *_: [CASES[LAW], replace(CASES[FLUID], tags=("model",))])
-
-
 @pytest.mark.lammps
-@pytest.mark.usefixtures("few")
-def test_command_resumes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(casefile, "load", lambda *_: [CASES[LAW], replace(CASES[FLUID], tags=("model",))])
     out = ("--out", str(tmp_path), "--jobs", "1")
     asked = ("told.cs-off", "told.power-n", "told.kappa-off", *out)
     assert power.main(asked) == 1  # no case conducts heat
@@ -307,21 +346,3 @@ def test_interrupted_run_reports_what_is_kept(
     assert power.main(["--out", str(tmp_path)]) == 130
     kept = f"interrupted: what is done is in {tmp_path / 'planted.jsonl'}; the same command, without --fresh, resumes"
     assert capsys.readouterr().err == (f"{kept}\n" if done else "interrupted\n")
-
-
-@pytest.mark.slow
-def test_mistakes_equal_to_findings_are_not_faults() -> None:
-    left_out = set(formula.faults()) - set(collect.faults())
-    assert left_out == {"formula.lint-velocity-of-walls-lost", "formula.lint-no-volume-in-the-force"}, "findings"
-
-
-@pytest.mark.lammps
-@pytest.mark.slow
-def test_faults_are_planted_in_the_same_cases_on_a_cluster() -> None:
-    cases = casefile.select(casefile.load(), ["ranges.star", "walls.stored.damped"])
-    controls = []
-    with dask_cluster.running(1, nanny=True) as steady:
-        for address in ("", steady.address):
-            with cluster.used(address), MutationPool(installations.resolve("env"), 2, None) as pool:
-                controls.append(pool.prepare(cases, SILENT))
-    assert controls[0] == controls[1] and [control.answered for control in controls[0]] == [True, True]

@@ -21,7 +21,7 @@ from lammps_cases.run import flow, prepared_case
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS, in_step_order
-from lammps_cases.setup import commands, twins
+from lammps_cases.setup import commands
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.case_arrays import snapshot
 from lammps_cases.verdict.problems import problem_of

@@ -36,6 +36,7 @@ from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.changes import Change
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.case_arrays import snapshot
+from lammps_cases.verdict.mistakes import changes
 from lammps_cases.verdict.problems import problem_of
 from tests.workshop.faults.fault import Fault, by_id
 

@@ -92,7 +92,7 @@ class Recomputation:
             problem = small.problem
             pairs = ArrayEvaluator(problem.model, problem.box, problem.state.type_n, problem.state.solid_n)
             pairs.move(problem.state.x_nc)
-            shortest = float(np.min(pairs.r)) if len(pairs.r) else np.nan
+            shortest = float(np.asarray(pairs.r).min()) if len(pairs.r) else np.nan
             scope |= {"scene": small.scene, "atoms": small.atoms, "model": problem.model, "shortest": shortest}
         assert not scope.keys() & self.entry.numbers.keys()
         scope |= {name: float(text) for name, text in self.entry.numbers.items()}

@@ -395,7 +395,7 @@ def _scene(
             "energy": {"constant": 1.0} if with_energy else None,
             "evolve": {"steps": steps[-1], "timestep": timestep, "compare_at": steps} if any(steps) else None,
             **scene,
-            "compare": (*ALWAYS, *(["energy"] if with_energy else []), *scene.get("compare", ())),
+            "compare": tuple(dict.fromkeys((*ALWAYS, *["energy"] * with_energy, *scene.get("compare", ())))),
             "rheo": {**rheo, **scene.get("rheo", {})},
         }
     )

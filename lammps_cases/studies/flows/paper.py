@@ -10,7 +10,7 @@ otherwise. Velocities and densities are the paper's, so that times grow with N a
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -63,13 +63,13 @@ def with_kernel(kernel: KernelStyle, cut: float, zmin: int = 0) -> Options:
     return Options(kernel=kernel, cut=cut, zmin=zmin)
 
 
-def lattice(*axes: Sequence[int] | FloatArray) -> FloatArray:
+def lattice(*axes: Any) -> FloatArray:
     """Return the points of a lattice from the coordinates along each axis, the first one running fastest."""
     mesh = np.meshgrid(*axes[::-1], indexing="ij")
     return np.stack([part.ravel() for part in mesh[::-1]], axis=1).astype(float)
 
 
-def disordered(x_nc: FloatArray, name: str, moved_n: FloatArray | None = None) -> FloatArray:
+def disordered(x_nc: FloatArray, name: str, moved_n: Any = None) -> FloatArray:
     """Return positions displaced along every axis by up to a tenth of a spacing, those of ``moved_n`` or all."""
     by_nc = np.random.default_rng(seed(name)).uniform(-DISORDER, DISORDER, x_nc.shape)
     return x_nc + (by_nc if moved_n is None else np.where(moved_n[:, None], by_nc, 0.0))

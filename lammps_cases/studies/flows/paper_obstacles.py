@@ -16,6 +16,7 @@ import numpy as np
 from eos_ref.analytic import stokes
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KernelStyle
+from eos_ref.model.box import BoolArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.studies.flows.flow import (
     Curve,
@@ -56,14 +57,14 @@ class Array:
     def drag(self) -> float:
         """Return the drag over eta U and, in space, the length of the cell."""
         if self.dimension == 2:
-            return stokes.cylinders(self.radius).drag
+            return float(stokes.cylinders(self.radius).drag)
         return 6 * math.pi * self.radius * stokes.drag_of_sphere(4 / 3 * math.pi * self.radius**3)
 
     def gravity(self, n: int) -> float:
         """Return the acceleration whose force on a cell is the drag at the mean velocity."""
         return self.drag() * NU * self.speed(n) / self.cell(n) ** 2
 
-    def inside(self, n: int, x_nc: FloatArray) -> FloatArray:
+    def inside(self, n: int, x_nc: FloatArray) -> BoolArray:
         """Return which particles are the obstacle's."""
         return np.asarray(np.linalg.norm(x_nc - self.cell(n) / 2, axis=1) < self.radius * self.cell(n))
 
@@ -100,7 +101,7 @@ def _start(n: int, options: Options, of: Array) -> Start:
 def _flux(n: int, options: Options, snapshots: Sequence[Snapshot], of: Array) -> float:
     """Return the mean velocity over the cell, over that of the drag."""
     fluid_n = _start(n, options, of).atoms.type_n == 1
-    return float(snapshots[-1].v_nc[fluid_n, 0].sum()) / of.cell(n) ** of.dimension / of.speed(n)
+    return float(snapshots[-1].v_nc[fluid_n, 0].sum() / of.cell(n) ** of.dimension / of.speed(n))
 
 
 def _errors(n: int, options: Options, snapshots: Sequence[Snapshot], of: Array) -> dict[str, float]:

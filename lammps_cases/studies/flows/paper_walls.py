@@ -104,7 +104,7 @@ class ChannelFluid:
 
         band = np.eye(cells) + np.eye(cells, k=1) + np.eye(cells, k=-1)
         found = solve_ivp(rate, (0.0, time), 0 * place_n, "BDF", rtol=1e-6, atol=1e-10, jac_sparsity=band)
-        return np.interp(np.abs(y_n), [*place_n, half], [*found.y[:, -1], 0.0])
+        return np.asarray(np.interp(np.abs(y_n), [*place_n, half], [*found.y[:, -1], 0.0]))
 
 
 NEWTONIAN = ChannelFluid(0.16, 1e-4)
@@ -117,7 +117,7 @@ def _channel(n: int, options: Options, of: ChannelFluid) -> Start:
     x_nc = lattice(np.arange(WIDTH) + 0.5, np.arange(-half - layers, half + layers + 1))
     inside_n = np.abs(x_nc[:, 1]) <= half
     x_nc = disordered(x_nc, f"paper-channel-{n}", inside_n)
-    kind = fluid(cs=SOUND, viscosity=1.0) | {"viscosity": of.viscosity(unit)}  # type: ignore[dict-item]
+    kind = fluid(cs=SOUND, viscosity=1.0) | {"viscosity": of.viscosity(unit)}
     return start(
         f"paper-channel-{n}",
         {

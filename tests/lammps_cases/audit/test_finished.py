@@ -21,7 +21,7 @@ from lammps_cases.audit.dumps import number
 from lammps_cases.audit.messages import DeckSetups
 from lammps_cases.audit.options import AuditOptions, AuditResult
 from lammps_cases.audit.verdict import Findings
-from lammps_cases.records.case_parts import worst
+from lammps_cases.records.case_parts import Verdict, worst
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.audited_decks import case_of, inlined, run_plain
 from tests.support.outcome import Outcome
@@ -127,7 +127,7 @@ def box(written: Decks) -> Written:
     return written("box")
 
 
-def verdicts(case: CaseRecord) -> dict[str, str]:
+def verdicts(case: CaseRecord) -> dict[str, Verdict]:
     return {field.field: field.verdict for field in case.fields}
 
 

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from lammps_cases.engine.session import kept
-from lammps_cases.studies.flows import page
 from lammps_cases.studies.flows.catalogue import PAPER
 from lammps_cases.studies.flows.flow import Flow
 from lammps_cases.studies.flows.paper_obstacles import CYLINDERS, SPHERES, Array
 from lammps_cases.studies.flows.paper_walls import NEWTONIAN, YIELDING, ChannelFluid
-from lammps_cases.studies.flows.solve import by_lammps, by_reference
+from lammps_cases.studies.flows.solve import by_lammps, by_reference, fit
 from tests.support.outcome import Outcome
 
 
@@ -37,7 +36,7 @@ def test_normals_are_the_published_ones_to_all_their_digits(name: str, at: int) 
 def test_divergence_falls_with_the_order_of_the_kernel(kernel: str, order: int) -> None:
     of = PAPER[f"paper-divergence-{kernel}"]
     errors = {n: first_error(of, n) for n in (20, 40, 50, 100)}
-    assert page.fit(list(errors), list(errors.values())).order == pytest.approx(order, abs=0.2)
+    assert fit(list(errors), list(errors.values())).order == pytest.approx(order, abs=0.2)
     assert of.published is not None
     # Another sample of the disorder: the mean of a thousand values of either sign and size.
     assert errors[100] == pytest.approx(of.published.errors[100], rel=0.1)

@@ -62,6 +62,14 @@ def test_both_sides_solve_the_same_flow(name: str) -> None:
     assert list(found[0].values()) == pytest.approx(list(found[1].values()), rel=1e-3)
 
 
+@pytest.mark.slow
+def test_wall_of_a_channel_lies_half_a_spacing_beyond_its_last_row() -> None:
+    of = PAPER["paper-poiseuille-rk1"]
+    found = by_reference(of.start(20, of.options))
+    _, at_last_row, half_a_spacing_out = of.measures(20, of.options, found.snapshots).values()
+    assert at_last_row > 0.1 and half_a_spacing_out < 0.01
+
+
 def test_energy_that_is_held_stays() -> None:
     of = PAPER["paper-conduction-rk1-narrow"]
     begin = of.start(20, of.options)

@@ -108,13 +108,13 @@ def fields(problem: Problem, changes: Sequence[Change] = (), base: Classes = PLA
 
 
 def pressure(change: Change, table: EOSTable, state: EosState) -> FloatArray | None:
-    """Return the pressure of every particle with a change, (n,); None if it changes no law, or has no energy."""
+    """Return the pressure of every particle with a change, (n,); None if it changes no law, or cannot be evaluated."""
     if change.laws and not any(eval(change.laws, {"law": law, "table": table}) for law in table.laws):
         return None
     try:
         with made(change):
             return evaluate(change.table(table) if change.table else table, state)
-    except InputError:
+    except (InputError, ArithmeticError):
         return None
 
 

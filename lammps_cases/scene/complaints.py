@@ -58,6 +58,7 @@ class Complaint:
     ----------
     rules : what is valid, by verb (or none); any of them will do
     below : keys in that part that the rules concern
+    words : those that are allowed, if the rule is a choice of words
     mark : line and column, from 0
     case : the case of a matrix that breaks it
     """
@@ -67,6 +68,7 @@ class Complaint:
     found: Any = None
     kind: str = ""
     below: Keys = ()
+    words: tuple[str, ...] = ()
     mark: tuple[int, int] = (0, 0)
     case: str = ""
 
@@ -224,7 +226,8 @@ def _complaint(error: ErrorDetails, keys: Keys) -> Complaint:
     members = counted(context.get("min_length", context.get("max_length", 0)), "member")
     verb, rest = RULES.get(kind, ("", error["msg"]))
     found = None if kind in ("missing", "extra_forbidden") else flow(value)
-    return Complaint(keys, ((verb, rest.format(**context, members=members)),), found, kind)
+    words = tuple(re.findall("'([^']*)'", context.get("expected", "")))
+    return Complaint(keys, ((verb, rest.format(**context, members=members)),), found, kind, words=words)
 
 
 def _of_validator(error: ValueError, keys: Keys, value: Any) -> Complaint:
@@ -251,14 +254,14 @@ def _one_each(every: Sequence[Complaint]) -> list[Complaint]:
     by_keys: dict[Keys, Complaint] = {}
     for each in every:
         before = by_keys.setdefault(each.keys, each)
-        by_keys[each.keys] = replace(before, rules=tuple(dict.fromkeys((*before.rules, *each.rules))))
+        rules, words = dict.fromkeys((*before.rules, *each.rules)), dict.fromkeys((*before.words, *each.words))
+        by_keys[each.keys] = replace(before, rules=tuple(rules), words=tuple(words))
     return list(by_keys.values())
 
 
 def _with_hint(complaint: Complaint) -> Complaint:
-    words = re.findall("'([^']*)'", complaint.rule)
-    hint = nearest(str(complaint.found), words)
-    rule = "must be a known name" if hint and len(words) > MANY else complaint.rule
+    hint = nearest(str(complaint.found), complaint.words)
+    rule = "must be a known name" if hint and len(complaint.words) > MANY else complaint.rule
     return replace(complaint, rules=(("", rule + hint),))
 
 

@@ -40,7 +40,7 @@ NU, SOUND, MACH = 1.0, 1.0, 0.01
 SETTLED = 6.0  # the start has decayed by exp(-6)
 
 
-class Array:
+class ObstacleArray:
     """Obstacles in cells of n spacings: spheres in space or cylinders in the plane, of a radius over the cell."""
 
     def __init__(self, dimension: int, radius: float) -> None:
@@ -69,11 +69,11 @@ class Array:
         return np.asarray(np.linalg.norm(x_nc - self.cell(n) / 2, axis=1) < self.radius * self.cell(n))
 
 
-SPHERES = Array(3, 0.25)
-CYLINDERS = Array(2, 1 / 12)  # six diameters apart, as the paper's row
+SPHERES = ObstacleArray(3, 0.25)
+CYLINDERS = ObstacleArray(2, 1 / 12)  # six diameters apart, as the paper's row
 
 
-def _start(n: int, options: Options, of: Array) -> Start:
+def _start(n: int, options: Options, of: ObstacleArray) -> Start:
     cell, d = of.cell(n), of.dimension
     x_nc = lattice(*[np.arange(cell) + 0.5] * d)
     inside_n = of.inside(n, x_nc)
@@ -98,13 +98,13 @@ def _start(n: int, options: Options, of: Array) -> Start:
     )
 
 
-def _flux(n: int, options: Options, snapshots: Sequence[Snapshot], of: Array) -> float:
+def _flux(n: int, options: Options, snapshots: Sequence[Snapshot], of: ObstacleArray) -> float:
     """Return the mean velocity over the cell, over that of the drag."""
     fluid_n = _start(n, options, of).atoms.type_n == 1
     return float(snapshots[-1].v_nc[fluid_n, 0].sum() / of.cell(n) ** of.dimension / of.speed(n))
 
 
-def _errors(n: int, options: Options, snapshots: Sequence[Snapshot], of: Array) -> dict[str, float]:
+def _errors(n: int, options: Options, snapshots: Sequence[Snapshot], of: ObstacleArray) -> dict[str, float]:
     drag = {"drag": abs(1 / _flux(n, options, snapshots, of) - 1)}
     if of.dimension == 3:
         return drag
@@ -139,7 +139,7 @@ def _profile_panel() -> FlowPanel:
 
 
 def _flow(
-    of: Array, kernel: KernelStyle, name: str, title: str, resolutions: tuple[int, ...], about: Published
+    of: ObstacleArray, kernel: KernelStyle, name: str, title: str, resolutions: tuple[int, ...], about: Published
 ) -> Flow:
     return Flow(
         f"paper-{name}-{kernel.lower()}",

@@ -69,7 +69,7 @@ class ChannelFluid:
     @property
     def K(self) -> float:
         """Return the consistency, with which the stress is continuous at gd0."""
-        return (self.eta * self.gd0 - self.yielding) / self.gd0**self.power
+        return float((self.eta * self.gd0 - self.yielding) / self.gd0**self.power)
 
     def stress(self, rate_n: FloatArray) -> FloatArray:
         """Return the shear stress at a rate of strain."""

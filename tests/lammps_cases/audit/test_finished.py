@@ -292,7 +292,7 @@ def test_non_finite_number_never_passes(column: str, text: str, written: Decks, 
 
 @pytest.mark.parametrize("column", [name for name in IN_POWER[2:] if name != "phase"])  # which is 0 or not
 def test_subnormal_number_is_compared_as_zero(column: str, written: Decks, tmp_path: Path) -> None:
-    def judged(text: str) -> dict[str, str]:
+    def judged(text: str) -> dict[str, Verdict]:
         return verdicts(written("power").case(written("power").edited("all.dump", tmp_path, 2, column, text)[0]))
 
     assert judged("5e-324") == judged("1e-310") == judged("0")

@@ -63,7 +63,9 @@ def test_several_are_one_class_each_before_the_reference(problem: Problem) -> No
     stages, stepping = made
     assert stages.__mro__[1:4] == (ForcePerVolume, HeatOverDensity, ArrayEvaluator)
     assert stepping.__mro__[1:3] == (OtherStepping, Simulation)
-    assert {stages.__module__, stepping.__module__} == {variants.__name__}, "predictions of it can be kept"
+    assert {stages.__module__, stepping.__module__} == {"lammps_cases.comparison.changed"}, (
+        "predictions of it can be kept"
+    )
 
 
 def test_derived_variant_replaces_its_base(problem: Problem) -> None:

@@ -10,7 +10,7 @@ import pytest
 from lammps_cases.engine.session import kept
 from lammps_cases.studies.flows.catalogue import PAPER
 from lammps_cases.studies.flows.flow import Flow
-from lammps_cases.studies.flows.paper_obstacles import CYLINDERS, SPHERES, Array
+from lammps_cases.studies.flows.paper_obstacles import CYLINDERS, SPHERES, ObstacleArray
 from lammps_cases.studies.flows.paper_walls import NEWTONIAN, YIELDING, ChannelFluid
 from lammps_cases.studies.flows.solve import by_lammps, by_reference, fit
 from tests.support.outcome import Outcome
@@ -97,7 +97,7 @@ def test_yielding_fluid_comes_to_the_closed_profile() -> None:
 
 
 @pytest.mark.parametrize("array", [SPHERES, CYLINDERS], ids=["spheres", "cylinders"])
-def test_obstacle_fills_about_its_part_of_the_cell(array: Array) -> None:
+def test_obstacle_fills_about_its_part_of_the_cell(array: ObstacleArray) -> None:
     of = PAPER["paper-sphere-rk1" if array is SPHERES else "paper-cylinder-rk1"]
     begin = of.start(16, of.options)
     share = np.mean(begin.atoms.type_n == 2)

@@ -209,7 +209,7 @@ def _newtonian(kernel: KernelStyle) -> Flow:
 def _yielding(kernel: KernelStyle, order: float) -> Flow:
     meaning = (
         "Published: after t = 4470, against the ideal law; here at t = 150, against the law that is simulated, "
-        "Newtonian up to a rate of strain. Half a spacing of the wall is most of the error."
+        "Newtonian up to a rate of strain. The velocity lies between those for walls at H and half a spacing out."
     )
     published = Published("4 Herschel-Bulkley channel", errors_of("4", kernel, "shift"), order, meaning)
     return _channel_flow(YIELDING, "herschel-bulkley", "Herschel-Bulkley channel", kernel, published)

@@ -6,7 +6,8 @@ import functools
 import hashlib
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +21,7 @@ from lammps_cases.engine import installations
 from lammps_cases.engine.installations import library_sha256
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings.entry import Finding
+from lammps_cases.records.journal import Parts
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
@@ -65,17 +67,15 @@ def validate(
     """
     site, begin, before = installations.resolve(engine).site, time.perf_counter(), machine()
     kept, runs = page.runs(out), list[FlowRecord]()
-    with Workers(site, 1) as workers:
+    with ThreadPoolExecutor(1) as thread, Workers(site, 1) as workers:
         about = workers.identify().result()
         about["library_sha256"] = library_sha256(about.pop("library", ""))
         tasks = [task for of in chosen for task in _tasks(of, quick, full, workers)]
-        for k, task in enumerate(tasks):
-            start = task.of.start(task.n, task.of.options)
-            key = _key(task, start, about)
+        for k, (task, key, run) in enumerate(_in_turn(tasks, kept, about, thread)):
             ran = kept.get(key)
             if ran is None:
                 progress.advance(k, len(tasks), f"{task.of.name}, {task.n}, {task.side}")
-                ran = kept.add(key, _run(task, start))
+                ran = kept.add(key, run())
             runs.append(ran)
     progress.advance(len(tasks), len(tasks), "report")
     seconds = time.perf_counter() - begin + kept.earlier
@@ -83,6 +83,24 @@ def validate(
     page._write_tables(validated, out)
     page.write(validated, out)
     return validated
+
+
+def _in_turn(
+    tasks: Iterable[FlowTask], kept: Parts[FlowRecord], about: dict[str, Any], thread: Executor
+) -> Iterator[tuple[FlowTask, str, Callable[[], FlowRecord]]]:
+    """Yield tasks with their keys and runs; LAMMPS begins with the next one in another thread."""
+
+    def begin(task: FlowTask) -> tuple[FlowTask, str, Callable[[], FlowRecord]]:
+        start = task.of.start(task.n, task.of.options)
+        key, run = _key(task, start, about), partial(_run, task, start)
+        waits = task.side in (LAMMPS, UNIT) and kept.get(key) is None
+        return task, key, thread.submit(run).result if waits else run
+
+    ahead = map(begin, tasks)
+    following = next(ahead, None)
+    while following:
+        current, following = following, next(ahead, None)
+        yield current
 
 
 def _tasks(of: Flow, quick: bool, full: bool, workers: Workers) -> Iterator[FlowTask]:

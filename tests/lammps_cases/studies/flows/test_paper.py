@@ -70,6 +70,16 @@ def test_wall_of_a_channel_lies_half_a_spacing_beyond_its_last_row() -> None:
     assert at_last_row > 0.1 and half_a_spacing_out < 0.01
 
 
+@pytest.mark.slow
+def test_yielding_fluid_flows_as_between_walls_at_the_last_row_and_half_a_spacing_out() -> None:
+    of = PAPER["paper-herschel-bulkley-rk1"]
+    last = by_reference(of.start(20, of.options)).snapshots[-1]
+    n_wet = last.x_nc[:, 1] ** 2 <= 9**2
+    y_n, mean = last.x_nc[n_wet, 1] / 2, last.v_nc[n_wet, 0].mean()
+    inner, outer = (YIELDING.speed(y_n, last.time / 2, half).mean() for half in (5.0, 5.25))
+    assert inner < mean < outer
+
+
 def test_energy_that_is_held_stays() -> None:
     of = PAPER["paper-conduction-rk1-narrow"]
     begin = of.start(20, of.options)

@@ -349,7 +349,7 @@ def _conduction_flow(kernel: KernelStyle, name: str, wide: int, expected: str, m
         _plates,
         lambda *of: {"diffusivity": abs(_diffusivity(*of) - 1)},
         replace(with_kernel(kernel, 3.5), extra={"wide": wide}),
-        quick=(20,),
+        quick=(20,) if wide else (),
         full=FINE[:1],
         title=f"Conduction, {kernel}" + (", plates at 0 and L" if not wide else ""),
         panels=(COOLING,),

@@ -285,7 +285,7 @@ def _tank_flow(kernel: KernelStyle) -> Flow:
         _column,
         _column_errors,
         with_kernel(kernel, 3.5, 30),
-        quick=(20,),
+        quick=(20,) if kernel == "quintic" else (),
         full=(100,),
         title=f"Hydrostatic column, {kernel}",
         panels=(panel,),

@@ -75,7 +75,7 @@ def made(*changes: Change) -> Iterator[None]:
 
 
 def joined(name: str, parts: Iterable[type | None], base: type) -> Any:
-    """Return a class of several, those in front before those behind, none of which another one is built on."""
+    """Return a class with several as bases, in order; a base of another one is left out."""
     given = dict.fromkeys(part for part in parts if part is not None)
     bases = tuple(part for part in given if not any(part in other.__mro__[1:] for other in given))
     # Named, as a prediction is kept only if the module of its stages is known.

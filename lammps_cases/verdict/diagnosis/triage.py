@@ -113,13 +113,13 @@ def triage(
     if not red:
         return None
     by_name = {case.name: case for case in cases}
-    said = {record.case: features(by_name[record.case].scene) for record in run.cases if record.case in by_name}
-    every = set().union(*said.values())
-    said = {case: found | {f"no {name}" for name in every - found} for case, found in said.items()}
+    found_in = {record.case: features(by_name[record.case].scene) for record in run.cases if record.case in by_name}
+    every = set().union(*found_in.values())
+    found_in = {case: found | {f"no {name}" for name in every - found} for case, found in found_in.items()}
     green = [
-        said[record.case]
+        found_in[record.case]
         for record in run.cases
-        if record.as_expected and record.verdict != "skipped" and record.case in said
+        if record.as_expected and record.verdict != "skipped" and record.case in found_in
     ]
     members: dict[Key, list[CaseRecord]] = defaultdict(list)
     for record in red:
@@ -132,7 +132,7 @@ def triage(
         work = Work(diagnosis.left / (len(in_order) - at))
         search = partial(diagnosis.parts, records, work)
         for found in part("hypotheses", run.faults, search, [_Part(_group(records), records)], names):
-            common = in_common([said[r.case] for r in found.records if r.case in said], green)
+            common = in_common([found_in[r.case] for r in found.records if r.case in found_in], green)
             groups.append(
                 found.group.model_copy(
                     update={"common": list(common.features), "green_with": common.green, "green": len(green)}

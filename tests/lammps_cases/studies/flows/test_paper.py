@@ -10,6 +10,8 @@ import pytest
 from lammps_cases.engine.session import kept
 from lammps_cases.studies.flows.catalogue import PAPER
 from lammps_cases.studies.flows.flow import Flow
+from lammps_cases.studies.flows.paper import errors_of, points_of
+from lammps_cases.studies.flows.paper_bulk import WINDOW
 from lammps_cases.studies.flows.paper_obstacles import CYLINDERS, SPHERES, ObstacleArray
 from lammps_cases.studies.flows.paper_walls import NEWTONIAN, YIELDING, ChannelFluid
 from lammps_cases.studies.flows.solve import by_lammps, by_reference, fit
@@ -29,6 +31,25 @@ def test_normals_are_the_published_ones_to_all_their_digits(name: str, at: int) 
     assert of.published is not None
     n = of.resolutions[at]
     assert float(f"{first_error(of, n):.4g}") == of.published.errors[n]
+
+
+def test_coincident_particles_make_the_published_error_of_the_circle() -> None:
+    for n in (2, 4, 5):
+        assert first_error(PAPER["paper-normal-circle-even"], n) < 0.1 * first_error(PAPER["paper-normal-circle"], n)
+
+
+def test_published_rk0_repeats_the_quintic() -> None:
+    assert errors_of("2", "RK0", "static") == errors_of("2", "quintic", "static")
+
+
+@pytest.mark.parametrize("kernel", ["Quintic", "RK1", "RK2"])
+def test_published_energies_have_the_viscosity_to_about_a_thousandth_up_to_the_window(kernel: str) -> None:
+    t, energy = map(
+        np.array, points_of("taylor_green_2d_energy", "t_u0_over_L", "E_over_E0", kernel=kernel, shifting="shift")
+    )
+    early = t <= WINDOW
+    slope = np.polyfit(t[early], np.log(energy[early]), 1)[0]
+    assert -slope * 10 / (16 * np.pi**2) == pytest.approx(1, abs=1.5e-3)
 
 
 @pytest.mark.slow
@@ -59,7 +80,8 @@ def test_both_sides_solve_the_same_flow(name: str) -> None:
     n = of.resolutions[0]
     begin = of.start(n, of.options)
     found = [of.measures(n, of.options, run.snapshots) for run in (by_reference(begin), by_lammps(begin, kept(None)))]
-    assert list(found[0].values()) == pytest.approx(list(found[1].values()), rel=1e-3)
+    # LAMMPS' forces lack the volume, which the compression changes: Mach^2 / Re = 1e-4 / 0.04 of the slow flow.
+    assert list(found[0].values()) == pytest.approx(list(found[1].values()), abs=0.0025)
 
 
 @pytest.mark.slow
@@ -95,7 +117,8 @@ def test_finite_volumes_give_the_series_of_a_newtonian_fluid(half: float) -> Non
     as_volumes = ChannelFluid(NEWTONIAN.eta, NEWTONIAN.gravity, gd0=1e3, power=1.0)
     y = np.linspace(-half, half, 41)
     exact = NEWTONIAN.speed(y, 50.0, half)
-    assert as_volumes.speed(y, 50.0, half) == pytest.approx(exact, abs=1e-4 * exact.max())
+    # Cells of H/400 err by their square; between their centres the parabola is drawn by straight lines, as much again.
+    assert as_volumes.speed(y, 50.0, half) == pytest.approx(exact, abs=4 * (1 / 400) ** 2 * exact.max())
 
 
 def test_yielding_fluid_comes_to_the_closed_profile() -> None:

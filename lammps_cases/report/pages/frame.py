@@ -79,6 +79,7 @@ def page(
     *,
     engine: str = "",
     date: str = "",
+    template: str = "",
     styles: Sequence[Path] = (),
     scripts: Sequence[Path] = (),
     unpacked: Sequence[str] = (),
@@ -98,6 +99,8 @@ def page(
         Colour of the header: good, known, bad, empty or none.
     engine, date : str
         What the page is about and when it was measured, for the index of the reports.
+    template : str
+        Its name without ``.html.j2``, where it is not that of the page.
     styles, scripts : sequence of Path
         Additional ones, embedded before those of the page.
     unpacked : sequence of str
@@ -111,7 +114,7 @@ def page(
     embedded = [_script(path) for path in (*scripts, assets / f"{name}.js") if path.is_file()]
     environment = environment_of(assets)
     environment.filters |= filters or {}
-    return environment.get_template(f"{name}.html.j2").render(
+    return environment.get_template(f"{template or name}.html.j2").render(
         command=name,
         status=status,
         about_engine=engine,

@@ -4,295 +4,76 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
-from markupsafe import Markup
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
 
 from lammps_cases.records.files import write_atomically
-from lammps_cases.report.pages import frame
-from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis, saved
+from lammps_cases.records.wording import number
+from lammps_cases.report.pages import blocks
+from lammps_cases.report.pages.blocks import (
+    Abreast,
+    Block,
+    Bullets,
+    Details,
+    Heading,
+    Paragraph,
+    Picture,
+    Row,
+    Table,
+    Terms,
+)
+from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, saved
+from lammps_cases.studies import draw
 from lammps_cases.studies.chart import codes
 from lammps_cases.studies.chart.record import DIGITS, LAMMPS, Chart, Map, MethodPoint, Panel, Section, frontier
+from lammps_cases.studies.draw import Curve
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.flow import Flow
 from lammps_cases.studies.flows.solve import Convergence
 
-ASSETS = Path(__file__).parent / "assets"
-# Distinguished by colour and by shape; LAMMPS' own methods are always red stars.
+CSS = Path(__file__).parents[1] / "assets" / "chart.css"
+# Distinguished by colour and by shape; LAMMPS' own methods are always red.
 _COLOURS = ("#1f5fa8", "#2e8b57", "#d98200", "#7b4fa3", "#0f9ba8", "#8c5a3c", "#c2559d", "#5c6b7a")
 _OTHERS = ("#111111", "#e5007d", "#7fb800", "#00b3e6")  # further engines
 _PEER, _SCHEMES = "#2e8b57", {"tvf": "s", "edac": "^", "wcsph": "D"}  # PySPH
 _SHAPES = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "d")
-
+SAME = 0.1  # relative difference of two errors below which LAMMPS and the reference agree
+ABOUT = """Which way to compute a quantity is fast enough and accurate enough? Each mark is one: up and to the left is
+better, correct decimal digits against time. LAMMPS is red, in the shape of the same method if there is one. Filled
+marks lie on the frontier, the choice at their time; for a hollow one another method is measurably faster and as
+accurate, or more accurate and no slower. Of flows and whole codes the error itself is drawn: down and to the left is
+better."""
+TIMES = """Times are medians of rounds in which all methods take turns, bars are 95 % intervals. Worst cases of
+rounding that differ by less than a factor of two count as the same, errors of discretisation within 1 %."""
+ORDERS = """Headline error of every flow at its finest resolution, and the order: minus the slope of log error over
+log resolution by least squares, with its standard error. Highlighted: LAMMPS differs by more than a tenth; eos-ref
+findings lists its known bugs."""
 
 Marks = dict[str, tuple[str, str]]  # colour and shape of a method
-
-
-def panel_figure(panel: Panel, others: Sequence[tuple[str, Panel]] = (), marks: Marks | None = None) -> Figure:
-    """Draw correct digits against time, one plot per regime: the frontier drawn, dominated methods hollow.
-
-    ``marks`` may have more methods than the panel. ``others`` are the same panel measured with other engines, by their
-    versions: LAMMPS' points and the frontier of these are drawn.
-    """
-    with matplotlib.rc_context(STYLE):
-        regimes = panel.regimes
-        columns = min(len(regimes), 3)
-        rows = -(-len(regimes) // columns)
-        marks = marks or marks_of(panel.points)
-        handles = [*_legend(panel, marks), *_legend_of_others(others)]
-        legend_columns = 1 if len(handles) <= 16 * rows else 2
-        figure = Figure(figsize=(3.5 * columns + 1.9 * legend_columns, 2.9 * rows + 0.5), layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-        for axis, regime in zip(axes, regimes, strict=False):
-            _draw_regime(axis, panel, regime, marks)
-            for (_, other), colour in zip(others, _OTHERS, strict=False):
-                _draw_other(axis, other, regime, marks, colour)
-        for axis in axes[len(regimes) :]:
-            axis.set_visible(False)
-        figure.supxlabel(f"ns per {panel.unit} (log)", fontsize=9)
-        figure.supylabel("correct digits", fontsize=9)
-        figure.legend(handles=handles, loc="outside right center", frameon=False, fontsize=8, ncols=legend_columns)
-        return figure
-
-
-def marks_of(points: Sequence[MethodPoint]) -> Marks:
-    """Choose the colour and shape of every method; LAMMPS' way of a method of the reference has its shape, in red."""
-    methods = sorted({p.method for p in points if p.engine != LAMMPS})
-    marks = {m: (_COLOURS[k % len(_COLOURS)], _SHAPES[k % len(_SHAPES)]) for k, m in enumerate(methods)}
-    theirs = sorted({p.method for p in points if p.engine == LAMMPS})
-    own = {m: m.removeprefix(LAMMPS).strip(" ,") for m in theirs}
-    return marks | {m: (RED, marks[own[m]][1] if own[m] in marks else "*") for m in theirs}
-
-
-def _draw_regime(axis: Any, panel: Panel, regime: str, marks: Marks) -> None:
-    points = panel.of(regime)
-    best = frontier(points)
-    far = 2 * max(p.ns.high for p in panel.points)
-    x, y = [p.ns.median for p in best], [p.digits for p in best]
-    # All of a double's digits if they are in reach, else the range of the points.
-    best_digits = max(p.digits for p in panel.points)
-    top, floor = (DIGITS + 0.8, -0.5) if best_digits > 8 else (1.1 * best_digits + 0.2, -0.1)
-    axis.step([x[0], *x, far], [floor, *y, y[-1]], where="post", color=BLUE, lw=1.2, alpha=0.6)
-    axis.fill_between([*x, far], [*y, y[-1]], floor, step="post", color=BLUE, alpha=0.05, lw=0)
-    for p in points:
-        colour, shape = marks[p.method]
-        axis.plot([p.ns.low, p.ns.high], [p.digits] * 2, color=colour, lw=1)
-        size = 11 if p.engine == LAMMPS and shape == "*" else 6
-        face = "white" if p.dominated_by and p.engine != LAMMPS else colour
-        axis.plot([p.ns.median], [p.digits], shape, ms=size, mec=colour, mfc=face, mew=1.2, ls="none")
-    if panel.roofline_ns:
-        axis.axvline(panel.roofline_ns, color=GREY, ls="--", lw=1)
-    first = min(p.ns.low for p in panel.points)
-    axis.set_xlim(0.6 * min(first, panel.roofline_ns or first), far)
-    plain_log_axis(axis.xaxis)
-    axis.set_ylim(floor, top)
-    axis.set_title(regime)
-
-
-def _draw_other(axis: Any, panel: Panel, regime: str, marks: Marks, colour: str) -> None:
-    """Draw LAMMPS' points and the frontier of another engine over those of the first."""
-    best = frontier(panel.of(regime))
-    if best:
-        x, y = [p.ns.median for p in best], [p.digits for p in best]
-        end, (floor, _) = axis.get_xlim()[1], axis.get_ylim()
-        axis.step([x[0], *x, end], [floor, *y, y[-1]], where="post", color=colour, lw=1.2, ls="--", alpha=0.8)
-    for p in panel.of(regime):
-        if p.engine == LAMMPS:
-            shape = marks.get(p.method, ("", "*"))[1]
-            size = 11 if shape == "*" else 6
-            axis.plot([p.ns.low, p.ns.high], [p.digits] * 2, color=colour, lw=1)
-            axis.plot([p.ns.median], [p.digits], shape, ms=size, mec=colour, mfc="none", mew=1.2, ls="none")
-
-
-def _legend_of_others(others: Sequence[tuple[str, Panel]]) -> list[Line2D]:
-    style: dict[str, Any] = {"ls": "--", "lw": 1.2, "marker": "*", "mfc": "none", "ms": 9}
-    return [
-        Line2D([], [], color=colour, label=f"LAMMPS {version}\nand its frontier", **style)
-        for (version, _), colour in zip(others, _OTHERS, strict=False)
-    ]
-
-
-def _legend(panel: Panel, marks: Marks) -> list[Line2D]:
-    here = {p.method for p in panel.points}
-    marks = {method: mark for method, mark in marks.items() if method in here}
-    on = {p.method for p in panel.points if not p.dominated_by}
-    stars = [method for method, (colour, shape) in marks.items() if colour == RED and shape == "*"]
-    handles = []
-    for method, (colour, shape) in marks.items():
-        if colour != RED or method in stars:
-            face = colour if method in on or colour == RED else "white"
-            size = 10 if shape == "*" else 6
-            style: dict[str, Any] = {"marker": shape, "ls": "none", "mec": colour, "mfc": face, "ms": size}
-            handles.append(Line2D([], [], label=method, **style))
-    if len(stars) < sum(colour == RED for colour, _ in marks.values()):
-        handles.append(Line2D([], [], marker="o", ls="none", mec=RED, mfc=RED, ms=6, label="LAMMPS: same shape, red"))
-    handles.append(Line2D([], [], color=BLUE, lw=1.2, alpha=0.6, label="frontier"))
-    if panel.roofline_ns:
-        handles.append(Line2D([], [], color=GREY, ls="--", lw=1, label="moving the arrays\n(memory bandwidth)"))
-    return handles
-
-
-def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
-    """Draw the error against resolution and against wall time, with the fitted order of each engine."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(6.2, 2.7), layout="constrained")
-        left, right = figure.subplots(1, 2, sharey=True)
-        for run in runs:
-            if measure not in run.errors:
-                continue
-            style, ours = _code(run.engine), run.engine == "reference"
-            error, fit = np.array(run.errors[measure]), run.fit(measure)
-            spread = f" ± {fit.standard_error:.2f}" if np.isfinite(fit.standard_error) else ""
-            label = f"{'reference' if ours else 'LAMMPS'}, order {round(fit.order, 2) + 0.0:.2f}{spread}"
-            left.plot(run.resolutions, error, label=label, **style)
-            work = 1e9 * np.array(run.seconds) / np.array(run.particles)
-            right.plot(work, error, **style)
-        left.set(yscale="log", xscale="log", xlabel="particles per length (log)", ylabel=f"error: {measure}")
-        plain_log_axis(left.yaxis)
-        ticks = sorted({n for run in runs for n in run.resolutions})
-        left.set_xticks(ticks, [str(n) for n in ticks])
-        left.minorticks_off()
-        plain_log_axis(right.xaxis)
-        right.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / 1000:g}"))
-        right.set(xlabel="µs per particle, all steps (log)")
-        left.legend(frameon=False, fontsize=8)
-        return figure
-
-
-def _code(engine: str) -> dict[str, Any]:
-    """Return the colour and mark of a code; the schemes of PySPH have a colour, and each its mark."""
-    if engine == "reference":
-        return {"color": BLUE, "marker": "o", "ms": 6, "mfc": "white", "lw": 1, "zorder": 3}
-    if engine == "lammps":
-        return {"color": RED, "marker": "*", "ms": 10, "mfc": RED, "lw": 1, "zorder": 2}
-    return {
-        "color": _PEER,
-        "marker": _SCHEMES.get(engine.split()[-1], "X"),
-        "ms": 6,
-        "mfc": "white",
-        "lw": 1,
-        "zorder": 2,
-    }
-
-
-def codes_figure(runs: Sequence[Convergence]) -> Figure:
-    """Draw the error of every flow against the seconds of a run: a line per code, each point with its resolution."""
-    with matplotlib.rc_context(STYLE):
-        cases = list(codes.compared(runs))
-        figure = Figure(figsize=(3.2 * len(cases) + 1.6, 3.1), layout="constrained")
-        axes = figure.subplots(1, len(cases), squeeze=False).ravel()
-        labels: dict[str, Any] = {}
-        for axis, (case, of) in zip(axes, cases, strict=True):
-            for run in of:
-                style, error = _code(run.engine), run.errors.get(case.measure, ())
-                labels[codes.name(run)] = Line2D([], [], **style)
-                if error:
-                    axis.plot(run.seconds, error, **style)
-                    for n, x, y in zip(run.resolutions, run.seconds, error, strict=True):
-                        axis.annotate(str(n), (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7)
-            axis.set(xscale="log", yscale="log", title=case.flow.title, ylabel=f"error: {case.measure}")
-            for along in (axis.xaxis, axis.yaxis):
-                plain_log_axis(along)
-        figure.supxlabel("seconds of one core, all steps of a run (log)", fontsize=9)
-        figure.legend(list(labels.values()), list(labels), loc="outside right center", frameon=False, fontsize=8)
-        return figure
-
-
-def map_figure(data: Map) -> Figure:
-    """Draw a map of errors, as digits."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(4.3, 3.0), layout="constrained")
-        axis = figure.subplots()
-        with np.errstate(divide="ignore"):
-            digits = np.clip(-np.log10(np.array(data.value, float)), 0, DIGITS)
-        logarithmic = min(data.x) > 0 and max(data.x) / min(data.x) > 50
-        x = np.log10(data.x) if logarithmic else np.array(data.x)
-        top = 16.0 if digits.max() > 8 else float(digits.max()) or 1.0
-        mesh = axis.pcolormesh(x, data.y, digits, cmap="viridis", vmin=0, vmax=top, shading="nearest")
-        axis.grid(False)
-        axis.set(xlabel=f"log10 {data.x_name}" if logarithmic else data.x_name, ylabel=data.y_name, title=data.title)
-        figure.colorbar(mesh, ax=axis, label="correct digits")
-        return figure
-
-
-@dataclass(frozen=True)
-class FlowView:
-    """A flow as the page shows it: the run of every engine, and a picture of the headline error."""
-
-    flow: Flow
-    measure: str
-    runs: list[Convergence]
-    picture: Markup
-
-    @property
-    def agree(self) -> bool:
-        """Whether the headline errors of the engines at the finest resolution are the same to a tenth."""
-        last = [run.errors[self.measure][-1] if self.measure in run.errors else math.nan for run in self.runs]
-        return all(abs(error - last[0]) <= 0.1 * abs(last[0]) for error in last)
-
-    @property
-    def speedup(self) -> float:
-        """Time of LAMMPS over that of the reference, of all resolutions."""
-        seconds = {run.engine: sum(run.seconds) for run in self.runs}
-        return seconds.get("lammps", math.nan) / seconds.get("reference", math.nan)
 
 
 def write(chart: Chart, folder: Path, others: Sequence[Chart] = ()) -> None:
     """Write ``report.html`` and ``figures/*.svg|png``, with the frontiers of other engines laid over the first's."""
     figures = folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)
-    html = frame.page(
-        ASSETS,
+    busy = [Paragraph(words, "warning") for words in [_busy(chart)] if words]
+    html = blocks.page(
         "chart",
-        "good",
-        chart=chart,
+        chart,
+        "Speed against accuracy: LAMMPS, the reference, and other ways to compute the same",
+        "speed against accuracy",
+        [Paragraph(ABOUT, "about"), *busy, Paragraph(TIMES)],
+        [
+            blocks.Section(section.name, section.title, list(_section(section, chart, others, figures)))
+            for section in chart.sections
+        ],
         facts=_facts(chart, others),
-        pictures={id: saved(figure, figures, id) for id, figure in _panel_figures(chart, others)},
-        maps={m.id: saved(map_figure(m), figures, m.id) for section in chart.sections for m in section.maps},
-        flows={section.name: list(_flows(section, figures)) for section in chart.sections},
-        codes={section.name: _codes(section, figures) for section in chart.sections if section.codes},
-        without=codes.without(chart),
-        busy=_busy(chart),
-        rows=rows,
-        methods=methods,
-        sentence=sentence,
-        error=lambda value: f"{value:.2g}" if math.isfinite(value) else "none right",
+        styles=[CSS],
     )
     write_atomically(folder / "report.html", html)
-
-
-def _panel_figures(chart: Chart, others: Sequence[Chart]) -> Iterator[tuple[str, Figure]]:
-    """Draw every panel by its id; a method has the same mark in all of a section."""
-    for section in chart.sections:
-        marks = marks_of([point for panel in section.panels for point in panel.points])
-        for panel in section.panels:
-            yield panel.id, panel_figure(panel, _of_others(panel, others), marks)
-
-
-def methods(section: Section) -> list[tuple[list[str], str]]:
-    """Return the methods of a section and what they are; those with the same description together.
-
-    LAMMPS' versions of methods of the reference are not listed again.
-    """
-    points = [point for panel in section.panels for point in panel.points]
-    own = {point.method for point in points if point.engine != LAMMPS}
-    by_reason: dict[str, dict[str, None]] = {}
-    for point in points:
-        if point.method.removeprefix(LAMMPS).strip() not in own or point.engine != LAMMPS:
-            by_reason.setdefault(point.reason, {})[point.method] = None
-    return [(list(names), reason) for reason, names in by_reason.items()]
-
-
-def _of_others(panel: Panel, others: Sequence[Chart]) -> list[tuple[str, Panel]]:
-    """Return the same panel of other engines, by their versions."""
-    return [(chart.label, theirs) for chart in others for theirs in chart.panels if theirs.id == panel.id]
 
 
 def _facts(chart: Chart, others: Sequence[Chart]) -> list[tuple[str, str]]:
@@ -316,24 +97,78 @@ def _busy(chart: Chart) -> str:
     )
 
 
-def _flows(section: Section, figures: Path) -> Iterator[FlowView]:
-    for name in dict.fromkeys(run.flow for run in section.flows):
-        runs = [run for run in section.flows if run.flow == name]
-        measure = next((m for run in runs for m in run.errors), "")
-        picture = saved(convergence_figure(runs, measure), figures, f"flow-{name}")
-        yield FlowView(FLOWS[name], measure, runs, picture)
+def _section(section: Section, chart: Chart, others: Sequence[Chart], figures: Path) -> Iterator[Block]:
+    yield Paragraph(section.about, "about")
+    if section.panels:
+        yield Terms({"; ".join(names): what for names, what in methods(section)})
+    marks = marks_of([point for panel in section.panels for point in panel.points])
+    for panel in section.panels:
+        yield from _panel(panel, _of_others(panel, others), marks, figures)
+    if section.maps:
+        yield Abreast([[Picture(saved(map_figure(one), figures, one.id))] for one in section.maps])
+    if section.codes:
+        yield from _codes(section, codes.without(chart), figures)
+    if section.flows:
+        yield from _flows(section, figures)
 
 
-def _codes(section: Section, figures: Path) -> dict[str, Any]:
-    about = {case.flow.title: case.about for case, _ in codes.compared(section.codes)}
-    picture = saved(codes_figure(section.codes), figures, section.name)
-    return {"picture": picture, "about": about, "rows": list(codes.rows(section.codes))}
+# --- methods
 
 
-def rows(panel: Panel, regime: str) -> list[tuple[MethodPoint, bool]]:
-    """Return the points of a regime from the fastest on, and whether each is on the frontier."""
+def _panel(panel: Panel, others: Sequence[tuple[str, Panel]], marks: Marks, figures: Path) -> Iterator[Block]:
+    roofline = f" Moving the arrays alone takes {number(panel.roofline_ns)} ns." if panel.roofline_ns else ""
+    yield Heading(panel.title, panel.id)
+    yield Paragraph(f"{panel.about} Error: {panel.error_of}.{roofline}")
+    yield Picture(saved(panel_figure(panel, others, marks), figures, panel.id))
+    if panel.crossings:
+        yield Bullets(
+            [
+                f"{of.criterion.capitalize()}: “{of.methods[0]}” below and “{of.methods[1]}” above {of.variable} = "
+                f"{number(of.at.median)} ({number(of.at.low)} to {number(of.at.high)})"
+                for of in panel.crossings
+            ]
+        )
+    numbers: list[Block] = []
+    for regime in panel.regimes:
+        numbers += [Paragraph(f"{regime}: {sentence(panel, regime)}"), _points(panel, regime)]
+    yield Details("numbers", numbers)
+
+
+def _points(panel: Panel, regime: str) -> Table:
+    """Return the table of a regime, from the fastest method on; those off the frontier are faint."""
     best = frontier(panel.of(regime))
-    return [(p, p in best) for p in sorted(panel.of(regime), key=lambda p: p.ns.median)]
+    return Table(
+        [*("method", "#error", "#digits", f"#ns per {panel.unit}", "#95 %", "beaten by", "indistinguishable from")],
+        [
+            Row(
+                [
+                    *(p.method, error(p.error), f"{p.digits:.1f}", number(p.ns.median)),
+                    *(f"{number(p.ns.low)} to {number(p.ns.high)}", p.dominated_by, ", ".join(p.like)),
+                ],
+                " ".join(["theirs"] * (p.engine == LAMMPS) + ["off"] * (p not in best)),
+            )
+            for p in sorted(panel.of(regime), key=lambda p: p.ns.median)
+        ],
+    )
+
+
+def error(value: float) -> str:
+    """Format an error."""
+    return f"{value:.2g}" if math.isfinite(value) else "none right"
+
+
+def methods(section: Section) -> list[tuple[list[str], str]]:
+    """Return the methods of a section and what they are; those with the same description together.
+
+    LAMMPS' versions of methods of the reference are not listed again.
+    """
+    points = [point for panel in section.panels for point in panel.points]
+    own = {point.method for point in points if point.engine != LAMMPS}
+    by_reason: dict[str, dict[str, None]] = {}
+    for point in points:
+        if point.method.removeprefix(LAMMPS).strip() not in own or point.engine != LAMMPS:
+            by_reason.setdefault(point.reason, {})[point.method] = None
+    return [(list(names), reason) for reason, names in by_reason.items()]
 
 
 def sentence(panel: Panel, regime: str) -> str:
@@ -343,3 +178,195 @@ def sentence(panel: Panel, regime: str) -> str:
         return "no method is better than all others"
     parts = [f"{p.method} ({p.digits:.1f} digits, {p.ns.median:.3g} ns)" for p in best]
     return "frontier: " + ", then ".join(parts)
+
+
+def _of_others(panel: Panel, others: Sequence[Chart]) -> list[tuple[str, Panel]]:
+    """Return the same panel of other engines, by their versions."""
+    return [(chart.label, theirs) for chart in others for theirs in chart.panels if theirs.id == panel.id]
+
+
+def marks_of(points: Sequence[MethodPoint]) -> Marks:
+    """Choose the colour and shape of every method; LAMMPS' way of a method of the reference has its shape, in red."""
+    names = sorted({p.method for p in points if p.engine != LAMMPS})
+    marks = {m: (_COLOURS[k % len(_COLOURS)], _SHAPES[k % len(_SHAPES)]) for k, m in enumerate(names)}
+    theirs = sorted({p.method for p in points if p.engine == LAMMPS})
+    own = {m: m.removeprefix(LAMMPS).strip(" ,") for m in theirs}
+    return marks | {m: (RED, marks[own[m]][1] if own[m] in marks else "*") for m in theirs}
+
+
+def panel_figure(panel: Panel, others: Sequence[tuple[str, Panel]] = (), marks: Marks | None = None) -> Figure:
+    """Draw correct digits against time, one plot per regime: the frontier drawn, dominated methods hollow.
+
+    ``marks`` may have more methods than the panel. ``others`` are the same panel measured with other engines, by their
+    versions: LAMMPS' points and the frontier of these are drawn.
+    """
+    marks = marks or marks_of(panel.points)
+    # All of a double's digits if they are in reach, else the range of the points.
+    best = max(p.digits for p in panel.points)
+    floor, top = (-0.5, DIGITS + 0.8) if best > 8 else (-0.1, 1.1 * best + 0.2)
+    first, far = min(p.ns.low for p in panel.points), 2 * max(p.ns.high for p in panel.points)
+    limits = {"x": (0.6 * min(first, panel.roofline_ns or first), far), "y": (floor, top)}
+    style: dict[str, Any] = {"lw": 1.2, "drawstyle": "steps-post"}
+    regimes = []
+    for regime in panel.regimes:
+        points = sorted(panel.of(regime), key=lambda p: (p.engine == LAMMPS, p.method))
+        curves = [_frontier(points, floor, far, {**style, "color": BLUE, "alpha": 0.6}, "frontier")]
+        curves += [_mark(p, *marks[p.method], filled=not p.dominated_by or p.engine == LAMMPS) for p in points]
+        for (version, other), colour in zip(others, _OTHERS, strict=False):
+            label, theirs = f"LAMMPS {version}\nand its frontier", other.of(regime)
+            curves.append(_frontier(theirs, floor, far, {**style, "color": colour, "ls": "--"}, label))
+            shapes = {p: marks.get(p.method, ("", "*"))[1] for p in theirs if p.engine == LAMMPS}
+            curves += [_mark(p, colour, shape, filled=False, label="") for p, shape in shapes.items()]
+        if panel.roofline_ns:
+            line = {"color": GREY, "ls": "--", "lw": 1}
+            label = "moving the arrays\n(memory bandwidth)"
+            curves.append(Curve(label, [panel.roofline_ns] * 2, [floor, top], line))
+        regimes.append(draw.Panel(f"ns per {panel.unit} (log)", "correct digits", curves, regime, "x", (), limits))
+    return draw.figure(regimes, share=True)
+
+
+def _frontier(points: Sequence[MethodPoint], floor: float, far: float, style: dict[str, Any], label: str) -> Curve:
+    best = frontier(points)
+    if not best:
+        return Curve("", [], [], style)
+    x, y = [p.ns.median for p in best], [p.digits for p in best]
+    return Curve(label, [x[0], *x, far], [floor, *y, y[-1]], style)
+
+
+def _mark(point: MethodPoint, colour: str, shape: str, filled: bool, label: str | None = None) -> Curve:
+    """Return the mark of a method; those of LAMMPS with a method's shape have one entry of the legend."""
+    shared = "LAMMPS: same shape, red" if colour == RED and shape != "*" else point.method
+    size = 11 if shape == "*" else 6
+    face = colour if filled else "white"
+    style = {"marker": shape, "ms": size, "mec": colour, "mfc": face, "mew": 1.2, "ls": "none", "color": colour}
+    at = [point.ns.median], [point.digits]
+    return Curve(shared if label is None else label, *at, style, [point.ns.low], [point.ns.high])
+
+
+def map_figure(data: Map) -> Figure:
+    """Draw a map of errors, as digits."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(4.3, 3.0), layout="constrained")
+        axis = figure.subplots()
+        with np.errstate(divide="ignore"):
+            digits = np.clip(-np.log10(np.array(data.value, float)), 0, DIGITS)
+        logarithmic = min(data.x) > 0 and max(data.x) / min(data.x) > 50
+        x = np.log10(data.x) if logarithmic else np.array(data.x)
+        top = 16.0 if digits.max() > 8 else float(digits.max()) or 1.0
+        mesh = axis.pcolormesh(x, data.y, digits, cmap="viridis", vmin=0, vmax=top, shading="nearest")
+        axis.grid(False)
+        axis.set(xlabel=f"log10 {data.x_name}" if logarithmic else data.x_name, ylabel=data.y_name, title=data.title)
+        figure.colorbar(mesh, ax=axis, label="correct digits")
+        return figure
+
+
+# --- flows and whole codes
+
+
+def _code(engine: str) -> dict[str, Any]:
+    """Return the colour and mark of a code; the schemes of PySPH have a colour, and each its mark."""
+    style: dict[str, Any] = {"color": _PEER, "marker": _SCHEMES.get(engine.split()[-1], "X"), "zorder": 2}
+    if engine == "reference":
+        style = {"color": BLUE, "marker": "o", "zorder": 3}
+    if engine == "lammps":
+        style = {"color": RED, "marker": "*", "mfc": RED, "ms": 10, "zorder": 2}
+    return {"ms": 6, "mfc": "white", "lw": 1, **style}
+
+
+def _codes(section: Section, without: str, figures: Path) -> Iterator[Block]:
+    yield Picture(saved(codes_figure(section.codes), figures, section.name))
+    if without:
+        yield Paragraph(without)
+    about = [Paragraph(f"{case.flow.title}: {case.about}") for case, _ in codes.compared(section.codes)]
+    columns = ["flow", "error of", "code", "#N", "#particles", "#steps", "#seconds", "#error"]
+    table = Table(columns, list(codes.rows(section.codes)), "Whole codes")
+    yield Details("what each code solves, all numbers", [*about, table])
+
+
+def codes_figure(runs: Sequence[Convergence]) -> Figure:
+    """Draw the error of every flow against the seconds of a run: a line per code, each point with its resolution."""
+    panels = []
+    for case, of in codes.compared(runs):
+        curves = [
+            Curve(
+                codes.name(run),
+                run.seconds if case.measure in run.errors else (),
+                run.errors.get(case.measure, ()),
+                _code(run.engine),
+                texts=[str(n) for n in run.resolutions],
+            )
+            for run in of
+        ]
+        x = "seconds of one core, all steps (log)"
+        panels.append(draw.Panel(x, f"error: {case.measure}", curves, case.flow.title, "xy"))
+    return draw.figure(panels, len(panels), (3.2, 2.7))
+
+
+def _flows(section: Section, figures: Path) -> Iterator[Block]:
+    every: dict[str, list[Convergence]] = {}
+    for run in section.flows:
+        every.setdefault(run.flow, []).append(run)
+    yield Heading("Orders of convergence")
+    yield Paragraph(ORDERS)
+    columns = ["flow", "error of", "#N", "#reference", "#LAMMPS", "#order, reference", "#order, LAMMPS"]
+    yield Table([*columns, "#LAMMPS' time / ours"], [_orders(name, of) for name, of in every.items()])
+    yield Abreast([list(_flow(name, of, figures)) for name, of in every.items()])
+
+
+def _headline(runs: Sequence[Convergence]) -> str:
+    return next((measure for run in runs for measure in run.errors), "")
+
+
+def _orders(name: str, runs: Sequence[Convergence]) -> Row:
+    measure = _headline(runs)
+    last = [run.errors[measure][-1] if measure in run.errors else math.nan for run in runs]
+    agree = all(abs(one - last[0]) <= SAME * abs(last[0]) for one in last)
+    seconds = {run.engine: sum(run.seconds) for run in runs}
+    speedup = seconds.get("lammps", math.nan) / seconds.get("reference", math.nan)
+    shown = [error(run.errors[measure][-1]) if run.errors else next(iter(run.messages.values())) for run in runs]
+    orders = [order(run, measure) if run.errors else "" for run in runs]
+    where = blocks.link(f"#flow-{name}", name)
+    return Row([where, measure, runs[0].resolutions[-1], *shown, *orders, f"{speedup:.1f}"], "" if agree else "apart")
+
+
+def order(run: Convergence, measure: str) -> str:
+    """Format the order of a measure with its standard error."""
+    fit = run.fit(measure)
+    spread = f" ± {fit.standard_error:.2f}" if math.isfinite(fit.standard_error) else ""
+    return f"{round(fit.order, 2) + 0.0:.2f}{spread}"
+
+
+def _flow(name: str, runs: Sequence[Convergence], figures: Path) -> Iterator[Block]:
+    flow = FLOWS[name]
+    yield Heading(name, f"flow-{name}")
+    yield Picture(saved(convergence_figure(runs, _headline(runs)), figures, f"flow-{name}"))
+    columns = ["engine", "measure", *(f"#N = {n}" for n in runs[0].resolutions), "#order", "message"]
+    numbers = [
+        Row(
+            [run.engine, measure, *map(error, errors), order(run, measure), "; ".join(run.messages.values())],
+            "theirs" if run.engine == "lammps" else "",
+        )
+        for run in runs
+        for measure, errors in run.errors.items()
+    ]
+    about = Paragraph(f"{flow.about} Expected order: {flow.expected}. Solution: {flow.solution}.")
+    yield Details("what it is, all errors", [about, Table(columns, numbers)])
+
+
+def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
+    """Draw the error against resolution and against wall time, with the fitted order of each engine."""
+    by_n, by_work = list[Curve](), list[Curve]()
+    for run in (run for run in runs if measure in run.errors):
+        label = f"{'LAMMPS' if run.engine == 'lammps' else run.engine}, order {order(run, measure)}"
+        us = [1e6 * seconds / n for seconds, n in zip(run.seconds, run.particles, strict=True)]
+        by_n.append(Curve(label, run.resolutions, run.errors[measure], _code(run.engine)))
+        by_work.append(Curve("", us, run.errors[measure], _code(run.engine)))
+    ticks = sorted({n for run in runs for n in run.resolutions})
+    name = f"error: {measure}"
+    return draw.figure(
+        [
+            draw.Panel("particles per length (log)", name, by_n, log="xy", ticks=ticks),
+            draw.Panel("µs per particle, all steps (log)", name, by_work, log="xy"),
+        ],
+        size=(2.9, 2.4),
+    )

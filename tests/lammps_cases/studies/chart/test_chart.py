@@ -216,7 +216,7 @@ def test_legend_has_every_method_and_lammps_shares_its_shape() -> None:
     ]
     figure = page.panel_figure(Panel("p", "t", "a", "e", "u", tuple(points)))
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert texts == [*sorted(names), "LAMMPS: same shape, red", "frontier"]
+    assert texts == ["frontier", *sorted(names), "LAMMPS: same shape, red"]
     marks = page.marks_of(points)
     assert all(marks[f"LAMMPS {name}"] == (RED, marks[name][1]) for name in names)
     assert len({marks[name] for name in names}) == 24

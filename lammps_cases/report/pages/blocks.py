@@ -1,0 +1,161 @@
+"""Parts of a page as values, which one template renders: a page is a list of sections, each a list of blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from markupsafe import Markup
+
+from lammps_cases.records.documents import Study
+from lammps_cases.report.pages import frame
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Text; ``css``: about, note or warning."""
+
+    kind: ClassVar = "paragraph"
+    text: str
+    css: str = "note"
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A list."""
+
+    kind: ClassVar = "bullets"
+    items: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Names with what they are."""
+
+    kind: ClassVar = "terms"
+    items: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure."""
+
+    kind: ClassVar = "picture"
+    image: Markup
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table."""
+
+    cells: Sequence[object]
+    css: str = ""
+    id: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; the title of a column of numbers begins with a #. ``label`` describes it to a screen reader."""
+
+    kind: ClassVar = "table"
+    columns: Sequence[str]
+    rows: Sequence[Row | Sequence[object]]
+    label: str = ""
+    css: str = "points"
+
+
+@dataclass(frozen=True)
+class Details:
+    """Blocks that a reader opens."""
+
+    kind: ClassVar = "details"
+    summary: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading within a section, with an address."""
+
+    kind: ClassVar = "heading"
+    text: str
+    id: str = ""
+
+
+@dataclass(frozen=True)
+class Abreast:
+    """Groups of blocks beside each other."""
+
+    kind: ClassVar = "abreast"
+    groups: Sequence[Sequence[Block]]
+
+
+Block = Paragraph | Bullets | Terms | Picture | Table | Details | Heading | Abreast
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page that the navigation leads to; ``again``: the command that repeats it."""
+
+    id: str
+    title: str
+    blocks: Sequence[Block]
+    css: str = ""
+
+
+def link(address: str, text: str) -> Markup:
+    """Return a link."""
+    return Markup('<a href="{}">{}</a>').format(address, text)
+
+
+def code(text: str) -> Markup:
+    """Return text as code."""
+    return Markup("<code>{}</code>").format(text)
+
+
+def page(
+    name: str,
+    study: Study,
+    title: str,
+    sentence: str,
+    lead: Sequence[Block],
+    sections: Sequence[Section],
+    *,
+    status: str = "good",
+    facts: Sequence[tuple[str, str]] = (),
+    styles: Sequence[Path] = (),
+    scripts: Sequence[Path] = (),
+) -> str:
+    """Render the page of a study.
+
+    Parameters
+    ----------
+    name : str
+        The command that writes it.
+    title, sentence : str
+        Headline of the page; what it is about, for the index of the reports.
+    lead : sequence of Block
+        Before the navigation.
+    status, styles, scripts
+        See `frame.page`.
+    facts : sequence of pairs
+        By default those of the study.
+    """
+    return frame.page(
+        frame.SHARED,
+        name,
+        status,
+        engine=study.label,
+        template="study",
+        styles=styles,
+        scripts=scripts,
+        facts=facts or study.facts,
+        again=study.command,
+        headline_text=title,
+        sentence=sentence,
+        lead=lead,
+        sections=sections,
+        navigation=[(section.id, section.title) for section in sections],
+    )

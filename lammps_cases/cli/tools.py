@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from lammps_cases.run.shards import Costs
     from lammps_cases.studies.chart.bench import Ratio
 
-Part = Literal["laws", "model", "peers", "runs"]
+Part = Literal["laws", "model", "runs"]
 PARTS = get_args(Part)
 
 
@@ -119,7 +119,6 @@ class MeasureOptions:
 
     states: Annotated[Annotated[int, Ge(1000)], Option("States per law.")] = 10_000_000
     repeats: Annotated[Annotated[int, Ge(1)], Option("Measurements of each side.")] = 9
-    pysph: Annotated[str | None, Option("A Python with PySPH: one more peer.", metavar="PYTHON")] = None
 
 
 @command()
@@ -137,9 +136,9 @@ def bench_command(
 ) -> int:
     """Measure speed relative to peers in one run, as ratios ours/peer, alternating with each of them.
 
-    PARTS: laws (equations of state against memory copies), model (time steps against LAMMPS' own, one core each), peers
-    (Taylor-Green vortices against LAMMPS on 1 and 2 ranks, and PySPH), runs (whole programs). All by default; the model
-    takes some minutes. Fewer than 6 repeats give no 95 % interval.
+    PARTS: laws (equations of state against memory copies), model (time steps against LAMMPS' own, one core each), runs
+    (whole programs). All by default; the model takes some minutes. Fewer than 6 repeats give no 95 % interval. Other
+    codes: eos-ref chart codes.
 
     \b
     Example:  eos-ref bench laws --states 1000000 --label before
@@ -150,19 +149,15 @@ def bench_command(
     from lammps_cases.studies.chart import bench, speed_history
 
     ratios: list[Ratio] = []
-    memory: dict[str, float] = {}
     for part in parts or PARTS:
-        for ratio in bench.measured(part, how.states, how.repeats, how.pysph):
+        for ratio in bench.measured(part, how.states, how.repeats):
             ratios.append(ratio)
             if not as_json:
                 _show_ratio(ratio)
-        memory |= _memory(part)
     speed_history.append(history, label, ratios)
     if as_json:
-        shared.show_document({"ratios": [_row(r) for r in ratios], "bytes_per_particle": memory})
+        shared.show_document({"ratios": [_row(r) for r in ratios]})
         return 0
-    for what, size in memory.items():
-        click.echo(f"peak memory, a million particles, {what}: {size:.0f} bytes per particle")
     click.echo(f"kept: {history}")
     return 0
 
@@ -190,16 +185,6 @@ def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
         click.secho(line, fg=colours[change.answer])
     click.echo(f"{len(changes)} ratios in both measurements; a factor below 1 is faster")
     return 0
-
-
-def _memory(part: str) -> dict[str, float]:
-    from lammps_cases.studies.chart import bench
-
-    if part == "laws":
-        return {"pressures of four laws": bench.bytes_per_particle()}
-    if part == "model":
-        return {f"2D {option}": bench.model_bytes_per_particle(option) for option in ("quintic", "RK1")}
-    return {}
 
 
 def _show_ratio(ratio: Ratio) -> None:

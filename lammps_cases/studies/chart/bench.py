@@ -11,27 +11,21 @@ import shlex
 import subprocess
 import sys
 import tempfile
-import tracemalloc
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from timeit import timeit
 from typing import Any
 
 import numpy as np
 
 import eos_ref.jit  # noqa: F401  selects the registers before anything is compiled
 from eos_ref import EOS, EOSTable
-from eos_ref.compiled.evaluator import CompiledEvaluator
-from eos_ref.eos import bounds, compiled
+from eos_ref.eos import compiled
 from eos_ref.eos.table import examples
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.box import Box
-from eos_ref.model.state import State
-from lammps_cases.engine.ranks import Ranks
-from lammps_cases.engine.session import RunCommand, Session
-from lammps_cases.records.measure import Call, ConfidenceInterval, Timing, in_turns, interval
+from lammps_cases.engine.session import Session
+from lammps_cases.records.measure import Call, ConfidenceInterval, Timing, in_turns
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.atoms import build
@@ -39,14 +33,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.chart import codes
-from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.flow import Options, Start, rows
-from lammps_cases.studies.flows.solve import ReferenceFlow
 
-VORTICES = 100  # particles along the edge of the box
-PEER_STEPS = 20
-WARM = 3
 EOS_REF = (sys.executable, "-m", "lammps_cases.cli.main")
 # By style, as the time of a power depends on its exponent.
 LAWS = {law.style + (f" {law.parameter:g}" if law.law.uses_powm1 else ""): law for law in examples(rho0=1.2, cs=3.4)}
@@ -80,15 +67,13 @@ def against(
     return ratio(scene, peer, timings["ours"], timings["peer"], per)
 
 
-def measured(part: str, states: int, repeats: int, python: str | None) -> Iterator[Ratio]:
-    """Yield the ratios of a part of ``eos-ref bench``; ``python``, if given, has PySPH."""
+def measured(part: str, states: int, repeats: int) -> Iterator[Ratio]:
+    """Yield the ratios of a part of ``eos-ref bench``."""
     if part == "laws":
         yield from laws_against_copy(states, repeats)
         yield table_against_copy(states, repeats)
     elif part == "model":
         yield from against_lammps((2, 3), repeats)
-    elif part == "peers":
-        yield from taylor_green(repeats, python)
     else:
         yield from (run_against_lammps(repeats, jobs) for jobs in (1, 2))
         yield from programs_against_python(repeats)
@@ -130,19 +115,6 @@ def table_against_copy(n: int, repeats: int) -> Ratio:
     )
 
 
-def bytes_per_particle(n: int = 1_000_000) -> float:
-    """Return the peak memory of pressure and bound of n particles of four types, per particle, inputs included."""
-    random = np.random.default_rng(3)
-    table = EOSTable(tuple(list(LAWS.values())[:4]))
-    tracemalloc.start()
-    rho_n, type_n = random.uniform(0.6, 1.8, n), random.integers(1, 5, n)
-    table.pressure(rho_n, type_n)
-    bounds.comparison(table, rho_n, type_n)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    return peak / n
-
-
 def run_against_lammps(repeats: int, jobs: int) -> Ratio:
     """Time ``eos-ref run`` on the equations of state against LAMMPS alone on the same scenes, both as whole processes.
 
@@ -174,10 +146,10 @@ def programs_against_python(repeats: int) -> Iterator[Ratio]:
     yield _processes("eos-ref --help", "empty Python program", [*EOS_REF, "--help"], "pass", repeats)
     for words in ("eos-ref r", "eos-ref run forces.", "eos-ref findings f", "eos-ref run --tag q"):
         what = f"completion of {words}"
-        yield _processes(what, "empty Python program", [*EOS_REF], "pass", repeats, asked(words))
+        yield _processes(what, "empty Python program", [*EOS_REF], "pass", repeats, completion_of(words))
 
 
-def asked(words: str) -> dict[str, str]:
+def completion_of(words: str) -> dict[str, str]:
     """Return the variables that bash sets to complete the last of some words."""
     return {"_EOS_REF_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
 
@@ -204,63 +176,7 @@ def process(command: list[str], environment: dict[str, str] | None = None) -> No
         raise RuntimeError(f"exit code {done.returncode} of {shlex.join(command)}:\n{done.stdout}{done.stderr}")
 
 
-# --- other codes
-
-
-def taylor_green(repeats: int, python: str | None) -> Iterator[Ratio]:
-    """Yield the time per particle and step of Taylor-Green vortices, ours against every other code that is installed.
-
-    Codes that run as separate programs cannot take turns step by step with ours; each of their runs is followed by
-    one of ours of about the same length, so that a drift of the machine affects both.
-
-    Parameters
-    ----------
-    python : str or None
-        A Python that has PySPH; None: without it.
-
-    Raises
-    ------
-    InputError
-        That Python cannot run PySPH.
-    """
-    start = FLOWS["taylor-green"].start(VORTICES, Options(kernel="quintic"))
-    with Ranks(None, 1) as one, Ranks(None, 2) as two:
-        peers: dict[str, Callable[[], list[float]]] = {
-            "LAMMPS": partial(_lammps, start, one),
-            "LAMMPS, 2 ranks": partial(_lammps, start, two),
-        }
-        if python:
-            peers["PySPH"] = partial(_pysph, python)
-        for threads in (1, 2):
-            flow = ReferenceFlow(start, partial(CompiledEvaluator, threads=threads))
-            flow.advance(WARM)
-            scene = f"Taylor-Green, {VORTICES**2:,} particles" + (f", {threads} threads" if threads > 1 else "")
-            for peer, steps in peers.items():
-                yield _against(scene, peer, partial(flow.advance, PEER_STEPS), steps, repeats)
-
-
-def _lammps(start: Start, ranks: Ranks) -> list[float]:
-    """Return the seconds of one step of LAMMPS on a number of ranks, after a few steps to warm up."""
-    lammps_job = job(start.case.scene, start.atoms, plan(start.case.scene))
-    runs = (RunCommand(f"run {WARM} post no", read=False), RunCommand(f"run {PEER_STEPS} pre no post no"))
-    answer = ranks.run(replace(lammps_job, runs=runs, ranks=ranks.count))
-    return [answer.run_seconds[-1] / PEER_STEPS]
-
-
-def _pysph(python: str) -> list[float]:
-    """Return the seconds of every step of PySPH's example."""
-    result = codes.pysph_answer(python, str(codes.SCRIPTS / "pysph_taylor_green.py"), str(VORTICES), str(PEER_STEPS))
-    assert result["particles"] == VORTICES**2
-    return [float(seconds) for seconds in result["seconds"]]
-
-
-def _against(scene: str, peer: str, ours: Callable[[], None], theirs: Callable[[], list[float]], repeats: int) -> Ratio:
-    own, other = [], []
-    for _ in range(repeats):
-        other.append(interval(tuple(theirs())).median)
-        own.append(timeit(ours, number=1) / PEER_STEPS)
-    return ratio(scene, peer, Timing(tuple(own), 1, own[0]), Timing(tuple(other), 1, other[0]), VORTICES**2)
-
+# --- the particle model
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "quintic": {},
@@ -315,39 +231,3 @@ def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 5) -> It
                 repeats,
                 steps * len(atoms),
             )
-
-
-# --- memory
-
-
-def model_bytes_per_particle(option: str = "RK1", edge: int = 1000) -> float:
-    """Return the peak memory that a million particles add to a process that has everything loaded, per particle."""
-    code = f"from lammps_cases.studies.chart.bench import grown; print(grown({option!r}, {edge}))"
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    return float(done.stdout.split()[-1]) / edge**2
-
-
-def grown(option: str, edge: int) -> float:
-    """Return the peak resident bytes of a simulation of ``edge`` squared particles, less those of a small one."""
-    _run_lattice(option, 40)
-    # A new process inherits the peak of its parent: count from here (Linux).
-    Path("/proc/self/clear_refs").write_text("5")
-    before = _peak()
-    _run_lattice(option, edge)
-    return 1024.0 * (_peak() - before)
-
-
-def _peak() -> int:
-    """Return the peak resident memory of this process (kB)."""
-    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
-
-
-def _run_lattice(option: str, edge: int) -> None:
-    """Run two steps from a state made here, so that the arrays of a scene do not count."""
-    random, x_nc = np.random.default_rng(1), rows(0, edge, edge)
-    x_nc += random.uniform(-0.1, 0.1, x_nc.shape)
-    v_nc, n = random.uniform(-0.1, 0.1, x_nc.shape), len(x_nc)
-    state = State(x_nc, v_nc, np.ones(n), np.ones(n, np.int32), np.zeros(n, bool), None)
-    box = Box((0.0, 0.0), (float(edge), float(edge)), (True, True))
-    Simulation(simulation(scene(option, 2, 10)).model, box, state, (), CompiledEvaluator).run(2, TIMESTEP)

@@ -29,7 +29,7 @@ SECTIONS = {
         "Kernels and cutoffs",
         "Gradients and densities of analytic fields on disordered particles, the reference and LAMMPS.",
     ),
-    "timestep": ("Time step", "What a shorter step buys, and where the longest one lies."),
+    "timestep": ("Time step", "What a shorter step buys; where longer ones fail, eos-ref stability maps."),
     "flows": ("Flows with closed solutions", "The reference and LAMMPS, in turns, at several resolutions."),
     "codes": (
         "Whole codes",

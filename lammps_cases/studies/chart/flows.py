@@ -1,7 +1,7 @@
 """Flows with closed solutions: convergence, and the accuracy gained by kernel, cutoff and time step.
 
 The reference and LAMMPS run the same start in turns. Convergence uses each flow's own options; panels fix the
-resolution and vary kernel and cutoff, or the time step: what a shorter one gains, and where a longer one fails.
+resolution and vary kernel and cutoff, or the time step. Where a longer step fails, `lammps_cases.studies.stability` maps.
 """
 
 from __future__ import annotations
@@ -12,17 +12,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
-import numpy as np
-
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KERNELS, KernelStyle
 from lammps_cases.engine import cluster
-from lammps_cases.engine.session import EngineBroken, EngineRefused, Session
+from lammps_cases.engine.session import Session
 from lammps_cases.records import measure
-from lammps_cases.records.measure import ROUNDS, ConfidenceInterval, Timing
-from lammps_cases.scene.atoms import seed
+from lammps_cases.records.measure import ROUNDS, Timing
 from lammps_cases.studies.chart.kernels import opened
-from lammps_cases.studies.chart.record import LAMMPS, ONE_PER_CENT, Crossing, Panel, bisected, measured
+from lammps_cases.studies.chart.record import LAMMPS, ONE_PER_CENT, Panel, measured
 from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, relative
 from lammps_cases.studies.flows.solve import (
@@ -97,11 +94,7 @@ def _panel(
 FRACTIONS = (1.0, 1 / 2, 1 / 4, 1 / 8)  # of the flow's limit
 RESOLUTION, QUICK_RESOLUTION = 24, 16  # spacings per wavelength
 FINE = 1 / 32  # of the run that represents no error of the step
-SWIFT = 12  # spacings per wavelength of the vortices, at which sound, not viscosity, limits the step
 TIMED = 10  # steps of a call that is timed
-NOISE = 0.01  # of the largest velocity or density: noise that an unstable step amplifies
-TENFOLD, SPAN, LOOK = 10.0, 300, 5  # growth of the energy, the steps within which it must occur, steps between checks
-CLOSE = 1.02  # ratio of the two time steps between which a limit lies
 
 
 @dataclass(frozen=True)
@@ -202,8 +195,6 @@ def _wave_panels(wave: Wave, quick: bool, session: Session | None) -> Iterator[P
         f"{prefix or 'reference '}{fitted.order:.2f} ± {fitted.standard_error:.2f}"
         for prefix, fitted in ((prefix, order(s)) for prefix, s in solved.items())
     )
-    limited, m = (flow, n) if flow.name == "shear-wave" else (FLOWS["taylor-green"], SWIFT)
-    limits = tuple(_limits(limited, m, session))
     for kind, what, error in (
         ("", "closed solution", "total"),
         ("-temporal", "same run with a short step", "temporal"),
@@ -221,65 +212,7 @@ def _wave_panels(wave: Wave, quick: bool, session: Session | None) -> Iterator[P
             + (f" (1/{round(1 / FINE)})" if error == "temporal" else ""),
             "particle and unit of time",
             measured(f"{flow.name}, {what}", regime, errors, timings, per, reasons, ONE_PER_CENT),
-            crossings=limits if error == "total" else (),
         )
-
-
-# --- limit of stability
-
-
-def stability(flow: Flow, n: int, session: Session | None) -> ConfidenceInterval:
-    """Return the time step, over the flow's limit, at which a flow becomes unstable.
-
-    The initial state has noise of a hundredth of the wave. Steps are tried upwards, so that none is far beyond the
-    limit, where LAMMPS would lose its atoms.
-    """
-    low, high = 1.0, 1.25
-    while not grows(flow, n, high, session):
-        low, high = high, 1.25 * high
-    return bisected(lambda fraction: not grows(flow, n, fraction, session), low, high, CLOSE)
-
-
-def grows(flow: Flow, n: int, fraction: float, session: Session | None) -> bool:
-    """Return whether energy grows tenfold, or the run fails, within some steps."""
-    start = _noisy(started(flow, n, fraction))
-    run = stepping(start, session)
-    first = _energy(start, run.snapshot())
-    while run.step < SPAN:
-        try:
-            run.advance(LOOK)
-            energy = _energy(start, run.snapshot())
-        except EngineBroken:
-            raise
-        except EngineRefused:
-            return True
-        if not energy < TENFOLD * first:
-            return True
-    return False
-
-
-def _energy(start: Start, shot: Snapshot) -> float:
-    """Return the sum of the kinetic energy and that of compression per unit mass, as for small waves."""
-    cs = start.case.scene.types[0].cs or 1.0
-    return float(np.sum(shot.v_nc**2) + cs**2 * np.sum(np.square(shot.rho_n / shot.rho_n.mean() - 1)))
-
-
-def _noisy(start: Start) -> Start:
-    atoms = start.atoms
-    random = np.random.default_rng(seed(f"timestep/{start.case.name}"))
-    v_nc = np.zeros(atoms.x_nc.shape) if atoms.v_nc is None else atoms.v_nc
-    assert atoms.rho_n is not None
-    scale = max(float(np.abs(v_nc).max()), float(np.abs(atoms.rho_n / atoms.rho_n.mean() - 1).max()))
-    noise_nc = random.uniform(-NOISE, NOISE, v_nc.shape) * scale
-    noise_nc[:, 2] = 0.0
-    return replace(start, atoms=replace(atoms, v_nc=v_nc + noise_nc))
-
-
-def _limits(flow: Flow, n: int, session: Session | None) -> Iterator[Crossing]:
-    variable, criterion = "step over min(h/4c, h^2/8nu)", f"energy grows tenfold within {SPAN} steps"
-    for name, side in (("reference", None), ("LAMMPS", session))[: 1 if session is None else 2]:
-        sides = f"{name}, stable", f"{name}, unstable"
-        yield Crossing(flow.name, sides, variable, criterion, stability(flow, n, side))
 
 
 def step_panels(quick: bool, session: Session | None) -> Iterator[Panel]:

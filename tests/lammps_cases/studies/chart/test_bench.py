@@ -89,19 +89,10 @@ def test_particle_model_is_measured_against_lammps(monkeypatch: pytest.MonkeyPat
     assert all(r.peer == "LAMMPS" and r.peer_ns.median > 0 for r in found)
 
 
-@pytest.mark.lammps
-def test_taylor_green_runs_on_one_and_two_ranks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench, "VORTICES", 16)
-    monkeypatch.setattr(bench, "PEER_STEPS", 2)
-    found = list(bench.taylor_green(1, None))
-    assert {r.peer for r in found} == {"LAMMPS", "LAMMPS, 2 ranks"}
-    assert all(r.peer_ns.median > 0 and r.ours_ns.median > 0 for r in found)
-
-
 def test_completion_runs_as_in_a_shell() -> None:
     """A complete process prints candidates, and a failed request raises."""
-    bench.process([*bench.EOS_REF], bench.asked("eos-ref r"))
-    asked = os.environ | bench.asked("eos-ref findings force-p")
+    bench.process([*bench.EOS_REF], bench.completion_of("eos-ref r"))
+    asked = os.environ | bench.completion_of("eos-ref findings force-p")
     done = subprocess.run([*bench.EOS_REF], check=True, env=asked, capture_output=True, text=True)
     assert done.stdout.split() == ["plain,force-per-volume"]
     with pytest.raises(RuntimeError, match="exit code"):

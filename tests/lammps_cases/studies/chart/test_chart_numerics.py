@@ -134,15 +134,6 @@ def test_time_step_error_of_viscosity_is_first_order() -> None:
 
 
 @pytest.mark.lammps
-def test_engines_become_unstable_at_the_same_step(session: Session) -> None:
-    ours, theirs = (flows.stability(FLOWS["shear-wave"], 16, who) for who in (None, session))
-    assert ours.low < ours.high < flows.CLOSE * 1.001 * ours.low
-    assert ours == theirs  # the same bisection, so the same interval
-    assert not flows.grows(FLOWS["shear-wave"], 16, ours.low, None)
-    assert flows.grows(FLOWS["shear-wave"], 16, ours.high, None)
-
-
-@pytest.mark.lammps
 def test_single_steps_equal_one_run(session: Session) -> None:
     start = flows.started(FLOWS["sound-wave-linear"], 16, 1.0)
     for who in (None, session):

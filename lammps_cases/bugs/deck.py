@@ -13,7 +13,7 @@ import re
 import signal
 import subprocess
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from lammps_cases.engine.reading import COMPONENTS
 from lammps_cases.engine.session import Array, EngineMissing, Job, package_directory
 from lammps_cases.records.files import write_atomically
 from lammps_cases.scene.fields import FIELDS
+from lammps_cases.setup.deck import until_first_run
 
 DECK, DATA = "in.lammps", "data.lammps"
 MOST_SINGLE = 5  # particles that a deck creates one by one; more are in a data file
@@ -102,7 +103,7 @@ OUTPUT = "thermo_style custom step v_inside"  # output computes, for the last st
 
 def of_number(job: Job, step: int, check: Check) -> BugDeck:
     """Return the deck of a job that compares a number after some steps."""
-    lines, data = _scene(job)
+    lines, data = until_first_run(job, DATA, MOST_SINGLE)
     *before, last = _stretches(job, step)
     return BugDeck((*lines, *before, *check.by_hand, check.inside, OUTPUT, last, *check.printed), data)
 
@@ -112,13 +113,13 @@ def of_two(job: Job, other: Job, times: float, check: Check) -> BugDeck:
     second = Check(check.obtained, "${expected}", check.bound)
     return BugDeck(
         (
-            *_scene(job)[0],
+            *until_first_run(job, DATA, MOST_SINGLE)[0],
             f"variable first equal {check.obtained}",
             "thermo_style custom step v_first",
             "run 0 post no",
             f"variable expected string $({times!r}*{check.obtained}:%.17g)",
             "clear",
-            *_scene(other)[0],
+            *until_first_run(other, DATA, MOST_SINGLE)[0],
             second.inside,
             OUTPUT,
             "run 0 post no",
@@ -129,7 +130,7 @@ def of_two(job: Job, other: Job, times: float, check: Check) -> BugDeck:
 
 def of_outcome(given: Job | tuple[str, ...], refused: str) -> BugDeck:
     """Return the deck of an input that LAMMPS must run, or refuse with a text."""
-    lines, data = ([*given], "") if isinstance(given, tuple) else _scene(given)
+    lines, data = ([*given], "") if isinstance(given, tuple) else until_first_run(given, DATA, MOST_SINGLE)
     if isinstance(given, Job):
         if given.outputs:  # LAMMPS computes only what is read
             first, shape = next(iter(given.outputs.items()))
@@ -202,66 +203,6 @@ def word(job: Job, field: str, atom: int, axes: tuple[int, ...]) -> str:
     at = list(job.outputs).index(field)
     column = sum(map(math.prod, shapes[:at])) + (int(np.ravel_multi_index(axes, shapes[at])) if axes else 0)
     return f"C_q[{atom}]" + (f"[{column + 1}]" if sum(map(math.prod, shapes)) > 1 else "")
-
-
-def _scene(job: Job) -> tuple[list[str], str]:
-    """Return the commands up to the first run, and the data file if particles are too many for commands."""
-    (style,) = (line.split()[1] for line in job.setup if line.startswith("atom_style"))
-    lines = [*job.setup]
-    lines.insert(next(k for k, line in enumerate(lines) if line.startswith("region box")), "atom_modify map yes")
-    if len(job.id_n) <= MOST_SINGLE:
-        return [*lines, *_single(job, style), *job.commands], ""
-    kept = [line for line in lines if not line.startswith(("region box", "create_box"))]
-    return [*kept, f"read_data {DATA}", *_masses(job), *job.commands], data_file(job)
-
-
-def _single(job: Job, style: str) -> Iterable[str]:
-    """Yield the commands that create particles one by one; their ids follow from the order."""
-    place_n = np.argsort(job.id_n)
-    for n in place_n:
-        x = " ".join(repr(float(x)) for x in job.x_nc[n])
-        yield f"create_atoms {job.type_n[n]} single {x} units box"
-    every = {}
-    for n in place_n:
-        named = (*_SET[style], ("rmass", "mass"))
-        words = [f"{name} {float(job.per_atom[key][n])!r}" for key, name in named if key in job.per_atom]
-        if job.v_nc is not None:
-            words += [f"{name} {float(v)!r}" for name, v in zip(("vx", "vy", "vz"), job.v_nc[n], strict=True) if v]
-        every[job.id_n[n]] = " ".join(words)
-    same = len(set(every.values())) == 1
-    for atom, given in {"all": next(iter(every.values()))}.items() if same else every.items():
-        if given:
-            yield f"set {'group' if same else 'atom'} {atom} {given}"
-
-
-_SET = {"atomic": (), "rheo": (("rho", "rheo/rho"),), "rheo/thermal": (("rho", "rheo/rho"), ("esph", "sph/e"))}
-
-
-def _masses(job: Job) -> Iterable[str]:
-    """Yield the commands that give particles individual masses, which data files of their atom styles lack."""
-    for atom, mass in zip(job.id_n, job.per_atom.get("rmass", ()), strict=False):
-        yield f"set atom {atom} mass {float(mass)!r}"
-
-
-def data_file(job: Job, mass_t: Sequence[float] = (), solid_n: Sequence[int] = ()) -> str:
-    """Return the data file: masses of types, if they are given, atoms, with their status (0, fluid), and velocities."""
-    (style,) = (line.split()[1] for line in job.setup if line.startswith("atom_style"))
-    (box,) = (line.split()[3:] for line in job.setup if line.startswith("region box"))
-    (types,) = (line.split()[1] for line in job.setup if line.startswith("create_box"))
-    lines = ["particles of the deck", "", f"{len(job.id_n)} atoms", f"{types} atom types", ""]
-    lines += [f"{box[2 * a]} {box[2 * a + 1]} {axis}lo {axis}hi" for a, axis in enumerate("xyz")]
-    if mass_t:
-        lines += ["", "Masses", "", *(f"{t} {mass!r}" for t, mass in enumerate(mass_t, 1))]
-    lines += ["", f"Atoms # {style}", ""]
-    zeros = np.zeros(len(job.id_n))
-    for n, x_c in enumerate(job.x_nc):
-        values = [*(job.per_atom.get(key, zeros)[n] for key, _ in _SET[style]), *x_c]
-        status = [str(solid_n[n] if solid_n else 0)] * (style != "atomic")
-        lines.append(" ".join([f"{job.id_n[n]} {job.type_n[n]}", *status, *(repr(float(v)) for v in values)]))
-    if job.v_nc is not None:
-        lines += ["", "Velocities", ""]
-        lines += [" ".join([str(i), *(repr(float(v)) for v in v_c)]) for i, v_c in zip(job.id_n, job.v_nc, strict=True)]
-    return "\n".join(lines) + "\n"
 
 
 @dataclass(frozen=True)

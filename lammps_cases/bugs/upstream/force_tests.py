@@ -25,7 +25,6 @@ from eos_ref import InputError
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from eos_ref.syntax.manual import MANUALS
-from lammps_cases.bugs.deck import data_file
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.problem import Problem, ProblemStop
 from lammps_cases.comparison.trajectory import Prediction
@@ -36,6 +35,7 @@ from lammps_cases.scene.atoms import Atoms, build, seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.setup import commands
+from lammps_cases.setup.deck import data_file
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.problems import TEXT_DIGITS, problem_of
 

@@ -1,7 +1,8 @@
 """Flows with closed solutions: convergence, and the accuracy gained by kernel, cutoff and time step.
 
 The reference and LAMMPS run the same start in turns. Convergence uses each flow's own options; panels fix the
-resolution and vary kernel and cutoff, or the time step. Where a longer step fails, `lammps_cases.studies.stability` maps.
+resolution and vary kernel and cutoff, or the time step. Where a longer step
+fails, `lammps_cases.studies.stability` maps.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ from __future__ import annotations
 import base64
 import math
 from collections import Counter
-from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,82 +14,30 @@ import numpy as np
 from markupsafe import Markup
 
 from eos_ref import InputError
-from eos_ref.eos.table import FloatArray
 from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.records.files import write_atomically
-from lammps_cases.report.pages import frame
+from lammps_cases.records.wording import number
+from lammps_cases.report.pages import blocks, frame
+from lammps_cases.report.pages.blocks import Block, Details, Paragraph, Picture, Row, Section, Table
 from lammps_cases.report.pages.figures import saved
 from lammps_cases.setup.commands import job
+from lammps_cases.setup.deck import until_first_run
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability import draw, model
 from lammps_cases.studies.stability.maps import expected_difference, unexplained
-from lammps_cases.studies.stability.model import (
-    Atlas,
-    CellOutcome,
-    Engine,
-    Kind,
-    MapCell,
-    MapRecord,
-    StabilityMap,
-    read_state,
-)
+from lammps_cases.studies.stability.model import Atlas, CellOutcome, Engine, MapCell, MapRecord, StabilityMap
 from lammps_cases.studies.stability.runs import watched
 
-ASSETS = Path(__file__).parent / "assets"
-
-
-@dataclass(frozen=True)
-class Shot:
-    """A picture of particles: its data as an address, and its caption."""
-
-    data: str
-    caption: str
-    alt: str
-
-
+ASSETS = Path(__file__).parents[1] / "assets"
 WHO: dict[Engine, str] = {"lammps": "LAMMPS", "reference": "reference"}
-
-
-@dataclass(frozen=True)
-class CellView:
-    """A cell on the page: how it ended on each engine, the path of its deck, its particles."""
-
-    cell: MapCell
-    outcomes: dict[Engine, CellOutcome]
-    deck: str
-    shots: tuple[Shot, ...]
-
-    @property
-    def differ(self) -> bool:
-        """Whether both engines ran it and ended differently."""
-        return len({outcome.kind for outcome in self.outcomes.values()}) > 1
-
-
-@dataclass(frozen=True)
-class MapView:
-    """A map on the page."""
-
-    record: MapRecord
-    picture: Markup
-    rows: list[CellView]
-
-    @property
-    def kinds(self) -> dict[Kind, tuple[int, int]]:
-        """Number of runs ended by each kind, on LAMMPS and on the reference."""
-        ends = Counter((run.engine, run.outcome.kind) for run in self.record.cells)
-        counts: dict[Kind, tuple[int, int]] = {k: (ends["lammps", k], ends["reference", k]) for k in model.KINDS}
-        return {kind: count for kind, count in counts.items() if any(count)}
-
-    @property
-    def agreement(self) -> str:
-        """Number of lines on which the engines agree."""
-        lines = self.record.agreement
-        return f"{sum(line.verdict == 'same' for line in lines)} of {len(lines)} lines" if lines else "not compared"
+ABOUT = """Every mark is a run (a cell), coloured by how it ended. Between neighbours that end differently the
+boundary is bisected along the horizontal axis; bands are what is left of the uncertainty. A click on a mark leads to
+its numbers and to the command that runs it again."""
 
 
 def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap]) -> None:
-    """Write ``report.html``, ``figures/*.svg|png`` and ``decks/*.in``.
+    """Write ``report.html``, ``figures/*.svg|png`` and ``decks/*``.
 
     Parameters
     ----------
@@ -97,80 +45,162 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap]) -> None:
         The maps by id: their theory is drawn, their cells become decks.
     """
     (folder / "figures").mkdir(parents=True, exist_ok=True)
-    html = frame.page(
-        ASSETS,
+    columns = ["map", "#cells", "#runs", "how they end (LAMMPS / reference)", "agreement", "#seconds"]
+    overview = Table(columns, [_ends(record) for record in atlas.maps])
+    html = blocks.page(
         "stability",
-        "bad" if unexplained(atlas.disagreements) else "good",
-        scripts=[frame.FILTER],
-        atlas=atlas,
-        colours={kind: colour for kind, (colour, _) in draw.MARKS.items()},
-        facts=atlas.facts,
-        maps=[_map(record, maps.get(record.id), folder) for record in atlas.maps],
-        disagreements=[
-            (record, line, expected_difference(line))
-            for record in atlas.maps
-            for line in record.agreement
-            if line.verdict == "differs"
+        atlas,
+        "Where methods fail: LAMMPS and the reference",
+        "where methods fail",
+        [Paragraph(ABOUT, "about")],
+        [
+            Section("overview", "Maps", [overview]),
+            Section("disagreements", "Where LAMMPS and the reference differ", [_disagreements(atlas)]),
+            *(_section(record, maps.get(record.id), folder) for record in atlas.maps),
         ],
-        along=along,
+        status="bad" if unexplained(atlas.disagreements) else "good",
+        styles=[ASSETS / "stability.css"],
+        scripts=[frame.FILTER, ASSETS / "stability.js"],
     )
     write_atomically(folder / "report.html", html)
 
 
-def _map(record: MapRecord, of: StabilityMap | None, folder: Path) -> MapView:
+def _badge(kind: model.Kind) -> Markup:
+    colour = draw.MARKS[kind][0]
+    return Markup('<span class="kind"><span class="mark" style="background: {}"></span>{}</span>').format(colour, kind)
+
+
+def _ends(record: MapRecord) -> list[object]:
+    """Return the row of a map: how many runs ended in each way on either engine, on how many lines they agree."""
+    ends = Counter((run.engine, run.outcome.kind) for run in record.cells)
+    counts = {kind: (ends["lammps", kind], ends["reference", kind]) for kind in model.KINDS}
+    count = Markup('<span class="count">{} {} / {}</span> ')
+    shown = Markup("").join(count.format(_badge(kind), *pair) for kind, pair in counts.items() if any(pair))
+    lines = record.agreement
+    agree = f"{sum(line.verdict == 'same' for line in lines)} of {len(lines)} lines" if lines else "not compared"
+    cells = len({run.cell for run in record.cells})
+    title = blocks.link(f"#map-{record.id}", record.title)
+    return [title, cells, len(record.cells), shown, agree, f"{record.seconds:.1f}"]
+
+
+def _disagreements(atlas: Atlas) -> Block:
+    rows = []
+    for record in atlas.maps:
+        for line in (line for line in record.agreement if line.verdict == "differs"):
+            reason = expected_difference(line)
+            where = blocks.link(f"#map-{record.id}", record.title) + (f": {line.layer}" if line.layer else "")
+            ours, theirs = (
+                along(line.reference, line.boundaries[0], record),
+                along(line.lammps, line.boundaries[1], record),
+            )
+            why = f"{reason.finding or 'not a defect'}: {reason.why}" if reason else "none known"
+            rows.append(Row([where, f"{record.y.name} = {line.y:.5g}", theirs, ours, why], "" if reason else "open"))
+    if not rows:
+        return Paragraph("Nowhere: all boundaries agree within their uncertainty.")
+    return Table(["map", "line", "LAMMPS", "reference", "finding"], rows, css="points wide-table")
+
+
+def along(kinds: Sequence[model.Kind], boundaries: Sequence[model.Boundary], record: MapRecord) -> str:
+    """Return the kinds along a line, in words."""
+    changes = (f"{b.above} from {record.x.name} = {b.low:.4g} to {b.high:.4g} on" for b in boundaries)
+    return ", ".join([kinds[0] if kinds else "nothing", *changes])
+
+
+def _section(record: MapRecord, of: StabilityMap | None, folder: Path) -> Section:
     figure = draw.map_figure(record, of.theory if of else (), lambda cell: f"#{cell.anchor}")
-    picture = saved(figure, folder / "figures", record.id)
     informative = informative_cells(record)
     decks = {cell: path for cell in informative if of and (path := write_deck(of, cell, folder))}
-    return MapView(record, picture, rows(record, folder, decks, informative))
+    edges = [
+        Row(
+            [
+                *(b.layer, number(b.y, 5), WHO[b.engine], f"{number(b.low, 5)} to {number(b.high, 5)}"),
+                *(_badge(b.below), _badge(b.above)),
+            ],
+            "theirs" if b.engine == "lammps" else "",
+        )
+        for b in record.boundaries
+    ]
+    cells = [_cell(cell, ends, record, folder, decks, informative) for cell, ends in outcomes(record).items()]
+    x, y = f"#{record.x.name}", f"#{record.y.name}"
+    return Section(
+        f"map-{record.id}",
+        record.title,
+        [
+            Paragraph(record.about, "about"),
+            Picture(saved(figure, folder / "figures", record.id)),
+            Details(f"boundaries ({len(edges)})", [Table(["layer", y, "engine", x, "below", "above"], edges)]),
+            Details(
+                f"cells ({len(cells)})",
+                [
+                    Table(
+                        ["layer", x, y, "LAMMPS", "reference", "before the failure", "run again"],
+                        cells,
+                        css="points cells",
+                    )
+                ],
+            ),
+        ],
+        "map",
+    )
 
 
-def _outcomes(record: MapRecord) -> dict[MapCell, dict[Engine, CellOutcome]]:
-    outcomes: dict[MapCell, dict[Engine, CellOutcome]] = {}
-    for run in record.cells:
-        outcomes.setdefault(run.cell, {})[run.engine] = run.outcome
-    return outcomes
+def outcomes(record: MapRecord) -> dict[MapCell, dict[Engine, CellOutcome]]:
+    """Return how every cell ended on each engine, by layer, height and place."""
+    found: dict[MapCell, dict[Engine, CellOutcome]] = {}
+    for run in sorted(record.cells, key=lambda run: (record.layers.index(run.cell.layer), run.cell.y, run.cell.x)):
+        found.setdefault(run.cell, {})[run.engine] = run.outcome
+    return found
 
 
 def informative_cells(record: MapRecord) -> set[MapCell]:
     """Return the cells that show a map: where a failure begins, and where the engines end differently."""
     severity = model.KINDS.index
     edges = {b.cell(b.high if severity(b.above) > severity(b.below) else b.low) for b in record.boundaries}
-    return edges | {cell for cell, ends in _outcomes(record).items() if len({o.kind for o in ends.values()}) > 1}
+    return edges | {cell for cell, ends in outcomes(record).items() if _differ(ends)}
 
 
-def write_deck(of: StabilityMap, cell: MapCell, folder: Path) -> str:
-    """Write the deck of a cell; return its path from the page, empty if no deck can express it."""
-    start, watch = of.start(cell), of.watch(cell)
-    scene = watched(start.case.scene, watch)
-    note = (f"{of.title}: {cell.name}", cell.command)
-    try:
-        text = deck(replace(start, case=replace(start.case, scene=scene)), note, watch.every)
-    except InputError:
-        return ""
-    path = f"decks/{cell.anchor}.in"
-    write_atomically(folder / path, text)
-    return path
+def _differ(ends: Mapping[Engine, CellOutcome]) -> bool:
+    return len({outcome.kind for outcome in ends.values()}) > 1
 
 
-def along(kinds: Sequence[Kind], boundaries: Sequence[model.Boundary], record: MapRecord) -> str:
-    """Return the kinds along a line, in words."""
-    changes = (f"{b.above} from {record.x.name} = {b.low:.4g} to {b.high:.4g} on" for b in boundaries)
-    return ", ".join([kinds[0] if kinds else "nothing", *changes])
+def _cell(
+    cell: MapCell,
+    ends: Mapping[Engine, CellOutcome],
+    record: MapRecord,
+    folder: Path,
+    decks: Mapping[MapCell, str],
+    shown: Container[MapCell],
+) -> Row:
+    """Return the row of a cell; with the particles before a failure if it is among those shown."""
+    states = {side: model.read_state(folder, cell, side) for side in WHO if cell in shown}
+    thumbnails = Markup("").join(_shot(state, WHO[side]) for side, state in states.items() if state is not None)
+    deck = Markup(" ") + blocks.link(decks[cell], "deck") if cell in decks else ""
+    return Row(
+        [
+            *(cell.layer, number(cell.x, 5), number(cell.y, 5)),
+            *(_outcome(ends.get("lammps")), _outcome(ends.get("reference"))),
+            *(Markup('<div class="thumbs">{}</div>').format(thumbnails), blocks.code(cell.command) + deck),
+        ],
+        "differ" if _differ(ends) else "",
+        cell.anchor,
+    )
 
 
-def rows(record: MapRecord, folder: Path, decks: Mapping[MapCell, str], shown: Container[MapCell]) -> list[CellView]:
-    """Return the cells by layer, height and place; with pictures of the particles for those to be shown."""
-    outcomes = _outcomes(record)
-    views = []
-    for cell in sorted(outcomes, key=lambda c: (record.layers.index(c.layer), c.y, c.x)):
-        states = {side: read_state(folder, cell, side) for side in WHO if cell in shown}
-        shots = tuple(shot(state, WHO[side]) for side, state in states.items() if state is not None)
-        views.append(CellView(cell, outcomes[cell], decks.get(cell, ""), shots))
-    return views
+def _outcome(outcome: CellOutcome | None) -> Markup:
+    if outcome is None:
+        return Markup('<span class="none">not run here</span>')
+    numbers = {
+        f"step {outcome.step} of {outcome.steps}": outcome.step,
+        f"atom {outcome.atom}": outcome.atom,
+        f"value {number(outcome.value, 5)}": outcome.value,
+    }
+    where = ", ".join(text for text, given in numbers.items() if given is not None)
+    parts = [Markup('<div class="where">{}</div>').format(where)] if where else []
+    parts += [Markup('<div class="text">{}</div>').format(outcome.message)] if outcome.message else []
+    return _badge(outcome.kind) + Markup("").join(parts)
 
 
-def shot(state: Mapping[str, Any], who: str) -> Shot:
+def _shot(state: Mapping[str, Any], who: str) -> Markup:
     """Return the particles before a failure, coloured by density, or by type where all have the same density."""
     rho_n = np.asarray(state["rho"], float)
     finite = rho_n[np.isfinite(rho_n)]
@@ -181,24 +211,36 @@ def shot(state: Mapping[str, Any], who: str) -> Shot:
     colours = "type" if by_type else f"density {finite.min():.3g} to {finite.max():.3g}"
     ring = ", ".join(str(atom) for atom in state["failing"].tolist())
     step = int(state["step"])
-    return Shot(
-        f"data:image/png;base64,{base64.b64encode(png).decode()}",
-        f"{who}, step {step}",
-        f"particles of {who} after step {step}, colour: {colours}" + (f"; ringed: {ring}" if ring else ""),
-    )
+    alt = f"particles of {who} after step {step}, colour: {colours}" + (f"; ringed: {ring}" if ring else "")
+    image = Markup('<figure><img alt="{}" src="data:image/png;base64,{}"><figcaption>{}</figcaption></figure>')
+    return image.format(alt, base64.b64encode(png).decode(), f"{who}, step {step}")
 
 
-# --- a cell as a deck; numbers are written as the shortest text that reads back as the same double
-
-# Keyword of LAMMPS' command set for each per-atom array of a job.
-_SET = {"rho": "rheo/rho", "esph": "sph/e"}
+# --- a cell as a deck
 
 
-def deck(start: Start, note: Sequence[str] = (), every: int = 10) -> str:
-    """Return the deck that reproduces the engine's run from a start, bit for bit, with thermo output and a dump.
+def write_deck(of: StabilityMap, cell: MapCell, folder: Path) -> str:
+    """Write the deck of a cell and its data file; return its path from the page, empty if none can express the cell."""
+    start, watch = of.start(cell), of.watch(cell)
+    scene = watched(start.case.scene, watch)
+    note, data = (f"{of.title}: {cell.name}", cell.command), f"{cell.anchor}.data"
+    try:
+        text, particles = deck(replace(start, case=replace(start.case, scene=scene)), data, note, watch.every)
+    except InputError:
+        return ""
+    path = f"decks/{cell.anchor}.in"
+    write_atomically(folder / "decks" / data, particles)
+    write_atomically(folder / path, text)
+    return path
+
+
+def deck(start: Start, data: str, note: Sequence[str] = (), every: int = 10) -> tuple[str, str]:
+    """Return the deck that reproduces the engine's run from a start, bit for bit, and the content of its data file.
 
     Parameters
     ----------
+    data : str
+        Name of the data file.
     note : sequence of str
         Comments at the top.
     every : int
@@ -207,23 +249,16 @@ def deck(start: Start, note: Sequence[str] = (), every: int = 10) -> str:
     Raises
     ------
     InputError
-        A start that no deck can express: ids other than 1 to N, or a number that is not finite.
+        A number of the start is not finite, which LAMMPS does not read.
     """
-    deck_job = job(start.case.scene, start.atoms, plan(start.case.scene))
-    _check(deck_job)
-    lines = [
-        *(f"# {_plain(line)}" for line in note),
-        *deck_job.setup,
-        "",
-        *_atoms(deck_job),
-        "",
-        *deck_job.commands,
-        "",
-        *_output(deck_job, every),
-        "",
-        *(stretch.command for stretch in deck_job.runs if isinstance(stretch, RunCommand)),
-    ]
-    return "\n".join(lines) + "\n"
+    of = job(start.case.scene, start.atoms, plan(start.case.scene))
+    for name, values in {"x": of.x_nc, "v": of.v_nc, **of.per_atom}.items():
+        if values is not None and not np.isfinite(values).all():
+            raise InputError(name, "must be finite in a deck: LAMMPS reads no other number", "inf or nan")
+    commands, particles = until_first_run(of, data)
+    runs = (stretch.command for stretch in of.runs if isinstance(stretch, RunCommand))
+    lines = [*(f"# {_plain(line)}" for line in note), *commands, "", *_output(of, every), "", *runs]
+    return "\n".join(lines) + "\n", particles
 
 
 def _plain(line: str) -> str:
@@ -231,57 +266,21 @@ def _plain(line: str) -> str:
     return " ".join(line.split()).translate({ord(c): None for c in '&"'}).encode("ascii", "replace").decode()
 
 
-def _check(deck_job: Job) -> None:
-    if not np.array_equal(deck_job.id_n, np.arange(1, len(deck_job.id_n) + 1)):
-        raise InputError(
-            "ids", "must be 1 to N in a deck: LAMMPS numbers the atoms that it creates", int(deck_job.id_n[0])
-        )
-    for name, values in {"x": deck_job.x_nc, "v": deck_job.v_nc, **deck_job.per_atom}.items():
-        if values is not None and not np.isfinite(values).all():
-            raise InputError(name, "must be finite in a deck: LAMMPS reads no other number", "inf or nan")
-
-
-def _atoms(deck_job: Job) -> Iterable[str]:
-    """Yield atoms in the order of their ids, and their properties; those shared by all are set once."""
-    for t, (x, y, z) in zip(deck_job.type_n.tolist(), deck_job.x_nc.tolist(), strict=True):
-        # With remap an atom on the upper face of a periodic box is not left out.
-        yield f"create_atoms {t} single {x!r} {y!r} {z!r} remap yes"
-    given: dict[str, FloatArray] = {}
-    if deck_job.v_nc is not None:
-        given |= {f"v{axis}": deck_job.v_nc[:, k] for k, axis in enumerate("xyz")}
-    given |= {_SET[name]: np.asarray(values_n, float) for name, values_n in deck_job.per_atom.items()}
-    # A signed zero is set atom by atom.
-    shared = {
-        name
-        for name, values_n in given.items()
-        if np.unique(values_n).size == 1 and not (np.signbit(values_n) & (values_n == 0.0)).any()
-    }
-    for name in sorted(shared):
-        if given[name][0] != 0.0 or not name.startswith("v"):
-            yield f"set group all {name} {float(given[name][0])!r}"
-    own = {name: values_n.tolist() for name, values_n in given.items() if name not in shared}
-    for k in range(len(deck_job.id_n) if own else 0):
-        yield f"set atom {k + 1} " + " ".join(f"{name} {values[k]!r}" for name, values in own.items())
-
-
-def _output(deck_job: Job, every: int) -> Iterable[str]:
-    """Yield thermo output and a dump: positions, velocities, density, what compute q of the job gives."""
+def _output(of: Job, every: int) -> Iterator[str]:
+    """Yield thermo output and a dump: positions, velocities, density, what compute q of the job gives, by its names."""
     yield f"thermo {every}"
     yield "thermo_style custom step atoms ke"
-    columns = ["id", "type", "x", "y", "z", "vx", "vy", "vz"]
-    names: dict[str, str] = {}
-    if "rho" in deck_job.atom_arrays and "rho" not in deck_job.outputs:
+    names = list(_columns(of.outputs))
+    columns = {f"c_q[{k}]" if len(names) > 1 else "c_q": name for k, name in enumerate(names, 1)}
+    if "rho" in of.atom_arrays and "rho" not in of.outputs:
         yield "compute density all rheo/property/atom rho"
-        names["c_density"] = "rho"
-    single = sum(math.prod(shape) for shape in deck_job.outputs.values()) == 1
-    place = 0
-    for name, shape in deck_job.outputs.items():
-        for k in range(math.prod(shape)):
-            place += 1
-            label = name if math.prod(shape) == 1 else f"{name}[{k + 1}]"
-            names["c_q" if single else f"c_q[{place}]"] = label
-    yield f"dump frames all custom {every} frames.dump {' '.join([*columns, *names])}"
-    # All digits of a double.
-    yield "dump_modify frames sort id format float %.17g " + " ".join(
-        f"colname {column} {label}" for column, label in names.items()
-    )
+        columns = {"c_density": "rho", **columns}
+    yield f"dump frames all custom {every} frames.dump {' '.join(['id type x y z vx vy vz', *columns])}"
+    named = " ".join(f"colname {column} {name}" for column, name in columns.items())
+    yield f"dump_modify frames sort id format float %.17g {named}"  # all digits of a double
+
+
+def _columns(outputs: Mapping[str, tuple[int, ...]]) -> Iterable[str]:
+    for name, shape in outputs.items():
+        count = math.prod(shape)
+        yield from (name if count == 1 else f"{name}[{k + 1}]" for k in range(count))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -69,7 +70,7 @@ class DonePart(Generic[T]):
 
 
 class Parts(Generic[T]):
-    """The journal of a study, from which an interrupted one is resumed.
+    """The journal of a study, from which an interrupted one is resumed; several threads may use it.
 
     Parameters
     ----------
@@ -80,6 +81,7 @@ class Parts(Generic[T]):
 
     def __init__(self, file: Path, model: type[T]) -> None:
         self.file, self.journal = file, Journal(file, cast("type[DonePart[T]]", DonePart[model]))  # type: ignore[valid-type]
+        self._lock = threading.Lock()
         self._taken: dict[str, float] = {}
         self._last = time.perf_counter()
 
@@ -89,18 +91,20 @@ class Parts(Generic[T]):
 
     def get(self, key: str) -> T | None:
         """Return the result of a finished part, None for others."""
-        part = self._done.get(key)
-        if part is None:
-            return None
-        self._taken.setdefault(key, part.seconds)
-        return part.result
+        with self._lock:
+            part = self._done.get(key)
+            if part is None:
+                return None
+            self._taken.setdefault(key, part.seconds)
+            return part.result
 
     def add(self, key: str, result: T) -> T:
         """Keep the result of a part that has just been finished, and return it."""
-        now = time.perf_counter()
-        part = self._done[key] = DonePart(key, result, now - self._last)
-        self._taken[key], self._last = 0.0, now
-        self.journal.append(part)
+        with self._lock:
+            now = time.perf_counter()
+            part = self._done[key] = DonePart(key, result, now - self._last)
+            self._taken[key], self._last = 0.0, now
+            self.journal.append(part)
         return result
 
     @property

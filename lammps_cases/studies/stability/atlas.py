@@ -6,14 +6,15 @@ import functools
 import hashlib
 import itertools
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 
 from lammps_cases.comparison import store
 from lammps_cases.engine.installations import library_sha256
 from lammps_cases.engine.workers import Workers
+from lammps_cases.records.journal import Parts
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.studies.stability import model, probe
@@ -31,7 +32,7 @@ from lammps_cases.studies.stability.model import (
     MapRecord,
     StabilityMap,
 )
-from lammps_cases.studies.stability.probe import Examined, Examiner, PendingCell
+from lammps_cases.studies.stability.probe import Examiner
 
 JOBS = 2
 # Sources, in addition to the reference, that determine how a cell ends, from start to observation.
@@ -41,6 +42,7 @@ SOURCES = (
     *(f"studies/stability/{name}.py" for name in ("kinds", "probe", "runs")),
 )
 Key = Callable[[StabilityMap, MapCell, Engine], str]
+Results = dict[MapLine, dict[float, CellRun]]
 
 
 def measure(
@@ -84,15 +86,19 @@ def measure(
     """
     begin, before = time.perf_counter(), machine()
     out.mkdir(parents=True, exist_ok=True)
-    with Workers(site, jobs) as workers, probe.examiner(workers, limit) as examiner:
+    kept, results, by_id = model.cells(out), Results(), {of.id: of for of in maps}
+    # A thread for each of some lines; if interrupted, the workers end first, and the threads with them.
+    with ThreadPoolExecutor(2 * jobs) as threads, Workers(site, jobs) as workers, probe.examiner(workers, limit) as one:
         about = workers.identify().result()
         about["library_sha256"] = library_sha256(about.pop("library", ""))
-        map_lines = _lines(maps, engines, quick)
         key = functools.partial(cell_key, about=about, limit=limit)
-        survey = Survey({of.id: of for of in maps}, map_lines, examiner, key, out, progress)
-        results = survey.run(2 * workers.count)
+        lines = _lines(maps, engines, quick)
+        runs = threads.map(lambda line: bisected(by_id[line.map], line, one, key, kept, out), lines)
+        for k, line in enumerate(lines):
+            progress.advance(k, len(lines), f"lines: {line.map} {line.layer}")
+            results[line] = next(runs)
     records = tuple(map_record(of, quick, results, engines) for of in maps)
-    seconds = time.perf_counter() - begin + survey.cells.earlier
+    seconds = time.perf_counter() - begin + kept.earlier
     atlas = Atlas(command, before, about, quick, seconds, records)
     model.write(atlas, out)
     return atlas
@@ -130,100 +136,54 @@ def sources() -> str:
     return digest.hexdigest()
 
 
-@dataclass
-class _Open:
-    """A line that is being bisected: its cells that have been run, and those that are pending with their keys."""
-
-    line: MapLine
-    runs: dict[float, CellRun] = field(default_factory=dict)
-    pending: dict[float, tuple[str, PendingCell]] = field(default_factory=dict)
-
-    @property
-    def ends(self) -> dict[float, Kind]:
-        return {x: run.outcome.kind for x, run in sorted(self.runs.items())}
-
-
-class Survey:
-    """Lines that are bisected side by side.
+def bisected(
+    of: StabilityMap, line: MapLine, examiner: Examiner, key: Key, kept: Parts[CellRun], out: Path
+) -> dict[float, CellRun]:
+    """Return the cells of a line by x: the coarse ones, and those that locate its boundaries.
 
     Parameters
     ----------
     examiner : Examiner
         Runs cells.
     key : callable
-        Makes the key of a cell; cells with equal keys are run once.
+        Makes the key of a cell; cells whose key is kept are not run.
+    kept : Parts
+        The journal of cells, which grows with every one.
     out : Path
-        Folder of the atlas, which may hold cells of earlier surveys.
+        Folder of the atlas, for the particles before failures.
     """
-
-    def __init__(
-        self,
-        maps: dict[str, StabilityMap],
-        lines: Sequence[MapLine],
-        examiner: Examiner,
-        key: Key,
-        out: Path,
-        progress: Progress,
-    ) -> None:
-        self.maps, self.lines, self.examiner, self.key = maps, lines, examiner, key
-        self.out, self.progress, self.cells = out, progress, model.cells(out)
-        self.results: dict[MapLine, _Open] = {}
-
-    def run(self, at_once: int) -> dict[MapLine, _Open]:
-        """Run the cells of all lines, ``at_once`` lines at a time; the result does not depend on their order."""
-        waiting, opened = list(reversed(self.lines)), list[_Open]()
-        while waiting or opened:
-            while waiting and len(opened) < at_once:
-                opened.append(_Open(waiting.pop()))
-                self._ask(opened[-1])
-            self.results |= {one.line: one for one in opened if not one.pending}
-            opened = [one for one in opened if one.pending]
-            if opened and (len(opened) >= at_once or not waiting):
-                self._collect(opened)
-        return self.results
-
-    def _ask(self, one: _Open) -> None:
-        """Queue the next places of a line, as far as they are known."""
-        of = self.maps[one.line.map]
-        while not one.pending and (places := wanted(of, one.ends)):
-            for x in places:
-                cell = one.line.cell(x)
-                key = self.key(of, cell, one.line.engine)
-                if (ran := self.cells.get(key)) is not None:
-                    one.runs[x] = ran
-                else:
-                    one.pending[x] = key, self.examiner.ask(of, cell, one.line.engine)
-
-    def _collect(self, opened: Iterable[_Open]) -> None:
-        """Wait for a cell, and process all that are finished."""
-        futures: set[Future[Examined]] = {pending.future for one in opened for _, pending in one.pending.values()}
-        wait(futures, return_when=FIRST_COMPLETED)
-        for one in opened:
-            for x, (key, pending) in list(one.pending.items()):
-                if pending.future.done():
-                    del one.pending[x]
-                    examined = self.examiner.settle(pending)
-                    run = one.runs[x] = CellRun(one.line.cell(x), one.line.engine, examined.outcome)
-                    model.write_state(self.out, run.cell, run.engine, examined.before)
-                    self.cells.add(key, run)
-                    self._report(one.line)
-            self._ask(one)
-
-    def _report(self, line: MapLine) -> None:
-        self.progress.advance(len(self.results), len(self.lines), f"lines: {line.map} {line.layer}")
+    runs: dict[float, CellRun] = {}
+    while places := wanted(of, _kinds(runs)):
+        pending = {}
+        for x in places:
+            cell = line.cell(x)
+            hashed = key(of, cell, line.engine)
+            if (ran := kept.get(hashed)) is not None:
+                runs[x] = ran
+            else:
+                pending[x] = hashed, cell, examiner.ask(of, cell, line.engine)
+        for x, (hashed, cell, asked) in pending.items():
+            examined = examiner.settle(asked)
+            model.write_state(out, cell, line.engine, examined.before)
+            runs[x] = kept.add(hashed, CellRun(cell, line.engine, examined.outcome))
+    return runs
 
 
-def map_record(of: StabilityMap, quick: bool, results: dict[MapLine, _Open], engines: Sequence[Engine]) -> MapRecord:
+def _kinds(runs: Mapping[float, CellRun]) -> dict[float, Kind]:
+    return {x: run.outcome.kind for x, run in sorted(runs.items())}
+
+
+def map_record(of: StabilityMap, quick: bool, results: Results, engines: Sequence[Engine]) -> MapRecord:
     """Return the results of a map, in the order of its layers and lines."""
     cells, edges, agreements = list[CellRun](), list[Boundary](), list[Agreement]()
     for layer in of.layers:
         for y in of.lines_run(quick):
             ends: dict[Engine, dict[float, Kind]] = {}
             for engine in (e for e in engines if e in of.engines(layer)):
-                result = results[MapLine(of.id, layer, y, engine)]
-                ends[engine] = result.ends
-                cells += [result.runs[x] for x in result.ends]
-                edges += boundaries(result.line, result.ends)
+                line = MapLine(of.id, layer, y, engine)
+                ends[engine] = _kinds(results[line])
+                cells += [results[line][x] for x in ends[engine]]
+                edges += boundaries(line, ends[engine])
             if "reference" in ends and "lammps" in ends:
                 agreements.append(agreement(of, layer, y, ends["reference"], ends["lammps"]))
     seconds = sum(run.outcome.seconds for run in cells)

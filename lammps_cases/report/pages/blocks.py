@@ -9,7 +9,6 @@ from typing import ClassVar
 
 from markupsafe import Markup
 
-from lammps_cases.records.documents import Study
 from lammps_cases.report.pages import frame
 
 
@@ -117,18 +116,19 @@ def code(text: str) -> Markup:
 
 def page(
     name: str,
-    study: Study,
     title: str,
     sentence: str,
     lead: Sequence[Block],
     sections: Sequence[Section],
     *,
+    engine: str,
+    command: str,
+    facts: Sequence[tuple[str, str]],
     status: str = "good",
-    facts: Sequence[tuple[str, str]] = (),
     styles: Sequence[Path] = (),
     scripts: Sequence[Path] = (),
 ) -> str:
-    """Render the page of a study.
+    """Render a page.
 
     Parameters
     ----------
@@ -138,21 +138,23 @@ def page(
         Headline of the page; what it is about, for the index of the reports.
     lead : sequence of Block
         Before the navigation.
-    status, styles, scripts
-        See `frame.page`.
+    command : str
+        The command line that was run.
     facts : sequence of pairs
-        By default those of the study.
+        Names and values below the headline.
+    engine, status, styles, scripts
+        See `frame.page`.
     """
     return frame.page(
         frame.SHARED,
         name,
         status,
-        engine=study.label,
+        engine=engine,
         template="study",
         styles=styles,
         scripts=scripts,
-        facts=facts or study.facts,
-        again=study.command,
+        facts=facts,
+        again=command,
         headline_text=title,
         sentence=sentence,
         lead=lead,

@@ -62,7 +62,6 @@ def write(chart: Chart, folder: Path, others: Sequence[Chart] = ()) -> None:
     busy = [Paragraph(words, "warning") for words in [_busy(chart)] if words]
     html = blocks.page(
         "chart",
-        chart,
         "Speed against accuracy: LAMMPS, the reference, and other ways to compute the same",
         "speed against accuracy",
         [Paragraph(ABOUT, "about"), *busy, Paragraph(TIMES)],
@@ -70,6 +69,8 @@ def write(chart: Chart, folder: Path, others: Sequence[Chart] = ()) -> None:
             blocks.Section(section.name, section.title, list(_section(section, chart, others, figures)))
             for section in chart.sections
         ],
+        engine=chart.label,
+        command=chart.command,
         facts=_facts(chart, others),
         styles=[CSS],
     )

@@ -105,14 +105,13 @@ def measure(
 
 
 def _lines(maps: Sequence[StabilityMap], engines: Sequence[Engine], quick: bool) -> list[MapLine]:
-    """Return the lines of maps that are run, each on every engine that runs its layer."""
+    """Return the lines of maps that are run, each on every engine."""
     return [
         MapLine(of.id, layer, y, engine)
         for of in maps
         for layer in of.layers
         for y in of.lines_run(quick)
         for engine in engines
-        if engine in of.engines(layer)
     ]
 
 
@@ -179,7 +178,7 @@ def map_record(of: StabilityMap, quick: bool, results: Results, engines: Sequenc
     for layer in of.layers:
         for y in of.lines_run(quick):
             ends: dict[Engine, dict[float, Kind]] = {}
-            for engine in (e for e in engines if e in of.engines(layer)):
+            for engine in engines:
                 line = MapLine(of.id, layer, y, engine)
                 ends[engine] = _kinds(results[line])
                 cells += [results[line][x] for x in ends[engine]]

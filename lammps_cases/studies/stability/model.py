@@ -227,7 +227,6 @@ class StabilityMap:
     coarse : number of places along x that are run first; bisection follows between neighbours of different kind
     tags : ``quick`` maps make the one-minute atlas, ``long`` ones run only by name or tag
     quick_lines : lines of the quick atlas; none: the first and the last
-    reference_only : layers that LAMMPS does not have, such as another precision
     engines_differ : why the engines differ although no statement of the manual is broken
     """
 
@@ -244,12 +243,7 @@ class StabilityMap:
     theory: tuple[Theory, ...] = ()
     tags: tuple[str, ...] = ()
     quick_lines: tuple[float, ...] = ()
-    reference_only: tuple[str, ...] = ()
     engines_differ: str = ""
-
-    def engines(self, layer: str) -> tuple[Engine, ...]:
-        """Return the engines that a layer can be run on."""
-        return ("reference",) if layer in self.reference_only else ENGINES
 
     def lines_run(self, quick: bool) -> tuple[float, ...]:
         """Return the values of y that are run, in the quick atlas or in the whole one."""

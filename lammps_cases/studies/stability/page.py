@@ -49,7 +49,6 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap]) -> None:
     overview = Table(columns, [_ends(record) for record in atlas.maps])
     html = blocks.page(
         "stability",
-        atlas,
         "Where methods fail: LAMMPS and the reference",
         "where methods fail",
         [Paragraph(ABOUT, "about")],
@@ -58,6 +57,9 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap]) -> None:
             Section("disagreements", "Where LAMMPS and the reference differ", [_disagreements(atlas)]),
             *(_section(record, maps.get(record.id), folder) for record in atlas.maps),
         ],
+        engine=atlas.label,
+        command=atlas.command,
+        facts=atlas.facts,
         status="bad" if unexplained(atlas.disagreements) else "good",
         styles=[ASSETS / "stability.css"],
         scripts=[frame.FILTER, ASSETS / "stability.js"],

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 
 from eos_ref import InputError
-from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
-from eos_ref.numbers.rounded import value
+from eos_ref.evaluation.time_step import MakeEvaluator
 from lammps_cases.engine.session import EngineRefused, Session
 from lammps_cases.records.wording import one_line
 from lammps_cases.scene import Scene
-from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.runs import Expect
-from lammps_cases.setup import reference_side
 from lammps_cases.setup.plan import Plan, plan
 from lammps_cases.studies.flows.flow import Snapshot, Start
 from lammps_cases.studies.flows.solve import AtomsLost, FlowRun, LammpsFlow, ReferenceFlow, snapshot
@@ -79,18 +74,11 @@ class LawRun:
 
 
 class ReferenceRun(ReferenceFlow):
-    """The reference, by default with compiled sums, in float32 for such particles; its refusals stop the run."""
+    """The reference, by default with compiled sums; its refusals stop the run."""
 
     def __init__(self, start: Start, watch: FailureCriteria, evaluator: MakeEvaluator | None = None) -> None:
         with _refusals():
             super().__init__(start, evaluator, bool(watch.surface))
-
-    def make(self, fields: Iterable[str], evaluator: MakeEvaluator | None) -> Simulation:
-        """See `ReferenceFlow.make`."""
-        if self.start.atoms.x_nc.dtype != np.float32:  # a layer of `maps.timestep`
-            return super().make(fields, evaluator)
-        case = self.start.case
-        return single_simulation(case.scene, self.start.atoms, fields, case.where)
 
     def advance(self, steps: int) -> None:
         """Take steps."""
@@ -102,44 +90,6 @@ class ReferenceRun(ReferenceFlow):
             raise Stopped("lost particles" if lost else "non-finite", str(error)) from None
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise Stopped("error", f"{type(error).__name__}: {error}") from None
-
-
-# --- the reference in float32: the same stages, with arrays of half the size
-
-
-class Single(ArrayEvaluator):
-    """Stages in float32. Pairs are found, and positions subtracted, in float64; the results are rounded."""
-
-    def of_type(self, values_t: Iterable[Any]) -> Any:
-        """See `Evaluator.of_type`."""
-        return super().of_type(values_t).astype(np.float32)
-
-    def move(self, x_nc: Any) -> None:
-        """See `ArrayEvaluator.move`."""
-        super().move(x_nc)
-        self.x = [value(x_p).astype(np.float32) for x_p in self.x]
-        self.rr, self.r, self.w = (value(array).astype(np.float32) for array in (self.rr, self.r, self.w))
-        self.gradw = [value(g_p).astype(np.float32) for g_p in self.gradw]
-        self.g = self.gradw
-
-    def eos_pressure(self, rho_n: Any, e_n: Any) -> Any:
-        """See `Evaluator.eos_pressure`; the laws in the number type of the density."""
-        pressure_n = np.empty_like(rho_n)
-        for t, law in enumerate(self.model.eos, 1):
-            mine = self.type_n == t
-            pressure_n[mine] = law.evaluate(rho_n[mine], None if e_n is None else e_n[mine])
-        return pressure_n
-
-    def diffusion(self, *fields: Any) -> Any:
-        """See `ArrayEvaluator.diffusion`."""
-        return value(super().diffusion(*fields)).astype(np.float32)
-
-
-def single_simulation(scene: Scene, atoms: Atoms, fields: Iterable[str] = (), where: str = "") -> Simulation:
-    """Return the reference of a scene whose particles are given in float32."""
-    sim = reference_side.simulation(scene, atoms, fields, where, Single)
-    sim.mass_n, sim.other_nc = sim.mass_n.astype(np.float32), sim.other_nc.astype(np.float32)
-    return sim
 
 
 # --- LAMMPS

@@ -18,7 +18,6 @@ MAPS: dict[str, StabilityMap] = {
         *timestep.MAPS,
         *laws.MAPS,
         *matrices.MAPS,
-        *timestep.PRECISION_MAPS,
         *tension.MAPS,
         *matrices.SURFACE_MAPS,
         *tension.PHASES_MAPS,

@@ -1,4 +1,4 @@
-r"""Maps of the time step and of single precision, where flows fail in float32 that are stable in float64.
+r"""Maps of the time step.
 
 The scene of the time step is a square lattice of particles at rest density, whose velocities are noise of all
 wavelengths: the shortest waves fail by viscosity, those of about five spacings by sound. Except in the map
@@ -14,10 +14,6 @@ velocity and density of a longitudinal wave by
 because forces see densities that have taken half of the step's change. Waves decay if :math:`\nu l\Delta t<2` (viscous
 limit) and :math:`d^2c^2\Delta t<2\nu l` (amplification of sound; :math:`\Delta t<2\nu/c^2` for long waves). Neither is
 the criterion of Morris, Fox & Zhu (1997), :math:`\min(h/4c,h^2/8\nu)`, in whose units the step is given.
-
-LAMMPS computes in float64 alone, so that the layer float32 is the reference's: positions, velocities and densities are
-stored as float32, and all that follows from them is float32 too, except the neighbour search and the differences of
-positions, which are exact and then rounded (`lammps_cases.studies.stability.runs.Single`).
 """
 
 from __future__ import annotations
@@ -25,8 +21,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,7 +32,7 @@ from eos_ref.model import interactions
 from eos_ref.model.box import Box
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start, fluid, rows, start, time_step
-from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
+from lammps_cases.studies.stability.model import Axis, FailureCriteria, StabilityMap, Theory
 
 EDGE = 10  # spacings
 STEPS, EVERY = 200, 20  # of a run, and between two observations
@@ -259,105 +254,3 @@ KERNEL = StabilityMap(
 )
 
 MAPS = (MACH, VISCOSITY, KERNEL)
-
-
-SMALL = 6  # spacings
-FLOW_SPEED = 1.0  # of the flow
-
-
-def _shear_wave(cell: MapCell, viscosity: float, offset: float, fraction: float, steps: int) -> Start:
-    """Return a sheared wave of Mach number y, in a box far from the origin; the viscosity is given over c."""
-    cs = FLOW_SPEED / cell.y
-    nu = viscosity * cs
-    y_n = rows(0, SMALL, SMALL)[:, 1]
-    v_nc = np.stack([FLOW_SPEED * np.sin(2 * np.pi * y_n / SMALL), np.zeros(len(y_n))], axis=1)
-    options = Options(dt_fraction=fraction)
-    dt = time_step(options, cs + FLOW_SPEED, nu)
-    return _precision_start(cell, {"types": [fluid(cs=cs, viscosity=nu)]}, options, dt, steps, offset, v_nc=v_nc)
-
-
-def _precision_start(
-    cell: MapCell, scene: dict[str, Any], options: Options, dt: float, steps: int, offset: float = 0.0, **fields: Any
-) -> Start:
-    """Return a periodic box with some fields, rounded in the layer float32."""
-    low_c, high_c = (offset, offset), (offset + SMALL, offset + SMALL)
-    x_nc, name = rows(0, SMALL, SMALL) + np.array(low_c), f"{cell.map}-{cell.layer}"
-    double = start(name, scene, x_nc, high_c, low_c, options=options, times=(steps * dt,), timestep=dt, **fields)
-    return single(double) if cell.layer == "float32" else double
-
-
-def single(given: Start) -> Start:
-    """Return a start whose positions, velocities and densities are float32: the reference continues in that type."""
-    a = given.atoms
-    arrays: dict[str, Any] = {"x_nc": a.x_nc, "v_nc": a.v_nc, "rho_n": a.rho_n}
-    short = {name: array.astype(np.float32) for name, array in arrays.items() if array is not None}
-    return replace(given, atoms=replace(a, **short))
-
-
-ORIGIN = StabilityMap(
-    id="precision-origin",
-    title="Distance from the origin",
-    about="A sheared wave in a periodic box far from the origin: positions lose the digits that tell particles apart.",
-    x=Axis("offset/spacing", 10.0, 1e16, 0.2, log=True),
-    y=Axis("Mach number", 0.01, 0.3, 0.1, log=True),
-    lines=(0.03, 0.3),
-    # A whole offset: positions half a spacing from it lose digits first.
-    start=lambda cell: _shear_wave(cell, 0.1, float(math.floor(cell.x)), 0.2, 60),
-    watch=lambda cell: FailureCriteria(every=10, growth=2.0, energy=SMALL**2 * FLOW_SPEED**2 / 4, closest=0.3),
-    layers=("float64", "float32"),
-    reference_only=("float32",),
-    engines_differ="particles that rounding puts on top of each other: refused by the reference, not by LAMMPS",
-    theory=(
-        Theory("numbers one spacing apart", lambda y: 2.0**52, "float64"),
-        Theory("numbers one spacing apart", lambda y: 2.0**23, "float32"),
-    ),
-)
-
-
-PRECISION_STEP = StabilityMap(
-    id="precision-timestep",
-    title="Time step",
-    about="A sheared wave under longer and longer time steps, over min(h/4(c + U), h^2/8 nu): whether roundings bring "
-    "the failure on earlier.",
-    x=Axis("dt/limit", 1.0, 16.0, 0.03, log=True),
-    y=Axis("Mach number", 0.003, 0.3, 0.1, log=True),
-    lines=(0.03, 0.3),
-    start=lambda cell: _shear_wave(cell, 0.5, 0.0, cell.x, 100),
-    watch=lambda cell: FailureCriteria(every=20, growth=2.0, energy=SMALL**2 * FLOW_SPEED**2 / 4, closest=0.1),
-    layers=("float64", "float32"),
-    reference_only=("float32",),
-)
-
-
-def _squeezed(cell: MapCell) -> Start:
-    """Return a wave of compression so weak that its densities are a few roundings from rho0."""
-    cs, options = 10.0, Options(dt_fraction=0.2)
-    rho_n = 1.0 + cell.x * np.cos(2 * np.pi * rows(0, SMALL, SMALL)[:, 0] / SMALL)
-    scene = {"types": [fluid(cs=cs, viscosity=cell.y)], "pressure": [{"types": "*", "style": "tait/water"}]}
-    return _precision_start(cell, scene, options, time_step(options, cs, cell.y), 100, rho_n=rho_n)
-
-
-def _watch_sound(cell: MapCell) -> FailureCriteria:
-    """Watch for a kinetic energy beyond a few times that of the sound wave."""
-    return FailureCriteria(every=10, growth=4.0, energy=SMALL**2 * (10.0 * cell.x) ** 2 / 4)
-
-
-COMPRESSION = StabilityMap(
-    id="precision-compression",
-    title="Weak compression",
-    about="A sound wave of a small amplitude, of which roundings of the density make noise. x: amplitude over rho0.",
-    x=Axis("amplitude/rho0", 1e-18, 1e-2, 0.4, log=True),
-    y=Axis("viscosity", 0.1, 10.0, 0.1, log=True),
-    lines=(1.0, 5.0),
-    coarse=12,
-    start=_squeezed,
-    watch=_watch_sound,
-    layers=("float64", "float32"),
-    reference_only=("float32",),
-    theory=(
-        Theory("rounding of the density", lambda y: 2.0**-53, "float64"),
-        Theory("rounding of the density", lambda y: 2.0**-24, "float32"),
-    ),
-)
-
-PRECISION_MAPS = (ORIGIN, PRECISION_STEP, COMPRESSION)

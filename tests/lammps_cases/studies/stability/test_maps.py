@@ -22,7 +22,6 @@ from eos_ref.kernels.quintic import QUINTIC
 from lammps_cases.engine.session import Session
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.forces import ForcePerVolume
-from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.flows.solve import FlowRun
 from lammps_cases.studies.stability import kinds, probe
@@ -38,7 +37,7 @@ from lammps_cases.studies.stability.model import (
     MapCell,
     StabilityMap,
 )
-from lammps_cases.studies.stability.runs import ReferenceRun, open_run, single_simulation
+from lammps_cases.studies.stability.runs import ReferenceRun, open_run
 from tests.support.roundings import rounded
 
 pytestmark = pytest.mark.slow
@@ -84,14 +83,13 @@ def theory(of: StabilityMap, y: float, layer: str = "") -> float:
 
 @pytest.mark.parametrize("of", MAPS.values(), ids=list(MAPS))
 def test_every_map_is_well_formed(of: StabilityMap) -> None:
-    """Axes are ordered, lines lie on them, cells at the ends of each line can be made; only LAMMPS lacks layers."""
+    """Axes are ordered, lines lie on them, cells at the ends of each line can be made."""
     assert MAPS[of.id] is of and of.title and of.about
     assert of.x.low < of.x.high and of.x.width > 0 and of.coarse >= 2
     assert all(of.y.low <= y <= of.y.high for y in of.lines)
     assert set(of.lines_run(True)) <= set(of.lines) == set(of.lines_run(False))
     assert {t.layer for t in of.theory} <= {None, *of.layers}
     for layer in of.layers:
-        assert of.engines(layer) == (("reference",) if layer == "float32" else ENGINES)
         for y, x in itertools.product((min(of.lines), max(of.lines)), (of.x.low, of.x.high)):
             cell = MapCell(of.id, x, y, layer)
             start, watch = of.start(cell), of.watch(cell)
@@ -172,12 +170,6 @@ def of_matrices() -> Iterator[Any]:
 def of_the_reference() -> Iterator[Any]:
     yield from of_laws()
     yield from of_matrices()
-    for layer in ("float64", "float32"):  # particles coincide where whole numbers are the densest
-        limit = theory(timestep.ORIGIN, 0.3, layer)
-        yield timestep.ORIGIN, layer, 0.3, {limit / 2: "stable", limit: "error"}
-    # Float32 turns a wave that float64 resolves into noise.
-    yield timestep.COMPRESSION, "float64", 1.0, {3e-7: "stable"}
-    yield timestep.COMPRESSION, "float32", 1.0, {3e-7: "energy growth"}
     for cut in tension.WIDE.lines:  # positive pressure pairs no particles
         yield tension.WIDE, "", cut, {0.8: "stable", -0.2: "clumping"}
     # The estimate is linear and represents the disorder by one wave: it is accurate to 0.05 rho0 c^2.
@@ -434,7 +426,7 @@ def test_expected_classes_follow_from_the_geometry() -> None:
     assert sorted(known.values()) == [0] * 3 * matrices.WIDTH + [1] * 2 * matrices.WIDTH
 
 
-# --- time step and precision
+# --- time step
 
 
 @sides
@@ -476,37 +468,6 @@ def test_criteria_meet_where_viscosity_and_sound_limit_equally(cut: float) -> No
     assert timestep.acoustic_criterion(1.0, cut) == rounded(1.0, 8) == timestep.viscous_criterion(1.0, cut)
     assert timestep.acoustic_criterion(3.0, cut) == rounded(3.0, 8)
     assert timestep.viscous_criterion(0.2, cut) == rounded(5.0, 8)
-
-
-def test_all_arrays_are_float32() -> None:
-    """After some steps no array of the state or the fields is float64; one would widen all others."""
-    _, run = begun(timestep.PRECISION_STEP, 1.0, 0.03, "float32")
-    assert isinstance(run, ReferenceRun)
-    run.advance(3)
-    simulation = run.simulation
-    arrays: dict[str, Any] = {**vars(simulation.state), **simulation.fields, "p": simulation.output("pressure")}
-    floats = {name: array.dtype for name, array in arrays.items() if getattr(array, "dtype", None) in (float, "f4")}
-    assert len(floats) >= 7
-    assert set(floats.values()) == {np.dtype(np.float32)}, floats
-
-
-def test_float32_is_the_same_model() -> None:
-    """Forces of both types agree to a few float32 roundings of their terms."""
-    start = timestep.PRECISION_STEP.start(MapCell("", 1.0, 0.3, "float64"))
-    x_nc = start.atoms.x_nc + np.random.default_rng(1).uniform(-0.1, 0.1, start.atoms.x_nc.shape) * (1, 1, 0)
-    short = timestep.single(replace(start, atoms=replace(start.atoms, x_nc=x_nc))).atoms
-    doubles = {name: getattr(short, name).astype(float) for name in ("x_nc", "v_nc", "rho_n")}
-    half = single_simulation(start.case.scene, short)
-    long = reference_side.simulation(start.case.scene, replace(short, **doubles), evaluator=ArrayEvaluator)
-    found = long.evaluate()["f"], half.evaluate()["f"]
-    assert 0 < np.abs(found[0] - found[1]).max() / np.abs(found[0]).max() < 1e-5
-
-
-def test_float32_has_no_wave_below_a_rounding_of_the_density() -> None:
-    start = timestep.COMPRESSION.start(MapCell("", 2.0**-26, 1.0, "float32"))
-    assert start.atoms.rho_n is not None and set(start.atoms.rho_n.tolist()) == {1.0}
-    assert timestep.ORIGIN.x.low < theory(timestep.ORIGIN, 0.3, "float32") < theory(timestep.ORIGIN, 0.3, "float64")
-    assert theory(timestep.ORIGIN, 0.3, "float64") < timestep.ORIGIN.x.high
 
 
 # --- tension and phases

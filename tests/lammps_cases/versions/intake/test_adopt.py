@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,7 @@ from lammps_cases.versions.inputs import table
 from lammps_cases.versions.inputs.refusals import bad_inputs
 from tests.support import made_runs
 from tests.support.outcome import Outcome
+from tests.support.pages import text_of
 
 Run = Callable[..., Outcome]
 
@@ -36,7 +38,7 @@ def test_findings_claims_and_inputs_of_an_engine(tmp_path: Path) -> None:
     cases = casefile.select(casefile.load(), ("near-rho0.linear.2d", "forces.all.rk1.2d", "refused.range-hyphen"))
     probes = [probe for probe in manual.probes() if probe.id in ("specific-heat-zero", "rheo-restart")]
     some = [bad for bad in bad_inputs() if bad.id in ("specific-heat-zero", "region-inside-out")]
-    record = collect(Intake(Engine(), 1, tmp_path, cases, probes, some), evidence.BASELINES)
+    record = collect(Intake(Engine(), 1, tmp_path, cases, probes, some, rounds=0), evidence.BASELINES)
     rows = {row.id: row for row in record.findings}
     for id, case in (
         ("force-per-volume", "forces.all.rk1.2d"),
@@ -54,6 +56,30 @@ def test_findings_claims_and_inputs_of_an_engine(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "adopt.json").read_text())["schema"] == "eos-ref/adopt/1"
     html = adopt.render(record)
     assert all(words in html for words in (record.sentence, "hyphen-range-accepted", "every difference is reproduced"))
+
+
+def test_page_begins_with_unexplained_cases_and_their_hypotheses() -> None:
+    row = FindingRow("some-id", "A title", "high", "there", False, False, ("walls.a", "walls.b"), ())
+    gone = replace(row, id="other-id", status="gone", expected=True, cases=(), gone=("walls.c",))
+    record = Adoption(
+        engine=made_runs.run().engine,
+        date="2026-01-01",
+        command="eos-ref adopt env",
+        findings=(row, gone),
+        claims=(),
+        inputs=(),
+        unexplained=(adopt.Difference("walls.d", "differs", "f is 3 bounds off"),),
+        skipped=(),
+        counts={"pass": 2, "differs": 1},
+        hypotheses=("triage 1 of 1: 1 case", "  hypothesis: as if <c> were 2 c"),
+        times=("time of B over A, all together: 1.5",),
+        seconds={"cases": 2.0},
+    )
+    words = text_of(adopt.render(record))
+    order = ["Unexplained (1)", "walls.d", "as if <c> were 2 c", "New against the nearest engine (1)", "some-id"]
+    order += ["Gone (1)", "other-id", "time of B over A, all together: 1.5"]
+    places = [words.index(text) for text in order[:1]] + [words.rindex(text) for text in order[5:6]]
+    assert all(text in words for text in order) and places == sorted(places)
 
 
 @pytest.mark.parametrize(

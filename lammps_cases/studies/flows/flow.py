@@ -243,10 +243,10 @@ class Flow:
     name, about : what it is, and its further options
     solution : source of the known results
     resolutions : particles per wavelength, height or diameter; at least three
-    expected : the order expected by theory, and why
+    expected : the order that theory allows, and why
     start : particles and scene of a resolution
     measures : relative errors of snapshots by name, the headline first
-    options : those that show the convergence
+    options : the set-up that shows the convergence
     quick : cheap resolutions, where the others are not
     full : finer resolutions, on request
     title : of its section in a validation
@@ -254,6 +254,9 @@ class Flow:
     findings : findings of LAMMPS that change it, each tried alone on the reference
     left_out : what a validation omits, and why
     published : results of the paper behind RHEO
+    validates : what of the method it shows
+    setups : other set-ups, by name, for the reference alone
+    limits : what limits those, and the order
     """
 
     name: str
@@ -272,6 +275,9 @@ class Flow:
     left_out: str = ""
     full: tuple[int, ...] = ()
     published: Published | None = None
+    validates: str = ""
+    setups: Mapping[str, Options] = field(default_factory=dict)
+    limits: str = ""
 
 
 def rows(first: int, last: int, width: int) -> FloatArray:

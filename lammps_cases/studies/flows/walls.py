@@ -362,6 +362,7 @@ def _of_channel(
     of: Callable[[int], PowerFluid],
     resolutions: tuple[int, ...] = (12, 16, 24),
     extra: tuple[ReferenceCurve, ...] = (),
+    validates: str = "fix rheo/viscosity power, walls without slip",
 ) -> Flow:
     known = _known(of, "closed form")
     panel = FlowPanel("velocity", "y / gap", "velocity / nominal speed (Re = 0.1)", (known, *extra), _profile)
@@ -381,6 +382,9 @@ def _of_channel(
         (panel,),
         (middle,),
         (FORCE_PER_VOLUME,),
+        validates=validates,
+        setups={"walls with the law of the fluid": Options(kernel="RK1", extra={"wall": "law"})},
+        limits="With its own law a wall, in which nothing shears, drags as stiffly as fluid at rest.",
     )
 
 

@@ -24,7 +24,8 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.chart.kernels import opened
 from lammps_cases.studies.chart.record import LAMMPS, ONE_PER_CENT, Crossing, Panel, bisected, measured
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, relative
+from lammps_cases.studies.flows.flow import Options, Snapshot, Start, relative
+from lammps_cases.studies.flows.known import Flow
 from lammps_cases.studies.flows.solve import (
     Convergence,
     Fit,

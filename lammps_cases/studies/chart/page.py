@@ -21,7 +21,7 @@ from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, plain_log_
 from lammps_cases.studies.chart import codes
 from lammps_cases.studies.chart.record import DIGITS, LAMMPS, Chart, Map, MethodPoint, Panel, Section, frontier
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.flow import Flow
+from lammps_cases.studies.flows.known import Flow
 from lammps_cases.studies.flows.solve import Convergence
 
 ASSETS = Path(__file__).parent / "assets"

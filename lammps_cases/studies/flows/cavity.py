@@ -25,23 +25,17 @@ from lammps_cases.findings.thermal import HEAT_IS_TEMPERATURE_RATE
 from lammps_cases.findings.walls import WALL_VELOCITY_LOST
 from lammps_cases.studies.flows.flow import (
     Body,
-    Curve,
-    Flow,
-    FlowPanel,
-    FlowQuantity,
     Options,
     Snapshot,
     Start,
-    curve,
     fluid,
     forces,
-    misfits,
     rows,
     smooth,
     start,
-    table,
     time_step,
 )
+from lammps_cases.studies.flows.known import Curve, Flow, FlowPanel, FlowQuantity, curve, misfits, table
 
 REYNOLDS, MACH = 100.0, 0.1
 SIDE = 4  # spacings of a wall
@@ -116,7 +110,6 @@ ABOUT = (
 CAVITY = Flow(
     "cavity",
     ABOUT,
-    U.known[0].source,
     (12, 20, 28),
     "1: disorder of the shifted particles at the scale of a spacing, corners of the lid, where its velocity jumps",
     _driven,
@@ -237,7 +230,6 @@ CONVECTION = Flow(
     f"Fluid between a warm and a cold wall, Ra = {RAYLEIGH:g}, Pr = {PRANDTL:g}. RHEO has no buoyancy of its own: "
     "fix addforce gives Boussinesq's, by an atom-style variable of the temperature. Side walls keep "
     "their temperature by a specific heat a million times the fluid's.",
-    HEATED_U.known[0].source,
     (16, 22, 30),
     "1: walls have their temperature throughout, so that it is met about half a spacing behind their faces",
     _heated,

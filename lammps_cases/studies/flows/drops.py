@@ -18,23 +18,8 @@ from scipy.integrate import solve_ivp
 from eos_ref.analytic import waves
 from eos_ref.eos.table import FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
-from lammps_cases.studies.flows.flow import (
-    Body,
-    Curve,
-    Flow,
-    FlowPanel,
-    FlowQuantity,
-    Options,
-    Snapshot,
-    Start,
-    fluid,
-    line,
-    misfits,
-    rows,
-    smooth,
-    start,
-    time_step,
-)
+from lammps_cases.studies.flows.flow import Body, Options, Snapshot, Start, fluid, rows, smooth, start, time_step
+from lammps_cases.studies.flows.known import Curve, Flow, FlowPanel, FlowQuantity, line, misfits
 from lammps_cases.studies.flows.surfaces import INTERFACE, disc, radius_of
 
 ARTIFICIAL, DAMPING = 0.1, 0.1  # artificial viscosity; density diffusion over h c
@@ -108,7 +93,6 @@ PATCH = Flow(
     "A square of fluid in empty space rotates as a solid body at first; its corners go out. It starts with the "
     "pressure of the series of sines, which is negative. c = 10 corner speeds, artificial viscosity "
     f"{ARTIFICIAL:g}, rho/damp {DAMPING:g} h c, no shift.",
-    _KEPT.source,
     (20, 28, 40),
     "1: artificial viscosity falls with the spacing",
     _patch,
@@ -209,7 +193,6 @@ DROP = Flow(
     f"A round drop, stretched at {STRETCH:g} B, swings under a force −B² r to its middle, given by fix addforce "
     f"with atom-style variables. c = {DROP_SOUND:g} B R, artificial viscosity {ARTIFICIAL:g}, rho/damp "
     f"{DAMPING:g} h c. About 1 % of error stays as the spacing falls; with c = 25 B R noise makes it larger.",
-    AXIS.known[0].source,
     (16, 22, 30),
     "none: the Mach number stays, and with it what the fluid is compressed by",
     _drop,
@@ -274,7 +257,6 @@ def _jump(n: int, options: Options, snapshots: Sequence[Snapshot]) -> float:
 BUBBLE = Flow(
     "bubble",
     f"{INTERFACE.about} Particles of the two phases may not gain a difference of pressure by themselves.",
-    JUMP.known[0].source,
     (16, 24, 36),
     INTERFACE.expected,
     INTERFACE.start,

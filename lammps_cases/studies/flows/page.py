@@ -25,8 +25,8 @@ from lammps_cases.records.wording import brief, number
 from lammps_cases.report.pages import frame
 from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, saved
 from lammps_cases.studies.flows.catalogue import COMPARED
-from lammps_cases.studies.flows.flow import Curve, Flow, FlowPanel, ReferenceCurve
-from lammps_cases.studies.flows.solve import Fit, fit
+from lammps_cases.studies.flows.known import Curve, Flow, FlowPanel, ReferenceCurve
+from lammps_cases.studies.flows.solve import fit
 
 REFERENCE, LAMMPS, UNIT, START = "reference", "LAMMPS", "LAMMPS in another unit of length", "reference, start "
 PUBLISHED = "published"
@@ -108,11 +108,6 @@ class Validated(Study):
         """Return the sides that solved a flow."""
         return list(dict.fromkeys(run.side for run in self.runs if run.flow == flow))
 
-    def order(self, flow: str, side: str, measure: str) -> Fit:
-        """Return the order of convergence of a measure."""
-        runs = [run for run in self.of(flow, side) if measure in run.errors]
-        return fit([run.n for run in runs], [run.errors[measure] for run in runs])
-
 
 DOCUMENT = Document("validate", Validated)
 
@@ -120,12 +115,6 @@ DOCUMENT = Document("validate", Validated)
 def runs(folder: Path) -> Parts[FlowRecord]:
     """Return the journal ``runs.jsonl`` of finished runs."""
     return Parts(folder / "runs.jsonl", FlowRecord)
-
-
-def _write_tables(validated: Validated, folder: Path) -> None:
-    """Write ``validate.json`` and ``curves.csv``."""
-    write_atomically(folder / "curves.csv", csv_text(_rows(validated)))
-    DOCUMENT.write(folder / "validate.json", validated)
 
 
 def _rows(validated: Validated) -> Iterable[Sequence[Any]]:
@@ -137,7 +126,8 @@ def _rows(validated: Validated) -> Iterable[Sequence[Any]]:
 
 def write(validated: Validated, folder: Path) -> None:
     """Write ``validate.json``, ``curves.csv``, ``report.html`` and ``figures/*.svg|png``."""
-    _write_tables(validated, folder)
+    write_atomically(folder / "curves.csv", csv_text(_rows(validated)))
+    DOCUMENT.write(folder / "validate.json", validated)
     figures = folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     every = [COMPARED[name] for name in validated.flows]
@@ -385,7 +375,8 @@ def convergence(validated: Validated, flows: Sequence[Flow]) -> Figure:
 
 def _style(side: str, mark: str) -> dict[str, Any]:
     colour = _COLOURS.get(side, _SETUP if side.startswith(REFERENCE) else _FINDING)
-    return {"color": colour, "ls": _LINES.get(side, "-."), "marker": mark, "ms": 4, "mfc": "white"}
+    line = _LINES.get(side, "-." if side.startswith(REFERENCE) else ":")
+    return {"color": colour, "ls": line, "marker": mark, "ms": 4, "mfc": "white"}
 
 
 def figure(validated: Validated, of: Flow) -> Figure:
@@ -409,26 +400,17 @@ def figure(validated: Validated, of: Flow) -> Figure:
 
 def _draw_side(axis: Any, validated: Validated, flow: str, side: str, panel: FlowPanel) -> None:
     runs = [run for run in validated.of(flow, side) if panel.name in run.curves]
+    of_side = {key: value for key, value in _style(side, "").items() if key in ("color", "ls")}
     for run in runs:
         last = run is runs[-1]
-        style: dict[str, Any] = {
-            "color": _style(side, "")["color"],
-            "lw": 1.6 if last else 0.8,
-            "alpha": 0.95 if last else 0.45,
-            "ls": _LINES.get(side, "-." if side.startswith(REFERENCE) else ":"),
-            "zorder": 3 if side == REFERENCE else 4,
-        }
-        axis.plot(*run.curves[panel.name], label=_label(side, run.n) if last else None, **style)
-
-
-def _label(side: str, n: int) -> str:
-    """Return a side and its resolution as lines of a legend."""
-    return textwrap.fill(f"{called(side)}, N\u00a0=\u00a0{n}", 22, break_on_hyphens=False)
+        label = textwrap.fill(f"{called(side)}, N\u00a0=\u00a0{run.n}", 22, break_on_hyphens=False) if last else None
+        thick = {"lw": 1.6, "alpha": 0.95} if last else {"lw": 0.8, "alpha": 0.45}
+        axis.plot(*run.curves[panel.name], label=label, zorder=3 if side == REFERENCE else 4, **of_side, **thick)
 
 
 def _draw_known(axis: Any, known: ReferenceCurve, mark: str) -> None:
+    first = mark == _MARKS[0]
+    style: dict[str, Any] = {"color": "black" if first else GREY, "lw": 1.0, "ls": "-" if first else "-."}
     if known.marks:
-        style: dict[str, Any] = {"ls": "none", "marker": mark, "ms": 4.5, "mfc": "white", "mec": "black", "mew": 1}
-    else:
-        style = {"color": "black" if mark == _MARKS[0] else GREY, "lw": 1.0, "ls": "-" if mark == _MARKS[0] else "-."}
+        style = {"ls": "none", "marker": mark, "ms": 4.5, "mfc": "white", "mec": "black", "mew": 1}
     axis.plot(known.x, known.y, label=known.label, zorder=5 if known.marks else 2, **style)

@@ -26,7 +26,8 @@ from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
 from lammps_cases.studies.flows import page
-from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
+from lammps_cases.studies.flows.flow import Snapshot, Start
+from lammps_cases.studies.flows.known import Flow
 from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, START, UNIT, FlowRecord, Lost, Validated
 from lammps_cases.studies.flows.solve import FlowResult, ReferenceFlow, by_reference, in_worker
 
@@ -81,7 +82,6 @@ def validate(
     progress.advance(len(tasks), len(tasks), "report")
     seconds = time.perf_counter() - begin + kept.earlier
     validated = Validated(command, before, about, quick, seconds, tuple(runs), time.strftime("%Y-%m-%d"))
-    page._write_tables(validated, out)
     page.write(validated, out)
     return validated
 

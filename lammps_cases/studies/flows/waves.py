@@ -19,24 +19,8 @@ import numpy as np
 from eos_ref.analytic import waves
 from eos_ref.eos.table import FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
-from lammps_cases.studies.flows.flow import (
-    Curve,
-    Flow,
-    FlowPanel,
-    FlowQuantity,
-    Options,
-    Snapshot,
-    Start,
-    fluid,
-    forces,
-    line,
-    misfits,
-    rows,
-    smooth,
-    start,
-    table,
-    time_step,
-)
+from lammps_cases.studies.flows.flow import Options, Snapshot, Start, fluid, forces, rows, smooth, start, time_step
+from lammps_cases.studies.flows.known import Curve, Flow, FlowPanel, FlowQuantity, line, misfits, table
 
 # --- standing wave; units: depth H, sqrt(g H)
 
@@ -131,7 +115,6 @@ WAVE = Flow(
     "to the decay), c = 10 √(gH). Morris' form of the viscous force, which pair rheo documents, leaves a free surface "
     "with another condition than no stress and dissipates half as much there as Lighthill's theory has it (Colagrossi "
     "et al., Phys. Rev. E 84, 026705, 2011). Errors are taken against its own rate; Lighthill's is drawn as well.",
-    MODE.known[0].source,
     (12, 16, 24),
     "2: kernel smoothing, (k h)^2, where particles lie in order; 1 for the free surface, anywhere within the last row",
     _wave,
@@ -157,9 +140,6 @@ WAVE = Flow(
     limits="Lighthill's rate is not the limit of this method: its ratio goes to a half. At the coarsest N the surface "
     "layer, one kernel thick, is a quarter of the depth and adds its own dissipation.",
 )
-
-VALIDATIONS = (WAVE,)
-
 
 FASTEST, DAM_SOUND = 2.0, 20.0  # over sqrt(g H)
 VISCOSITY = 1e-3  # of the other set-up, over H sqrt(g H)
@@ -272,7 +252,6 @@ DAM = Flow(
     f"A column of width a, twice as high, collapses along a floor; c = {DAM_SOUND / FASTEST:g} times the fastest "
     f"fluid, artificial viscosity {ARTIFICIAL:g}, rho/damp {DAM_DAMPING:g} h c, no viscosity: walls do not drag, and "
     "the energy is kept but for what falls with the spacing.",
-    FRONT.known[0].source,
     (16, 24, 32),
     "1 for the energy: artificial viscosity falls with the spacing; none for the front: an experiment has no error "
     "that falls with it",
@@ -297,4 +276,4 @@ DAM = Flow(
     "there is resolved.",
 )
 
-DAMS = (DAM,)
+VALIDATIONS = (DAM, WAVE)

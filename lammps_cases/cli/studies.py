@@ -130,25 +130,18 @@ def validate_command(
 
 
 def _show_flows(validated: Any, out: Path) -> None:
+    from lammps_cases.studies.flows import page
     from lammps_cases.studies.flows.catalogue import COMPARED
-    from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, first_measure, stopped
 
     for name in validated.flows:
-        of = COMPARED[name]
-        first = first_measure(validated, name)
-        for measure in [first] if of.published else [panel.name for panel in of.panels]:
-            parts = []
-            for side in (REFERENCE, LAMMPS):
-                last = validated.of(name, side)[-1]
-                order = validated.order(name, side, measure).order
-                rate = f", order {order:5.2f}" if math.isfinite(order) else ""
-                error = f"{last.errors[measure]:8.2g}{rate}" if last.errors else ""
-                error = error or stopped(validated, name, side)
-                parts.append(f"{side} {error}")
-            n = validated.of(name, REFERENCE)[-1].n
-            if of.published and n in of.published.errors:
-                parts.append(f"published {of.published.errors[n]:8.2g}")
-            click.echo(f"{name:18s} {measure:14s} {'; '.join(parts)}")
+        by_number: dict[str, list[str]] = {}
+        for row in page.rows(validated, COMPARED[name]):
+            if row.side in (page.REFERENCE, page.LAMMPS, page.PUBLISHED):
+                rate = f", order {row.order:5.2f}" if math.isfinite(row.order) else ""
+                stop = "" if row.values else page.stopped(validated, name, row.side)
+                by_number.setdefault(row.name, []).append(f"{row.side} {stop or row.said(row.finest) + rate}")
+        for number, parts in by_number.items():
+            click.echo(f"{name:18s} {number:14s} {'; '.join(parts)}")
     click.echo(f"report: {out / 'report.html'}")
 
 

@@ -12,10 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.wording import brief, number
+from lammps_cases.records.wording import number
 from lammps_cases.studies.flows import page
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
-from lammps_cases.studies.flows.page import DOCUMENT, LAMMPS, REFERENCE, FlowRecord, Validated
+from lammps_cases.studies.flows.known import Flow
+from lammps_cases.studies.flows.page import DOCUMENT, LAMMPS, REFERENCE, Validated
 
 MEASURED = Path(__file__).with_suffix(".json")
 BEGIN, END = "<!-- measured:begin -->", "<!-- measured:end -->"
@@ -30,63 +31,33 @@ def joined(parts: Sequence[Validated]) -> Validated:
 
 
 def table(validated: Validated) -> str:
-    """Return the errors at the finest resolution with their orders, the quantities, what changes them, as Markdown."""
+    """Return numbers and errors by N with their orders, error bars, and what spoils them in LAMMPS, as Markdown."""
+    flows = [VALIDATIONS[name] for name in validated.flows]
     lines = [
-        "| flow | error of | N | reference | LAMMPS | order, reference | order, LAMMPS |",
+        "| flow | number | run | N | value | known | order |",
         "|---|---|---|---|---|---|---|",
-        *(row for name in validated.flows for row in _errors(validated, name)),
+        *(row for of in flows for row in _rows(validated, of)),
         "",
-        "| flow | quantity | N | known | reference | LAMMPS |",
-        "|---|---|---|---|---|---|",
-        *(row for name in validated.flows for row in _quantities(validated, name)),
-        "",
-        "| flow | run | N | quantity | value | reference | difference | known |",
-        "|---|---|---|---|---|---|---|---|",
-        *(row for name in validated.flows for row in _alone(validated, name)),
-        "",
-        *(f"- {name}: {words}." for name in validated.flows for words in page.stops(validated, VALIDATIONS[name])),
+        *(f"- {of.name}: {words}." for of in flows for words in _said(validated, of)),
     ]
     return "\n".join(lines)
 
 
-def _alone(validated: Validated, flow: str) -> Iterable[str]:
-    """Yield the effect of another unit of length on LAMMPS, as observed, and of each finding on the reference."""
-    tabled = not any(run.message for run in validated.of(flow, LAMMPS))
-    sides = [side for side in validated.sides(flow) if side != LAMMPS or not tabled]
-    runs = tuple(run for run in validated.runs if run.flow == flow and run.side in sides)
-    for of in page.effects(replace(validated, runs=runs), VALIDATIONS[flow]):
-        yield _row(flow, of.run, str(of.n), of.quantity, of.found, of.ours, of.change, of.published)
+def _rows(validated: Validated, of: Flow) -> Iterable[str]:
+    """Yield the rows of both sides, and of the other set-ups of the reference."""
+    sides = (REFERENCE, LAMMPS, *(f"{REFERENCE}, {name}" for name in of.setups))
+    for row in page.rows(validated, of):
+        if row.side in sides:
+            ns, values = (", ".join(words) or "stopped" for words in (map(str, row.values), map(row.said, row.values)))
+            known = "" if row.is_error else number(row.known)
+            yield f"| {' | '.join((of.name, row.name, row.side, ns, values, known, page.order(row.order)))} |"
 
 
-def _last(validated: Validated, flow: str) -> tuple[FlowRecord, FlowRecord]:
-    ours, theirs = (validated.of(flow, side)[-1] for side in (REFERENCE, LAMMPS))
-    return ours, theirs
-
-
-def _errors(validated: Validated, flow: str) -> Iterable[str]:
-    ours, theirs = _last(validated, flow)
-    for panel in VALIDATIONS[flow].panels:
-        fits = (validated.order(flow, side, panel.name).order for side in (REFERENCE, LAMMPS))
-        orders = map(page.order, fits)
-        errors = (_said(run, run.errors.get(panel.name)) for run in (ours, theirs))
-        yield _row(flow, panel.name, str(ours.n), *errors, *orders)
-
-
-def _quantities(validated: Validated, flow: str) -> Iterable[str]:
-    ours, theirs = _last(validated, flow)
-    for quantity in VALIDATIONS[flow].quantities:
-        values = (_said(run, run.quantities.get(quantity.name), 4) for run in (ours, theirs))
-        yield _row(flow, quantity.name, str(ours.n), number(quantity.published, 4), *values)
-
-
-def _said(run: FlowRecord, value: float | None, digits: int = 2) -> str:
-    if value is None:
-        return "stopped" if run.message else ""
-    return brief(value) if digits == 2 else number(value, digits)
-
-
-def _row(*cells: str) -> str:
-    return f"| {' | '.join(cells)} |"
+def _said(validated: Validated, of: Flow) -> Iterable[str]:
+    """Yield the error bar, the findings that spoil the flow, and why sides stopped."""
+    yield from (f"error bar {words}" for title, words in page.statements(validated, of) if title == "error bar")
+    yield from (f"`{bug}` spoils it in LAMMPS: {words}" for bug, words in page.spoils(validated, of).items())
+    yield from page.stops(validated, of)
 
 
 def document(text: str, validated: Validated) -> str:

@@ -20,7 +20,8 @@ from eos_ref import InputError
 from lammps_cases.claims.probes.probe import error_words
 from lammps_cases.studies.chart.record import Chart
 from lammps_cases.studies.flows.cavity import CAVITY, STORED
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.flow import Options, Snapshot, Start
+from lammps_cases.studies.flows.known import Flow
 from lammps_cases.studies.flows.periodic import VORTICES
 from lammps_cases.studies.flows.solve import Convergence, FlowResult, converge
 from lammps_cases.studies.flows.waves import DAM

@@ -22,7 +22,8 @@ from lammps_cases.records.measure import ROUNDS, Timing
 from lammps_cases.studies.chart.kernels import opened
 from lammps_cases.studies.chart.record import LAMMPS, ONE_PER_CENT, Panel, measured
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, relative
+from lammps_cases.studies.flows.flow import Options, Snapshot, Start, relative
+from lammps_cases.studies.flows.known import Flow
 from lammps_cases.studies.flows.solve import (
     Convergence,
     Fit,

@@ -18,7 +18,7 @@ from lammps_cases.studies.flows import (
     walls,
     waves,
 )
-from lammps_cases.studies.flows.flow import Flow
+from lammps_cases.studies.flows.known import Flow
 
 FLOWS: dict[str, Flow] = {
     flow.name: flow for flow in (*periodic.FLOWS, *walls.FLOWS, *surfaces.FLOWS, *surfaces.SHOCKS)
@@ -28,7 +28,6 @@ VALIDATIONS: dict[str, Flow] = {
     for flow in (
         *walls.VALIDATIONS,
         *cavity.VALIDATIONS,
-        *waves.DAMS,
         *waves.VALIDATIONS,
         *drops.VALIDATIONS,
         *cavity.HEATED,

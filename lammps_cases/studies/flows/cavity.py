@@ -25,27 +25,21 @@ from lammps_cases.findings.thermal import HEAT_IS_TEMPERATURE_RATE
 from lammps_cases.findings.walls import WALL_VELOCITY_LOST
 from lammps_cases.studies.flows.flow import (
     Body,
-    Curve,
-    Flow,
-    FlowPanel,
-    FlowQuantity,
     Options,
     Snapshot,
     Start,
-    curve,
     fluid,
     forces,
-    misfits,
     rows,
     smooth,
     start,
-    table,
     time_step,
 )
+from lammps_cases.studies.flows.known import Curve, Flow, FlowPanel, FlowQuantity, curve, misfits, table
 
 REYNOLDS, MACH = 100.0, 0.1
 SIDE = 4  # spacings of a wall
-SETTLING, READINGS = 10, 4  # times in which the lid moves by its length; the last ones are averaged
+TIMES = np.arange(7.0, 10.01, 0.125)  # in lengths of the lid's path, from rest; averaged over
 ARTIFICIAL, DAMPING = 0.1, 0.2  # artificial viscosity; density diffusion over h c: with less, particles may escape
 
 
@@ -61,7 +55,7 @@ def _driven(n: int, options: Options) -> Start:
     scene = {
         "types": [kind, solid, solid],
         "rheo": {"interface_reconstruct": options.word("walls", "reconstructed") == "reconstructed", "shift": True},
-        "pair": smooth(options, ARTIFICIAL, DAMPING, cs),
+        "pair": smooth(options, options.number("artificial", ARTIFICIAL), DAMPING, cs),
         "forces": forces("2*3"),
     }
     return start(
@@ -71,7 +65,7 @@ def _driven(n: int, options: Options) -> Start:
         (n + SIDE, n + layers + 1.0),
         (-SIDE, -layers - 1.0),
         options=options,
-        times=[t * n for t in range(SETTLING - READINGS + 1, SETTLING + 1)],
+        times=[t * n for t in TIMES],
         timestep=time_step(options, cs + 1, nu),
         type_n=type_n,
         v_nc=v_nc,
@@ -79,30 +73,25 @@ def _driven(n: int, options: Options) -> Start:
     )
 
 
-def _along(n: int, options: Options, snapshots: Sequence[Snapshot], axis: int, at: FloatArray) -> FloatArray:
-    """Return the mean of the velocity across a line through the centre, interpolated linearly between particles."""
-    inside_n = _driven(n, options).atoms.type_n == 1
+def _across(begin: Start, n: int, snapshots: Sequence[Snapshot], axis: int, end: float = 0.0) -> Curve:
+    """Return the mean of the velocity across an axis on the line through the centre along it, with those of the walls.
+
+    It is interpolated linearly where particles surround the line: the outermost rows lie half a spacing from the walls.
+    """
+    inside_n = begin.atoms.type_n == 1
+    at = np.linspace(1 / n, 1 - 1 / n, 2 * n - 3)
     middle = np.full(len(at), 0.5)
     places = (at, middle) if axis == 0 else (middle, at)
     values = [griddata(shot.x_nc[inside_n] / n, shot.v_nc[inside_n, 1 - axis], places) for shot in snapshots]
-    return np.asarray(np.mean(values, axis=0))
+    return curve(np.array([0.0, *at, 1.0]), np.array([0.0, *np.mean(values, axis=0), end]))
 
 
 def _u(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
-    """Return u on the vertical line through the centre, as far as there are particles; walls have their own values."""
-    at = _between(n)
-    return curve(np.array([0.0, *at, 1.0]), np.array([0.0, *_along(n, options, snapshots, 1, at), 1.0]))
+    return _across(_driven(n, options), n, snapshots, 1, 1.0)
 
 
 def _v(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
-    """Return v on the horizontal line through the centre, as far as there are particles, and at the walls."""
-    at = _between(n)
-    return curve(np.array([0.0, *at, 1.0]), np.array([0.0, *_along(n, options, snapshots, 0, at), 0.0]))
-
-
-def _between(n: int) -> FloatArray:
-    """Return positions surrounded by particles: the outermost rows lie half a spacing from the walls, or are moved."""
-    return np.linspace(1 / n, 1 - 1 / n, 2 * n - 3)
+    return _across(_driven(n, options), n, snapshots, 0)
 
 
 U = FlowPanel("u", "y / side", "velocity u along the lid / lid's", (table("ghia-u", "Ghia et al. 1982"),), _u)
@@ -113,23 +102,27 @@ QUANTITIES = (
 )
 ABOUT = (
     "A lid drives the fluid in a square cavity, Re = 100, c = 10 lid speeds, with shift, artificial viscosity "
-    f"{ARTIFICIAL:g} and rho/damp {DAMPING:g} h c; from rest for {SETTLING} lengths of the lid, the last {READINGS} "
-    "readings averaged."
+    f"{ARTIFICIAL:g} and rho/damp {DAMPING:g} h c; {len(TIMES)} readings are averaged, from {TIMES[0]:g} to "
+    f"{TIMES[-1]:g} lengths of the lid's path from rest."
 )
 
 
 CAVITY = Flow(
     "cavity",
     ABOUT,
-    U.known[0].source,
     (12, 20, 28),
-    "1: noise of the shift at the scale of a spacing, corners of the lid",
+    "1: disorder of the shifted particles at the scale of a spacing, corners of the lid, where its velocity jumps",
     _driven,
     misfits((U, V)),
     title="Lid-driven cavity, reconstructed walls",
     panels=(U, V),
     quantities=QUANTITIES,
     findings=(WALL_VELOCITY_LOST, FORCE_PER_VOLUME),
+    validates="moving walls, viscosity, shift",
+    setups={"no artificial viscosity": Options(extra={"artificial": 0.0})},
+    limits="Disorder mixes momentum as a viscosity would: the flow is too slow, by what falls with the spacing. "
+    "Without artificial viscosity particles are in more disorder. Means over few readings, or one line of particles, "
+    "keep the noise, which hides the order.",
 )
 STORED = replace(
     CAVITY,
@@ -142,6 +135,9 @@ STORED = replace(
     quick=(12,),
     title="Lid-driven cavity, walls as they are given",
     findings=(FORCE_PER_VOLUME,),
+    validates="moving walls without reconstruction",
+    setups={},
+    limits="LIMITS",
 )
 VALIDATIONS = (CAVITY, STORED)
 
@@ -150,7 +146,7 @@ RAYLEIGH, PRANDTL = 1e4, 0.71
 FASTEST = 20.0  # speeds are in units of diffusivity over side; that of sound is ten times the fastest
 MEAN = 1.5  # of the temperatures 1 and 2 of the walls
 HEAVY, NOTHING = 1e6, 1e-12  # specific heat of the side walls, conductivity of floor and roof, over those of the fluid
-TIMES = (0.2, 0.225, 0.25)  # in units of side squared over diffusivity, from rest; averaged over
+HEATED_TIMES = (0.2, 0.225, 0.25)  # in units of side squared over diffusivity, from rest; averaged over
 HEATED_ARTIFICIAL, HEATED_DAMPING = 0.02, 0.1
 
 
@@ -188,7 +184,7 @@ def _heated(n: int, options: Options) -> Start:
         (n + layers + 1.0, n + layers + 1.0),
         (-layers - 1.0, -layers - 1.0),
         options=options,
-        times=[t * n**2 for t in TIMES],
+        times=[t * n**2 for t in HEATED_TIMES],
         timestep=time_step(options, cs + speed, 1.0),
         type_n=type_n,
         e_n=T_n * np.where(type_n > 2, HEAVY, 1.0),
@@ -199,13 +195,8 @@ def _heated(n: int, options: Options) -> Start:
 
 def _heated_along(n: int, options: Options, snapshots: Sequence[Snapshot], axis: int) -> Curve:
     """Return the velocity across a line through the centre, over diffusivity over side; the mean of the readings."""
-    inside_n = _heated(n, options).atoms.type_n == 1
-    at = np.linspace(1 / n, 1 - 1 / n, 2 * n - 3)
-    middle = np.full(len(at), 0.5)
-    places = (at, middle) if axis == 0 else (middle, at)
-    values = [griddata(shot.x_nc[inside_n] / n, n * shot.v_nc[inside_n, 1 - axis], places) for shot in snapshots]
-    mean: FloatArray = np.mean(values, axis=0)
-    return curve(np.array([0.0, *at, 1.0]), np.array([0.0, *mean, 0.0]))
+    at, velocity = _across(_heated(n, options), n, snapshots, axis)
+    return at, tuple(n * v for v in velocity)
 
 
 def _nusselt(n: int, options: Options, snapshots: Sequence[Snapshot]) -> float:
@@ -239,7 +230,6 @@ CONVECTION = Flow(
     f"Fluid between a warm and a cold wall, Ra = {RAYLEIGH:g}, Pr = {PRANDTL:g}. RHEO has no buoyancy of its own: "
     "fix addforce gives Boussinesq's, by an atom-style variable of the temperature. Side walls keep "
     "their temperature by a specific heat a million times the fluid's.",
-    HEATED_U.known[0].source,
     (16, 22, 30),
     "1: walls have their temperature throughout, so that it is met about half a spacing behind their faces",
     _heated,
@@ -251,5 +241,8 @@ CONVECTION = Flow(
         FlowQuantity("fastest upward flow", lambda *of: max(HEATED_V.read(*of)[1]), 19.617, SOURCE),
     ),
     findings=(HEAT_IS_TEMPERATURE_RATE,),
+    validates="conduction, heat carried by a flow",
+    limits="The Nusselt number is that of a cavity wider by half a spacing on either side, where walls have their "
+    "temperature; no shift, which does not know of specific heats.",
 )
 HEATED = (CONVECTION,)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,8 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.figure import Figure
 
+from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.records.documents import INFINITE, SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.records.journal import Parts
@@ -22,21 +25,25 @@ from lammps_cases.records.wording import brief, number
 from lammps_cases.report.pages import frame
 from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, saved
 from lammps_cases.studies.flows.catalogue import COMPARED
-from lammps_cases.studies.flows.flow import Curve, Flow, FlowPanel, ReferenceCurve
-from lammps_cases.studies.flows.solve import Fit, fit
+from lammps_cases.studies.flows.known import Curve, Flow, FlowPanel, ReferenceCurve
+from lammps_cases.studies.flows.solve import fit
 
-REFERENCE, LAMMPS, UNIT = "reference", "LAMMPS", "LAMMPS in another unit of length"
-_COLOURS = {REFERENCE: BLUE, LAMMPS: RED, UNIT: RED}
-_FINDING = "#d98200"
+REFERENCE, LAMMPS, UNIT, START = "reference", "LAMMPS", "LAMMPS in another unit of length", "reference, start "
+PUBLISHED = "published"
+_COLOURS = {REFERENCE: BLUE, LAMMPS: RED, UNIT: RED, PUBLISHED: "black"}
+_SETUP, _FINDING = "#3a8f5c", "#d98200"
+_LINES = {REFERENCE: "-", LAMMPS: "--", PUBLISHED: ":"}
 _MARKS = ("o", "^", "s", "D")
 ASSETS = Path(__file__).parent / "assets"
+BUGS = {bug.id: bug for of in COMPARED.values() for bug in (*of.findings, FORCE_PER_VOLUME)}
+SPOILT = 0.01  # relative change of a number by a bug, from which on it is named
 
 
 def called(side: str) -> str:
     """Return the name of a side in tables and legends."""
-    return {UNIT: "LAMMPS, particles 0.75 apart"}.get(
-        side, side if side in (REFERENCE, LAMMPS) else f"reference with {side}"
-    )
+    if side == UNIT:
+        return "LAMMPS, particles 0.75 apart"
+    return side if side == PUBLISHED or side.startswith((REFERENCE, LAMMPS)) else f"reference with {side}"
 
 
 @dataclass(frozen=True)
@@ -54,7 +61,8 @@ class FlowRecord:
 
     Attributes
     ----------
-    side : reference, LAMMPS, LAMMPS in another unit of length; or the id of the finding that the reference had
+    side : reference, LAMMPS, LAMMPS in another unit of length; reference with the name of a set-up or the number of
+        another start; or the id of the finding that the reference had
     message : of LAMMPS, if it failed; then all else is empty
     lost : the reason, if it lost particles; only at the coarsest resolution
     """
@@ -79,7 +87,13 @@ class Validated(Study):
     """All runs of a validation."""
 
     runs: tuple[FlowRecord, ...]
+    date: str = ""
     schema: str = SCHEMAS["validate"]
+
+    @property
+    def facts(self) -> list[tuple[str, str]]:
+        """The facts at the top of the page, with the day of the runs."""
+        return [*super().facts, ("measured", self.date)]
 
     @property
     def flows(self) -> list[str]:
@@ -94,11 +108,6 @@ class Validated(Study):
         """Return the sides that solved a flow."""
         return list(dict.fromkeys(run.side for run in self.runs if run.flow == flow))
 
-    def order(self, flow: str, side: str, measure: str) -> Fit:
-        """Return the order of convergence of a measure."""
-        runs = [run for run in self.of(flow, side) if measure in run.errors]
-        return fit([run.n for run in runs], [run.errors[measure] for run in runs])
-
 
 DOCUMENT = Document("validate", Validated)
 
@@ -106,12 +115,6 @@ DOCUMENT = Document("validate", Validated)
 def runs(folder: Path) -> Parts[FlowRecord]:
     """Return the journal ``runs.jsonl`` of finished runs."""
     return Parts(folder / "runs.jsonl", FlowRecord)
-
-
-def _write_tables(validated: Validated, folder: Path) -> None:
-    """Write ``validate.json`` and ``curves.csv``."""
-    write_atomically(folder / "curves.csv", csv_text(_rows(validated)))
-    DOCUMENT.write(folder / "validate.json", validated)
 
 
 def _rows(validated: Validated) -> Iterable[Sequence[Any]]:
@@ -123,76 +126,153 @@ def _rows(validated: Validated) -> Iterable[Sequence[Any]]:
 
 def write(validated: Validated, folder: Path) -> None:
     """Write ``validate.json``, ``curves.csv``, ``report.html`` and ``figures/*.svg|png``."""
-    _write_tables(validated, folder)
+    write_atomically(folder / "curves.csv", csv_text(_rows(validated)))
+    DOCUMENT.write(folder / "validate.json", validated)
     figures = folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     every = [COMPARED[name] for name in validated.flows]
-    flows = [of for of in every if of.published is None]
-    groups = benchmarks(every)
+    sections = {of.name: [of] for of in every if of.published is None} | benchmarks(every)
     html = frame.page(
         ASSETS,
         "validate",
         "good",
         engine=validated.engine.get("distribution", ""),
         validated=validated,
-        flows=flows,
-        groups=groups,
-        files={name: _file(name) for name in groups},
-        numbered=lambda columns: [f"#N = {n}" for n in columns],
-        compared={name: compared(validated, of_one) for name, of_one in groups.items()},
-        convergence={
-            name: saved(convergence(validated, of_one), figures, _file(name)) for name, of_one in groups.items()
-        },
         facts=validated.facts,
+        sections=sections,
+        file=_file,
+        first={of.name: first_rows(validated, of) for of in every},
+        bars={of.name: bar(validated, of) for of in every},
+        spoilt={of.name: spoils(validated, of) for of in every},
+        rows={
+            name: [row for of in flows for row in rows(validated, of) if not row.side.startswith(START)]
+            for name, flows in sections.items()
+        },
+        title=lambda section: COMPARED[section].title if section in COMPARED else f"Benchmark {section}",
+        convergence={
+            name: saved(convergence(validated, flows), figures, f"{_file(name)}-order")
+            for name, flows in sections.items()
+        },
         pictures={of.name: saved(figure(validated, of), figures, of.name) for of in every if of.panels},
+        statements={of.name: list(statements(validated, of)) for of in every},
         stops={of.name: list(stops(validated, of)) for of in every},
-        effects={of.name: list(effects(validated, of)) for of in every},
-        value=lambda value: brief(value) if math.isfinite(value) else "",
+        bugs=BUGS,
+        value=brief,
+        number=number,
+        sides=(REFERENCE, LAMMPS),
         order=order,
         called=called,
-        sides=(REFERENCE, LAMMPS),
+        numbered=lambda columns: [f"#N = {n}" for n in columns],
         in_another_unit=any(run.side == UNIT for run in validated.runs),
-        navigation=[(of.name, of.title) for of in flows] + [(_file(name), name) for name in groups],
-        nan=math.nan,
     )
     write_atomically(folder / "report.html", html)
 
 
+# --- numbers
+
+
 @dataclass(frozen=True)
-class Effect:
-    """A number that a user reads off a run, and the reference's at the same resolution, in words."""
+class Row:
+    """A number or an error of one side by N.
 
-    run: str
-    n: int
-    quantity: str
-    found: str
-    ours: str
-    change: str
-    published: str
-
-
-def effects(validated: Validated, of: Flow) -> Iterator[Effect]:
-    """Yield the effects of LAMMPS, and of each finding alone, on the quantities of a flow at its finest resolution.
-
-    For a side that stopped, at the finest resolution at which it did not.
+    Attributes
+    ----------
+    known : of a number; 0 for an error
+    printed : order published for an error
+    absent : text in place of NaN
     """
-    for side in validated.sides(of.name):
-        run = next((run for run in reversed(validated.of(of.name, side)) if not run.message), None)
-        if side == REFERENCE or run is None:
-            continue
-        ours_here = next((ours for ours in validated.of(of.name, REFERENCE) if ours.n == run.n), None)
-        for quantity in of.quantities:
-            if ours_here is not None and quantity.name in ours_here.quantities:
-                ours, theirs = ours_here.quantities[quantity.name], run.quantities[quantity.name]
-                yield Effect(
-                    called(side),
-                    run.n,
-                    quantity.name,
-                    quantity.absent if math.isnan(theirs) else number(theirs),
-                    number(ours),
-                    change(theirs, ours),
-                    number(quantity.published),
-                )
+
+    of: str
+    name: str
+    side: str
+    values: Mapping[int, float]
+    known: float | None
+    printed: float = math.nan
+    absent: str = ""
+
+    @property
+    def order(self) -> float:
+        """Order by which the number approaches what is known, or by which the error falls."""
+        known = math.nan if self.known is None else self.known
+        return fit(list(self.values), [abs(value - known) for value in self.values.values()]).order
+
+    def said(self, n: int) -> str:
+        """Return the value at a resolution in words; empty if there is none."""
+        value = self.values.get(n)
+        return "" if value is None else self.absent if math.isnan(value) else number(value)
+
+    @property
+    def finest(self) -> int:
+        """The finest resolution with a value; 0 for none."""
+        return max(self.values, default=0)
+
+    @property
+    def is_error(self) -> bool:
+        """Whether it is an error of a curve, no number that a user reads off the flow."""
+        return self.name.startswith("error of")
+
+    @property
+    def missed(self) -> str:
+        """What the finest value misses the known one by, in words."""
+        known = 0.0 if self.known is None else self.known
+        return "" if self.is_error else change(self.values.get(self.finest, math.nan), known)
+
+
+def rows(validated: Validated, of: Flow) -> list[Row]:
+    """Return the numbers that a user reads off a flow, then its errors; of all sides, and those published."""
+    runs = [run for run in validated.runs if run.flow == of.name]
+    sides = validated.sides(of.name)
+
+    def by_n(side: str, name: str, kind: str) -> dict[int, float]:
+        return {run.n: getattr(run, kind)[name] for run in runs if run.side == side and name in getattr(run, kind)}
+
+    found = [
+        Row(of.title, each.name, side, by_n(side, each.name, "quantities"), each.published, absent=each.absent)
+        for each in of.quantities
+        for side in sides
+    ]
+    for k, name in enumerate(dict.fromkeys(name for run in runs for name in run.errors)):
+        found += [Row(of.title, f"error of {name}", side, by_n(side, name, "errors"), 0.0) for side in sides]
+        if of.published and of.published.errors and not k:
+            published = dict(of.published.errors)
+            found.append(Row(of.title, f"error of {name}", PUBLISHED, published, 0.0, of.published.order))
+    return found
+
+
+def first_rows(validated: Validated, of: Flow) -> dict[str, Row]:
+    """Return the rows of the first number of a flow, or of its first error, by side."""
+    every = rows(validated, of)
+    return {row.side: row for row in every if row.name == every[0].name}
+
+
+def starts(validated: Validated, of: Flow) -> tuple[int, list[float]]:
+    """Return the coarsest resolution, and the first number there from every start of the reference."""
+    first = first_rows(validated, of)
+    n = min(first[REFERENCE].values, default=0)
+    sides = [row for side, row in first.items() if side == REFERENCE or side.startswith(START)]
+    return n, [row.values[n] for row in sides if n in row.values]
+
+
+def bar(validated: Validated, of: Flow) -> str:
+    """Return half the range of the first number over the starts; empty for one start."""
+    _, values = starts(validated, of)
+    return brief((max(values) - min(values)) / 2) if len(values) > 1 else ""
+
+
+def spoils(validated: Validated, of: Flow) -> dict[str, str]:
+    """Return by finding how LAMMPS' bug changes a number by a hundredth or more, or that atoms are lost."""
+    runs = validated.of(of.name, LAMMPS)
+    found = {bug: "atoms are lost" for run in runs if run.lost for bug in run.lost.findings}
+    every = [row for row in rows(validated, of) if not row.is_error]
+    ours = {row.name: row for row in every if row.side == REFERENCE}
+    for row in every:
+        bug = FORCE_PER_VOLUME.id if row.side == UNIT else row.side
+        for n, value in row.values.items() if bug in BUGS else ():
+            right = ours[row.name].values.get(n, math.nan)
+            if not abs(value - right) < SPOILT * abs(right):
+                where = " where particles are 0.75 apart" if row.side == UNIT else ""
+                found.setdefault(bug, f"{row.name} {change(value, right) or row.absent}{where}")
+    return found
 
 
 def change(theirs: float, ours: float) -> str:
@@ -231,9 +311,30 @@ def stopped(validated: Validated, flow: str, side: str) -> str:
     return f"loses atoms after step {run.lost.step}, at {run.n} particles; {too if names else none}"
 
 
-# --- benchmarks of the paper
+def statements(validated: Validated, of: Flow) -> Iterator[tuple[str, str]]:
+    """Yield what is said of a flow, each with its title; numbers are those of the runs."""
+    yield "order that theory allows", of.expected
+    setups = [f"{REFERENCE}, {name}" for name in of.setups]
+    for title, sides in (("order reached", [REFERENCE, LAMMPS]), ("in other set-ups", setups)):
+        found = [row for row in rows(validated, of) if row.side in sides and math.isfinite(row.order)]
+        orders = {(row.side, row.name): f"{row.name} {order(row.order)}" for row in found}
+        told = [
+            f"{side}: {', '.join(said for (of_side, _), said in orders.items() if of_side == side)}" for side in sides
+        ]
+        if orders:
+            yield title, "; ".join(told)
+    if of.limits:
+        yield "what limits it", of.limits
+    n, values = starts(validated, of)
+    bars = [f"± {bar(validated, of)} over {len(values)} starts at N = {n}"] if len(values) > 1 else []
+    for panel in of.panels:
+        first, *others = [known for known in panel.known if known.marks] or [panel.known[0]]
+        bars += [f"{brief(each.misfit((first.x, first.y)))} between {first.label} and {each.label}" for each in others]
+    if bars:
+        yield "error bar", "; ".join(bars)
 
-PUBLISHED = "published"
+
+# --- benchmarks of the paper
 
 
 def benchmarks(flows: Iterable[Flow]) -> dict[str, list[Flow]]:
@@ -245,75 +346,37 @@ def benchmarks(flows: Iterable[Flow]) -> dict[str, list[Flow]]:
     return dict(sorted(groups.items(), key=lambda group: int(group[0].split()[0])))
 
 
-def _file(benchmark: str) -> str:
-    return "benchmark-" + benchmark.lower().replace(" ", "-")
+def _file(section: str) -> str:
+    return section if section in COMPARED else "benchmark-" + section.lower().replace(" ", "-")
 
 
-@dataclass(frozen=True)
-class Errors:
-    """Errors of a benchmark's flow on one side, by N, and their order; of a measure other than the first in words."""
-
-    flow: str
-    side: str
-    errors: Mapping[int, float]
-    order: float
-    printed: float = math.nan
-
-
-def compared(validated: Validated, flows: Sequence[Flow]) -> list[Errors]:
-    """Return the errors of all flows of a benchmark: reference, LAMMPS, published; further measures after them."""
-    found = []
-    for of in flows:
-        runs = {side: validated.of(of.name, side) for side in (REFERENCE, LAMMPS)}
-        measures = list(dict.fromkeys(name for side in runs.values() for run in side for name in run.errors))
-        for measure in measures:
-            for side, of_side in runs.items():
-                errors = {run.n: run.errors[measure] for run in of_side if measure in run.errors}
-                found.append(Errors(f"{of.title}: {measure}", side, errors, _order(errors)))
-            if of.published and of.published.errors and measure == measures[0]:
-                errors = dict(of.published.errors)
-                found.append(Errors(f"{of.title}: {measure}", PUBLISHED, errors, _order(errors), of.published.order))
-    return found
-
-
-def first_measure(validated: Validated, flow: str) -> str:
-    """Return the name of the first measure of a flow; empty if the reference has no run."""
-    return next((name for run in validated.of(flow, REFERENCE) for name in run.errors), "")
-
-
-def _order(errors: Mapping[int, float]) -> float:
-    return fit(list(errors), list(errors.values())).order
+# --- pictures
 
 
 def convergence(validated: Validated, flows: Sequence[Flow]) -> Figure:
-    """Draw the errors of a benchmark's first measures against N: reference, LAMMPS, published."""
-    colours = {REFERENCE: BLUE, LAMMPS: RED, PUBLISHED: "black"}
-    styles = {REFERENCE: "-", LAMMPS: "--", PUBLISHED: ":"}
-    first = {
-        of.title: next((name for run in validated.of(of.name, REFERENCE) for name in run.errors), "") for of in flows
-    }
+    """Draw the first error of flows against N: all sides with two resolutions, and the order that theory allows."""
     with matplotlib.rc_context(STYLE):
-        drawn = Figure(figsize=(7.2, 3.4), layout="constrained")
+        drawn = Figure(figsize=(7.2, 3.0), layout="constrained")
         axis = drawn.subplots()
-        for errors in compared(validated, flows):
-            title, _, measure = errors.flow.partition(": ")
-            if errors.errors and measure == first[title]:
-                mark = _MARKS[list(first).index(title) % len(_MARKS)]
-                axis.loglog(
-                    *zip(*sorted(errors.errors.items()), strict=True),
-                    color=colours[errors.side],
-                    ls=styles[errors.side],
-                    marker=mark,
-                    ms=4,
-                    mfc="white",
-                    label=textwrap.fill(f"{title}, {errors.side}", 32),
-                )
+        for of, mark in zip(flows, itertools.cycle(_MARKS)):
+            every = [row for row in rows(validated, of) if row.is_error]
+            for row in (row for row in every if row.name == every[0].name and len(row.values) > 1):
+                label = textwrap.fill(f"{of.title}, {row.side}" if len(flows) > 1 else row.side, 32)
+                axis.loglog(*zip(*sorted(row.values.items()), strict=True), **_style(row.side, mark), label=label)
+            if len(flows) == 1 and of.expected[0].isdigit() and every[0].values:
+                n, error = max(every[0].values.items())
+                at = np.array(sorted(every[0].values))
+                guide = error * (n / at) ** int(of.expected[0])
+                axis.loglog(at, guide, color=GREY, lw=0.8, ls=":", label=f"order {of.expected[0]}")
         axis.set(xlabel="N", ylabel="error")
         drawn.legend(loc="outside right center", frameon=False, fontsize=7)
         return drawn
 
 
-# --- pictures
+def _style(side: str, mark: str) -> dict[str, Any]:
+    colour = _COLOURS.get(side, _SETUP if side.startswith(REFERENCE) else _FINDING)
+    line = _LINES.get(side, "-." if side.startswith(REFERENCE) else ":")
+    return {"color": colour, "ls": line, "marker": mark, "ms": 4, "mfc": "white"}
 
 
 def figure(validated: Validated, of: Flow) -> Figure:
@@ -323,7 +386,7 @@ def figure(validated: Validated, of: Flow) -> Figure:
         drawn = Figure(figsize=(3.6 * count + 2.3, 3.2), layout="constrained")
         axes = drawn.subplots(1, count, squeeze=False).ravel()
         for axis, panel in zip(axes, of.panels, strict=True):
-            for side in validated.sides(of.name):
+            for side in [side for side in validated.sides(of.name) if not side.startswith(START)]:
                 _draw_side(axis, validated, of.name, side, panel)
             for known, mark in zip(panel.known, _MARKS, strict=False):
                 _draw_known(axis, known, mark)
@@ -337,26 +400,17 @@ def figure(validated: Validated, of: Flow) -> Figure:
 
 def _draw_side(axis: Any, validated: Validated, flow: str, side: str, panel: FlowPanel) -> None:
     runs = [run for run in validated.of(flow, side) if panel.name in run.curves]
+    of_side = {key: value for key, value in _style(side, "").items() if key in ("color", "ls")}
     for run in runs:
         last = run is runs[-1]
-        style: dict[str, Any] = {
-            "color": _COLOURS.get(side, _FINDING),
-            "lw": 1.6 if last else 0.8,
-            "alpha": 0.95 if last else 0.45,
-            "ls": "-" if side == REFERENCE else "--" if side == LAMMPS else ":",
-            "zorder": 3 if side == REFERENCE else 4,
-        }
-        axis.plot(*run.curves[panel.name], label=_label(side, run.n) if last else None, **style)
-
-
-def _label(side: str, n: int) -> str:
-    """Return a side and its resolution as lines of a legend."""
-    return textwrap.fill(f"{called(side)}, N\u00a0=\u00a0{n}", 22, break_on_hyphens=False)
+        label = textwrap.fill(f"{called(side)}, N\u00a0=\u00a0{run.n}", 22, break_on_hyphens=False) if last else None
+        thick = {"lw": 1.6, "alpha": 0.95} if last else {"lw": 0.8, "alpha": 0.45}
+        axis.plot(*run.curves[panel.name], label=label, zorder=3 if side == REFERENCE else 4, **of_side, **thick)
 
 
 def _draw_known(axis: Any, known: ReferenceCurve, mark: str) -> None:
+    first = mark == _MARKS[0]
+    style: dict[str, Any] = {"color": "black" if first else GREY, "lw": 1.0, "ls": "-" if first else "-."}
     if known.marks:
-        style: dict[str, Any] = {"ls": "none", "marker": mark, "ms": 4.5, "mfc": "white", "mec": "black", "mew": 1}
-    else:
-        style = {"color": "black" if mark == _MARKS[0] else GREY, "lw": 1.0, "ls": "-" if mark == _MARKS[0] else "-."}
+        style = {"ls": "none", "marker": mark, "ms": 4.5, "mfc": "white", "mec": "black", "mew": 1}
     axis.plot(known.x, known.y, label=known.label, zorder=5 if known.marks else 2, **style)

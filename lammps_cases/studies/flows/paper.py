@@ -58,11 +58,6 @@ def points_of(name: str, x: str, y: str, **of: str) -> tuple[tuple[float, ...], 
     return tuple(pair[0] for pair in pairs), tuple(pair[1] for pair in pairs)
 
 
-def with_kernel(kernel: KernelStyle, cut: float, zmin: int = 0) -> Options:
-    """Return the options of a benchmark."""
-    return Options(kernel=kernel, cut=cut, zmin=zmin)
-
-
 def lattice(*axes: Any) -> FloatArray:
     """Return the points of a lattice from the coordinates along each axis, the first one running fastest."""
     mesh = np.meshgrid(*axes[::-1], indexing="ij")

@@ -14,21 +14,8 @@ from scipy.interpolate import CloughTocher2DInterpolator
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KernelStyle
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
-from lammps_cases.studies.flows.flow import (
-    Curve,
-    Flow,
-    FlowPanel,
-    FlowQuantity,
-    Options,
-    Published,
-    ReferenceCurve,
-    Snapshot,
-    Start,
-    fluid,
-    forces,
-    line,
-    start,
-)
+from lammps_cases.studies.flows.flow import Options, Snapshot, Start, fluid, forces, start
+from lammps_cases.studies.flows.known import Curve, Flow, FlowPanel, FlowQuantity, Published, ReferenceCurve, line
 from lammps_cases.studies.flows.paper import (
     FINE,
     NAMES,
@@ -40,7 +27,6 @@ from lammps_cases.studies.flows.paper import (
     pair_terms,
     points_of,
     step_length,
-    with_kernel,
 )
 
 # --- 1 Taylor-Green vortex, 2 divergence of its velocity
@@ -113,12 +99,11 @@ def _vortex_flow(kernel: KernelStyle, order: float) -> Flow:
         f"paper-vortex-{kernel.lower()}",
         f"Taylor-Green vortex in the plane, Re = {REYNOLDS:g}, Mach {SPEED:g}, disordered by 0.1 spacings, shifted; "
         f"the viscosity is fitted to the decay of the energy up to t u0/L = {WINDOW:g}.",
-        SOURCE,
         ORDINARY,
         "1 to 2: disorder of shifted particles, consistency of the kernel",
         _vortex,
         _vortex_errors,
-        with_kernel(kernel, 3.5),
+        Options(kernel, 3.5),
         quick=(20,) if kernel != "RK2" else (),
         full=FINE,
         title=f"Taylor-Green vortex, {kernel}",
@@ -140,12 +125,11 @@ def _thick_vortex_flow(kernel: KernelStyle, order: float) -> Flow:
     return Flow(
         f"paper-vortex-3d-{kernel.lower()}",
         f"The same vortex, uniform along the third axis, {THICK} spacings thick; up to t u0/L = {WINDOW / 2:g}.",
-        SOURCE,
         (20, 40),
         "1 to 2: as in the plane",
         partial(_vortex, thick=THICK, window=WINDOW / 2),
         _vortex_errors,
-        with_kernel(kernel, 3.0),
+        Options(kernel, 3.0),
         full=(50, 100),
         title=f"Taylor-Green vortex in space, {kernel}",
         quantities=(FlowQuantity("viscosity over that given", _viscosity, 1.0, "exact decay"),),
@@ -173,12 +157,11 @@ def _divergence_flow(kernel: KernelStyle, expected: str, order: float) -> Flow:
         f"paper-divergence-{kernel.lower()}",
         "Divergence of the velocity of the vortex at its start, where it is 0: what the kernel's gradients miss on "
         "disordered particles.",
-        SOURCE,
         (*ORDINARY, *FINE),
         expected,
         partial(_vortex, static=True),
         _divergence,
-        with_kernel(kernel, 3.5),
+        Options(kernel, 3.5),
         quick=(*ORDINARY, *FINE),
         title=f"Divergence of the velocity, {kernel}",
         published=Published(
@@ -260,12 +243,11 @@ def _normals(
     return Flow(
         f"paper-normal-{shape}",
         f"Normals of particles at the surface of a {shape.partition('-')[0]}, evaluated once.",
-        SOURCE,
         resolutions,
         "1: the normal is that of the gradient of a sum that ends within the last row",
         begin,
         errors,
-        with_kernel("quintic", 3.5),
+        Options("quintic", 3.5),
         quick=resolutions,
         title=f"Normals of a {shape.replace('-', ', ')}",
         published=Published("9 normals of surfaces", published, math.nan, meaning),
@@ -368,12 +350,11 @@ def _conduction_flow(kernel: KernelStyle, name: str, wide: int, expected: str, m
     return Flow(
         f"paper-conduction-{name}",
         "A square cools between two plates kept at temperature 0; nothing moves. The decay is fitted up to t = 60.",
-        SOURCE,
         ORDINARY,
         expected,
         _plates,
         lambda *of: {"diffusivity": abs(_diffusivity(*of) - 1)},
-        replace(with_kernel(kernel, 3.5), extra={"wide": wide}),
+        replace(Options(kernel, 3.5), extra={"wide": wide}),
         quick=(20,) if wide else (),
         full=FINE[:1],
         title=f"Conduction, {kernel}" + (", plates at 0 and L" if not wide else ""),

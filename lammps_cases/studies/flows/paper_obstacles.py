@@ -18,23 +18,18 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KernelStyle
 from eos_ref.model.box import BoolArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
-from lammps_cases.studies.flows.flow import (
+from lammps_cases.studies.flows.flow import Options, Snapshot, Start, fluid, start, time_step
+from lammps_cases.studies.flows.known import (
     Curve,
     Flow,
     FlowPanel,
     FlowQuantity,
-    Options,
     Published,
     ReferenceCurve,
-    Snapshot,
-    Start,
     curve,
-    fluid,
     line,
-    start,
-    time_step,
 )
-from lammps_cases.studies.flows.paper import SOURCE, disordered, lattice, points_of, with_kernel
+from lammps_cases.studies.flows.paper import SOURCE, disordered, lattice, points_of
 
 NU, SOUND, MACH = 1.0, 1.0, 0.01
 SETTLED = 6.0  # the start has decayed by exp(-6)
@@ -144,12 +139,11 @@ def _flow(
     return Flow(
         f"paper-{name}-{kernel.lower()}",
         "Fluid driven through a periodic array of obstacles at rest.",
-        "Hasimoto 1959, Sangani & Acrivos 1982; eos_ref.analytic.stokes",
         resolutions[:-1],
         "1: the obstacle is made of whole particles; its surface is known to half a spacing",
         partial(_start, of=of),
         partial(_errors, of=of),
-        with_kernel(kernel, 3.0),
+        Options(kernel, 3.0),
         quick=resolutions[:1],
         full=resolutions[-1:],
         title=f"{title}, {kernel}",

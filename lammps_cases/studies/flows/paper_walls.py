@@ -19,23 +19,8 @@ from eos_ref.analytic.channel import plane_start_up
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KernelStyle
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
-from lammps_cases.studies.flows.flow import (
-    Curve,
-    Flow,
-    FlowPanel,
-    Options,
-    Published,
-    ReferenceCurve,
-    Snapshot,
-    Start,
-    curve,
-    fluid,
-    forces,
-    line,
-    misfits,
-    relative,
-    start,
-)
+from lammps_cases.studies.flows.flow import Options, Snapshot, Start, fluid, forces, relative, start
+from lammps_cases.studies.flows.known import Curve, Flow, FlowPanel, Published, ReferenceCurve, curve, line, misfits
 from lammps_cases.studies.flows.paper import (
     LENGTH,
     NAMES,
@@ -46,7 +31,6 @@ from lammps_cases.studies.flows.paper import (
     pair_terms,
     points_of,
     step_length,
-    with_kernel,
 )
 
 # --- 3 and 4 channels
@@ -176,12 +160,11 @@ def _channel_flow(of: ChannelFluid, name: str, title: str, kernel: KernelStyle, 
     return Flow(
         f"paper-{name}-{kernel.lower()}",
         f"A channel from rest, driven along its walls, at t = {END:g}; disordered by 0.1 spacings, shifted.",
-        SOURCE,
         (20, 40),
         "1 against walls at H, which are half a spacing further out; 2 against walls there",
         partial(_channel, of=of),
         partial(_channel_errors, of=of),
-        with_kernel(kernel, 3.0),
+        Options(kernel, 3.0),
         quick=(20,) if kernel == "RK1" else (),
         full=(50, 100),
         title=f"{title}, {kernel}",
@@ -280,12 +263,11 @@ def _tank_flow(kernel: KernelStyle) -> Flow:
     return Flow(
         f"paper-tank-{kernel.lower()}",
         "A column under gravity over a floor, periodic along it, from equilibrium.",
-        SOURCE,
         (20, 40),
         "1: the free surface lies anywhere within the last row",
         _column,
         _column_errors,
-        with_kernel(kernel, 3.5, 30),
+        Options(kernel, 3.5, zmin=30),
         quick=(20,) if kernel == "quintic" else (),
         full=(100,),
         title=f"Hydrostatic column, {kernel}",
@@ -361,12 +343,11 @@ def _dam_flow(kernel: KernelStyle) -> Flow:
     return Flow(
         f"paper-dam-{kernel.lower()}",
         "A column of width L, twice as high, collapses along a floor without slip. Re = 280.",
-        SOURCE,
         (20,),
         "none: a published computation at N = 100",
         _dam,
         misfits((panel,)),
-        with_kernel(kernel, 3.5, 32),
+        Options(kernel, 3.5, zmin=32),
         quick=(10,) if kernel == "quintic" else (),
         full=(40,),
         title=f"Dam break, {kernel}",

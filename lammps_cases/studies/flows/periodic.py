@@ -2,8 +2,7 @@ r"""Flows in a periodic box: waves of shear, heat and sound, Taylor-Green vortic
 
 Waves run along strips that are `STRIP` particles wide. The reproducing kernel RK1 is the default. At a cutoff of 3
 spacings the plain quintic's sums over a lattice miss their integrals by a constant, 8e-4 for the viscosity, at which
-the convergence ends; RK1's first moments are exact, and on a lattice the second with them. Option ``growth`` g lets the
-cutoff grow as (N/16)^g instead: the sums become exact, but the smoothing falls more slowly, with N^(2g - 2).
+the convergence ends; RK1's first moments are exact, and on a lattice the second with them.
 
 Sound also depends on the time step. A force is evaluated with densities that have taken half of a step's change, so
 that the pressure lags behind by half a step, :math:`\ddot f=-c^2k^2f(t-\Delta t/2)`. To first order that is
@@ -25,19 +24,14 @@ from eos_ref.analytic import waves
 from eos_ref.eos.table import EOS, FloatArray, examples
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.particles import entries
-from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start, fluid, relative, rows, start, time_step
+from lammps_cases.studies.flows.flow import Options, Snapshot, Start, fluid, relative, rows, start, time_step
+from lammps_cases.studies.flows.known import Flow
 
 STRIP = 8  # particles across, a direction on which nothing depends
-FIRST = 16  # resolution at which the cutoff begins to grow, if it does
 RK1 = Options(kernel="RK1")
 QUICK = (16, 24, 32)
 DIFFUSION = 0.05  # viscosity or diffusivity over sound speed times wavelength: it limits the time step, not sound
 SECOND = "2: kernel smoothing, (k h)^2; the time step falls with the square of the spacing, and so does its error"
-
-
-def grown(n: int, options: Options) -> Options:
-    """Return the options with the cutoff of a resolution; see option ``growth``."""
-    return replace(options, cut=options.cut * (n / FIRST) ** options.number("growth", 0.0))
 
 
 def wave_number(n: int) -> float:
@@ -57,7 +51,7 @@ def amplitude(x_n: FloatArray, f_n: FloatArray, k: float, phase: float = 0.0) ->
 
 def _box(n: int, options: Options, x_nc: FloatArray, speed: float, diffusivity: float) -> dict[str, Any]:
     """Return the particles, box, options and time step of a flow at a resolution, as arguments of `start`."""
-    options, size = grown(n, options), (n, len(x_nc) // n)
+    size = n, len(x_nc) // n
     return {"x_nc": x_nc, "high_c": size, "options": options, "timestep": time_step(options, speed, diffusivity)}
 
 
@@ -106,7 +100,6 @@ def _shear_measures(n: int, options: Options, snapshots: Sequence[Snapshot]) -> 
 SHEAR = Flow(
     "shear-wave",
     f"Velocity across a wave vector decays by viscosity alone. Particles move by {MOVED:g} spacings.",
-    "exact at any amplitude; eos_ref.analytic.waves.shear_wave",
     (16, 24, 32, 48, 64),
     SECOND,
     _shear_start,
@@ -148,7 +141,6 @@ HEAT = Flow(
     "heat-wave",
     "Temperature evens out in a fluid at rest. Options rho0 (the mass too) and cv; LAMMPS adds a rate of temperature "
     "to the energy, so that heat flows more slowly by rho0 cv.",
-    "exact at any amplitude; eos_ref.analytic.waves.heat_wave",
     (16, 24, 32, 48, 64),
     SECOND,
     _heat_start,
@@ -214,7 +206,6 @@ SOUND = Flow(
     "sound-wave",
     f"A standing wave of sound, {COMPRESSED:g} high, in a fluid at {STATE:g} rho0; the speed is that of its law there. "
     f"Options law ({', '.join(LAWS)}), attenuation (viscosity over speed times wavelength, {ATTENUATION:g}).",
-    "linear in the amplitude; eos_ref.analytic.waves.sound_wave",
     (16, 24, 32, 48),
     SECOND
     + ". Where sound limits the step (attenuation below 1/2N), 1 for the damping: the pressure lags by half a step",
@@ -277,7 +268,6 @@ VORTICES = Flow(
     "taylor-green",
     f"Vortices in a square decay by viscosity and carry the particles. Option Re ({REYNOLDS:g}); the Mach number is "
     f"Re/2N, at most {MACH:g}. Options disorder (spacings), shift (yes), artificial-visc, rho-damp (over h c): none.",
-    "exact for an incompressible fluid; eos_ref.analytic.waves.taylor_green",
     (16, 24, 32, 48),
     SECOND + "; the square of the Mach number falls at the same order",
     _vortex_start,

@@ -26,12 +26,14 @@ from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
 from lammps_cases.studies.flows import page
-from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
-from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
+from lammps_cases.studies.flows.flow import Snapshot, Start
+from lammps_cases.studies.flows.known import Flow
+from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, START, UNIT, FlowRecord, Lost, Validated
 from lammps_cases.studies.flows.solve import FlowResult, ReferenceFlow, by_reference, in_worker
 
 LIMIT = 3600.0  # seconds for one run
 SPACING = 0.75  # between particles, in another unit of length
+STARTS, DISPLACED = 2, 0.05  # further starts for the error bar; their displacement in spacings
 STRIDE = 10  # steps between snapshots
 PATIENCE = 1.25  # the reference may take this many times the steps of LAMMPS
 
@@ -79,8 +81,7 @@ def validate(
             runs.append(ran)
     progress.advance(len(tasks), len(tasks), "report")
     seconds = time.perf_counter() - begin + kept.earlier
-    validated = Validated(command, before, about, quick, seconds, tuple(runs))
-    page._write_tables(validated, out)
+    validated = Validated(command, before, about, quick, seconds, tuple(runs), time.strftime("%Y-%m-%d"))
     page.write(validated, out)
     return validated
 
@@ -104,18 +105,39 @@ def _in_turn(
 
 
 def _tasks(of: Flow, quick: bool, full: bool, workers: Workers) -> Iterator[FlowTask]:
-    """Yield both sides at every resolution; unless quick also, at the coarsest, findings and another unit of length."""
+    """Yield both sides at every resolution; unless quick also the other set-ups.
+
+    Unless quick, at the coarsest resolution also other starts, each finding, and another unit of length.
+    """
     resolutions = (of.quick or of.resolutions[:1]) if quick else (*of.resolutions, *(of.full if full else ()))
     lammps = partial(in_worker, workers=workers, time_limit=LIMIT)
     for n in resolutions:
         yield FlowTask(of, n, REFERENCE, by_reference)
         yield FlowTask(of, n, LAMMPS, lammps, n == resolutions[0])
     if not quick:
+        for name, options in of.setups.items():
+            other = replace(of, options=options)
+            yield from (FlowTask(other, n, f"{REFERENCE}, {name}", by_reference) for n in of.resolutions)
+        if of.quantities:
+            for k in range(STARTS):
+                yield FlowTask(of, resolutions[0], f"{START}{k + 1}", partial(_displaced, k + 1))
         first = of.start(resolutions[0], of.options)
         if any(first.steps) and first.body is None:  # whose formulas are in the first unit
             yield FlowTask(of, resolutions[0], UNIT, partial(_in_another_unit, solve=lammps))
         for finding in of.findings:
             yield FlowTask(of, resolutions[0], finding.id, partial(_with, finding))
+
+
+def _displaced(k: int, start: Start) -> FlowResult:
+    """Run a flow on the reference from another start: the fluid displaced by up to a twentieth of a spacing."""
+    atoms, d = start.atoms, start.case.scene.dimension
+    fluid_n = np.array([kind.phase == "fluid" for kind in start.case.scene.types])[atoms.type_n - 1]
+    by_nc = np.random.default_rng(k).uniform(-DISPLACED, DISPLACED, (len(atoms), d))
+    x_nc = atoms.x_nc.copy()
+    x_nc[:, :d] += np.where(fluid_n[:, None], by_nc, 0.0)
+    edge_c = np.where(atoms.periodic, np.array(atoms.high_c) - atoms.low_c, np.inf)
+    x_nc = np.where(np.isinf(edge_c), x_nc, atoms.low_c + np.mod(x_nc - atoms.low_c, edge_c))
+    return by_reference(replace(start, atoms=replace(atoms, x_nc=x_nc)))
 
 
 def _with(finding: Finding, start: Start) -> FlowResult:

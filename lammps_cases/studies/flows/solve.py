@@ -24,7 +24,8 @@ from lammps_cases.scene.fields import FIELDS
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import Plan, plan
-from lammps_cases.studies.flows.flow import ALWAYS, Body, Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.flow import ALWAYS, Body, Options, Snapshot, Start
+from lammps_cases.studies.flows.known import Flow
 
 
 class FlowRun(Protocol):

@@ -18,18 +18,8 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.model.box import BoolArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.scene.atoms import seed
-from lammps_cases.studies.flows.flow import (
-    Flow,
-    Options,
-    Snapshot,
-    Start,
-    fluid,
-    relative,
-    rows,
-    start,
-    time_step,
-    under,
-)
+from lammps_cases.studies.flows.flow import Options, Snapshot, Start, fluid, relative, rows, start, time_step, under
+from lammps_cases.studies.flows.known import Flow
 
 QUICK = (16, 24, 36)
 
@@ -101,7 +91,6 @@ DROP = Flow(
     "A round drop, stretched along x and squeezed along y from the start, becomes an ellipse. Options: mach (0.05, "
     "speed of the surface over that of sound), artificial-visc (0.1), rho-damp (0.1, over h c). Without damping, or "
     "when stretched much further, the square lattice gives way and velocities become noise.",
-    "ellipse of Monaghan (1994), with the pressure inside; eos_ref.analytic.drops",
     (16, 24, 36, 54),
     "1: forces of particles on the surface lack neighbours; artificial viscosity falls with the spacing",
     _drop,
@@ -158,7 +147,6 @@ INTERFACE = Flow(
     "A heavy drop at rest in a lighter fluid, without surface tension, both under the same background pressure; "
     "particles in disorder, so that nothing vanishes by symmetry. Options: background (0.05, over rho c^2 of the "
     "drop), disorder (0.1, spacings).",
-    "nothing moves, and the pressure is that of the background everywhere",
     (16, 24, 36, 54),
     "1: what is left of disorder at the size of the box is a mean over n^2 particles; at the size of a spacing it "
     "does not fall, but viscosity damps it",
@@ -283,7 +271,6 @@ SHOCK_TUBE = Flow(
     f"{SHOCK_SPREAD:g} spacings, as wide as the gas expands: below that the lattice, stretched along the tube alone, "
     "no longer carries the pressure. Options: thin (density of the thin gas, default 0.5), artificial-visc (default "
     "0.5).",
-    "jump conditions and Riemann invariants of two isothermal gases in eos_ref.analytic.riemann",
     (60, 120, 240, 480),
     "1: discontinuities smeared over some spacings, in the L1 norm; n/ln n at the edges of the rarefaction, so that "
     "slopes at these resolutions are between 0.8 and 1",

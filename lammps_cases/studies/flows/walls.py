@@ -22,25 +22,8 @@ from eos_ref.analytic.channel import column, plane_start_up, weight_of_column
 from eos_ref.eos.table import EOS, FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.walls import WALL_VELOCITY_LOST
-from lammps_cases.studies.flows.flow import (
-    Curve,
-    Flow,
-    FlowPanel,
-    FlowQuantity,
-    Options,
-    ReferenceCurve,
-    Snapshot,
-    Start,
-    curve,
-    fluid,
-    forces,
-    line,
-    misfits,
-    relative,
-    rows,
-    start,
-    time_step,
-)
+from lammps_cases.studies.flows.flow import Options, Snapshot, Start, fluid, forces, relative, rows, start, time_step
+from lammps_cases.studies.flows.known import Curve, Flow, FlowPanel, FlowQuantity, ReferenceCurve, curve, line, misfits
 
 WIDTH = 8  # of a strip along the walls, periodic
 
@@ -117,7 +100,6 @@ def _channel_flow(name: str, about: str, expected: str, drive: Drive) -> Flow:
     return Flow(
         name,
         f"{about} Option: reynolds (default 0.1, so that rows pass each other by less than a spacing).",
-        "sine series in eos_ref.analytic.channel.plane_start_up (Morris, Fox & Zhu 1997)",
         (8, 12, 18, 27),
         expected,
         partial(_channel, drive=drive),
@@ -222,7 +204,6 @@ TANK = Flow(
     "Options: law (linear, tait/water), compression (weight over rho0 c^2, default 0.02). From a cutoff of 4 spacings "
     "on the second layer of the wall lies within half of it, and the repulsion that comes with interface/reconstruct "
     "lifts the fluid.",
-    "weight of the column in eos_ref.analytic.channel.column, places by the integral of c^2/rho",
     (8, 12, 18, 27),
     "1: the free surface lies anywhere within the last row; 2 for the rest",
     _tank,
@@ -362,6 +343,7 @@ def _of_channel(
     of: Callable[[int], PowerFluid],
     resolutions: tuple[int, ...] = (12, 16, 24),
     extra: tuple[ReferenceCurve, ...] = (),
+    validates: str = "fix rheo/viscosity power, walls without slip",
 ) -> Flow:
     known = _known(of, "closed form")
     panel = FlowPanel("velocity", "y / gap", "velocity / nominal speed (Re = 0.1)", (known, *extra), _profile)
@@ -370,7 +352,6 @@ def _of_channel(
         name,
         about + " It begins with the closed form and runs until it has its own. Option: wall (constant: walls have the "
         "viscosity of the adjacent fluid; law: that of the fluid).",
-        known.source,
         resolutions,
         "2: kernel smoothing, and velocities of walls extrapolated linearly",
         partial(_power_channel, of=of),
@@ -381,6 +362,9 @@ def _of_channel(
         (panel,),
         (middle,),
         (FORCE_PER_VOLUME,),
+        validates=validates,
+        setups={"walls with the law of the fluid": Options(kernel="RK1", extra={"wall": "law"})},
+        limits="With its own law a wall, in which nothing shears, drags as stiffly as fluid at rest.",
     )
 
 

@@ -29,7 +29,8 @@ from lammps_cases.scene import Scene
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows import periodic, surfaces
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.flow import Flow, Options, Start
+from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.known import Flow
 from lammps_cases.studies.flows.periodic import COMPRESSED, HEAT, MOVED, SHEAR, SOUND, SOUNDS, VORTICES, wave_number
 from lammps_cases.studies.flows.solve import (
     ENGINES,

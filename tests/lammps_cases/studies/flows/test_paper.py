@@ -9,7 +9,7 @@ import pytest
 
 from lammps_cases.engine.session import kept
 from lammps_cases.studies.flows.catalogue import PAPER
-from lammps_cases.studies.flows.flow import Flow
+from lammps_cases.studies.flows.known import Flow
 from lammps_cases.studies.flows.paper import errors_of, points_of
 from lammps_cases.studies.flows.paper_bulk import WINDOW
 from lammps_cases.studies.flows.paper_obstacles import CYLINDERS, SPHERES, ObstacleArray

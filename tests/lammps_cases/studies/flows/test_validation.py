@@ -16,9 +16,10 @@ from lammps_cases.engine.session import Session
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.files import DATA
-from lammps_cases.studies.flows import cavity, drops, page, run, walls
+from lammps_cases.studies.flows import cavity, drops, page, run, walls, waves
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
-from lammps_cases.studies.flows.flow import Flow, ReferenceCurve, Snapshot, Start, table
+from lammps_cases.studies.flows.flow import Snapshot, Start
+from lammps_cases.studies.flows.known import Flow, ReferenceCurve, table
 from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
 from lammps_cases.studies.flows.solve import FlowResult, LammpsFlow, ReferenceFlow, by_reference
 from tests.support.flow_faults import Plant, of_gravity, of_types
@@ -52,6 +53,7 @@ def test_every_flow_has_the_data_of_its_page_and_a_start_that_can_be_pickled(of:
     assert VALIDATIONS[of.name] is of
     assert len(of.resolutions) == 3
     assert of.panels and all(panel.known for panel in of.panels)
+    assert of.quantities and of.validates and of.expected and of.limits
     assert all(finding.model_variant and finding.model_variant.stages for finding in of.findings)
     start = of.start(12, of.options)
     again = pickle.loads(pickle.dumps(start))
@@ -179,7 +181,7 @@ def validated(*runs: FlowRecord) -> Validated:
 
 
 WAVE = VALIDATIONS["standing-wave"]
-SWINGS = [quantity.name for quantity in WAVE.quantities]
+SWINGS = [quantity.name for quantity in WAVE.quantities][:2]
 STOPPED = made(LAMMPS, 0.0, "Lost atoms")
 RUNS: dict[str, tuple[FlowRecord, ...]] = {
     "variants": (
@@ -187,6 +189,13 @@ RUNS: dict[str, tuple[FlowRecord, ...]] = {
     ),
     "stopped": (made(REFERENCE, 1.0), replace(made(REFERENCE, 1.0), n=12), made(LAMMPS, 0.5), replace(STOPPED, n=12)),
     "lost and explained": (made(REFERENCE, 1.0), replace(STOPPED, lost=Lost(80, ("a", "b"), 90))),
+    "set-ups and starts": (
+        *(replace(made(REFERENCE, value), n=n) for n, value in ((8, 1.1), (12, 1.05), (16, 1.04))),
+        *(made(f"reference, start {k}", value) for k, value in ((1, 1.13), (2, 1.09))),
+        made(f"reference, {next(iter(THICK.setups))}", 2.0),
+        made(LAMMPS, 1.1),
+        made("force-per-volume", 1.105),  # less than a hundredth: not named
+    ),
     "nothing to fit": tuple(
         replace(made(side, 1.0), flow=WAVE.name, quantities=found)
         for side, found in (
@@ -217,6 +226,41 @@ def test_effects_and_stops_are_reported_in_the_users_quantities(name: str, snaps
 def test_differences_have_only_significant_digits(theirs: float, ours: float, words: str) -> None:
     assert page.change(theirs, ours) == words
     assert [page.order(value) for value in (-0.001, -1.26, 1.94, np.nan)] == ["0.0", "-1.3", "1.9", ""]
+
+
+# --- the dam break, other starts
+
+
+def falling(n: int, t: float) -> Snapshot:
+    """The column in free fall without a floor, from which its start does not move sideways."""
+    start = waves.DAM.start(n, waves.DAM.options)
+    wet_n, zero_n = start.atoms.type_n == 1, np.zeros(len(start.atoms))
+    down_nc = np.stack([zero_n, np.where(wet_n, 1.0, 0.0)], axis=1) / n
+    return Snapshot(0, start.atoms.x_nc[:, :2] - down_nc * t**2 / 2, -down_nc * t, zero_n, zero_n, time=t)
+
+
+def test_free_fall_keeps_its_energy() -> None:
+    _, ratio = waves.ENERGY.read(16, waves.DAM.options, [falling(16, t) for t in (1.0, 5.0)])
+    assert ratio == pytest.approx((1.0, 1.0), rel=1e-12)  # sums of 128 heights, each rounded
+
+
+def test_zero_of_the_experiments_time_is_found() -> None:
+    known = waves.FRONT.known[0]
+    error, late = waves._clock((tuple(np.array(known.x) - 0.12), known.y))
+    assert (error, late) == pytest.approx((0.0, 0.12), abs=1e-9)
+
+
+def test_other_starts_move_the_fluid_alone_inside_its_box(monkeypatch: pytest.MonkeyPatch) -> None:
+    start, moved = THICK.start(8, THICK.options), list[Start]()
+    monkeypatch.setattr(run, "by_reference", moved.append)
+    for k in (1, 1, 2):
+        run._displaced(k, start)
+    first, same, other = (each.atoms.x_nc for each in moved)
+    assert (first == same).all() and (first != other).any()
+    by_nc, low, high = first - start.atoms.x_nc, start.atoms.low_c, start.atoms.high_c
+    fluid_n = start.atoms.type_n == 1
+    assert np.abs(by_nc[~fluid_n]).max() == 0 < np.abs(by_nc[fluid_n]).max() <= run.DISPLACED
+    assert (low <= first).all() and (first <= high).all()
 
 
 # --- particles that LAMMPS loses

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -56,25 +55,6 @@ class LawMethod:
 
 def _compiled(law: EOS, low: float, high: float) -> Evaluate:
     return law.pressure
-
-
-def _two_threads(law: EOS, low: float, high: float) -> Evaluate:
-    """Give each thread one half of the states; compiled loops release Python's lock."""
-    from eos_ref.eos import compiled
-
-    pool = ThreadPoolExecutor(2)
-
-    def evaluate(rho_n: FloatArray, e_n: FloatArray | None) -> FloatArray:
-        e_n, p_n = np.empty(0) if e_n is None else e_n, np.empty(rho_n.shape)
-
-        def part(part_n: slice) -> int:
-            return int(compiled.pressure_of_one_type(rho_n[part_n], e_n[part_n], *law.settings, p_n[part_n]))
-
-        half = len(rho_n) // 2
-        outside = sum(pool.map(part, (slice(0, half), slice(half, None))))
-        return law.pressure(rho_n, e_n) if outside else p_n
-
-    return evaluate
 
 
 def _numpy(law: EOS, low: float, high: float) -> Evaluate:
@@ -163,9 +143,6 @@ def _is_tait(law: EOS) -> bool:
 METHODS: tuple[LawMethod, ...] = (
     LawMethod(
         "compiled", "the reference's compiled loop: a vectorised power, one pass over memory", _compiled, conditioning=0
-    ),
-    LawMethod(
-        "compiled, 2 threads", "the same loop, each thread on one half of the states", _two_threads, conditioning=0
     ),
     LawMethod("numpy", "the reference's formula in numpy: nothing to compile or load", _numpy, conditioning=0),
     LawMethod("expm1/log1p", "any gamma: expm1(gamma log1p(d)), no cancellation near rho0", _expm1, _is_tait),

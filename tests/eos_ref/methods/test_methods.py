@@ -144,8 +144,10 @@ def test_search_finds_worse_cases_than_samples() -> None:
     rho_n = regime.densities(law, SAMPLES)
     sampled = max(certain_error(evaluate, law, float(rho)) for rho in rho_n[:: SAMPLES // 64])
     found = worst_case(evaluate, law, rho_n, lambda rho: regime.holds(law, rho))
-    assert found.error > sampled
+    assert found.error > sampled > found.median
     assert found.error == certain_error(evaluate, law, found.rho)
+    error_n = [certain_error(evaluate, law, float(rho)) for rho in rho_n[:: SAMPLES // 64]]
+    assert np.quantile(error_n, 0.25) < found.median < np.quantile(error_n, 0.75) < found.p99 < found.error
 
 
 def test_search_finds_a_fault_between_samples() -> None:
@@ -201,18 +203,28 @@ def test_chosen_method_meets_the_tolerance(law: EOS, at: float, wide: float, tol
         assert rigorous.error(p, exact) <= 10**tolerance * size
 
 
-def test_looser_tolerance_chooses_a_cheaper_method() -> None:
+def test_looser_tolerance_chooses_a_cheaper_method_and_names_those_refused() -> None:
     law, rho_n = EOS("tait/water", 1.2345, 7.89), np.linspace(1.2, 1.3, 1000)
-    loose, tight = (choice.cheapest(law, rho_n, None, tolerance) for tolerance in (1e-3, 2e-15))
+    loose, tight = (choice.choose(law, rho_n, None, tolerance) for tolerance in (1e-3, 2e-15))
     costs = choice.measured()["tait/water"]
-    assert costs[loose.name].of(1000) < costs[tight.name].of(1000)
-    assert choice.worst_error(tight, law, rho_n, None) <= 2e-15 < choice.worst_error(loose, law, rho_n, None) <= 1e-3
+    assert loose.seconds == costs[loose.method.name].of(1000) < tight.seconds == costs[tight.method.name].of(1000)
+    assert tight.error <= 2e-15 < loose.error <= 1e-3
+    cheaper = {name for name, cost in costs.items() if cost.of(1000) < tight.seconds}
+    assert {name for name, _ in tight.refused} == cheaper and all(error > 2e-15 for _, error in tight.refused)
+    assert loose.refused == ()
+    words = str(tight)
+    assert words.startswith(f"{tight.method.name}: error {tight.error:.2g} of 2e-15 allowed, {tight.seconds:.2g} s")
+    assert f"not accurate enough: {loose.method.name} ({dict(tight.refused)[loose.method.name]:.2g})" in words
+    p_n = law.pressure(rho_n, method="auto", tolerance=2e-15)
+    assert np.array_equal(p_n, law.pressure(rho_n, method=tight.method.name))
 
 
 def test_law_without_measured_costs_uses_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
     law, rho_n = EOS("tait/water", 1.2345, 7.89), np.linspace(1.2, 1.3, 50)
     monkeypatch.setattr(choice, "measured", dict)
-    assert choice.cheapest(law, rho_n, None, 1e-3).name == "compiled"
+    chosen = choice.choose(law, rho_n, None, 1e-3)
+    assert chosen.method.name == "compiled"
+    assert str(chosen).endswith("the reference's own, as no cost was measured for this law")
 
 
 def test_tolerance_below_double_precision_is_refused() -> None:

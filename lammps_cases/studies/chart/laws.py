@@ -25,7 +25,7 @@ from eos_ref import EOS
 from eos_ref.eos.table import FloatArray, examples
 from eos_ref.methods.choice import COSTS, usable
 from eos_ref.methods.laws import Evaluate, LawMethod, methods_of
-from eos_ref.methods.worst import SAMPLES, Regime, worst_case
+from eos_ref.methods.worst import SAMPLES, Regime, Worst, worst_case
 from lammps_cases.engine import cluster
 from lammps_cases.engine.session import EngineMissing, Session
 from lammps_cases.engine.workers import Failure, Workers
@@ -73,15 +73,20 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, session: Session | None)
     timed = [timings(law, methods, regime, n, session) for regime in regimes]  # before searches, which compile
     searched = iter(each(worst_of, [(law, m.name, regime, SAMPLES) for regime in regimes for m in methods]))
     for regime, (took, _) in zip(regimes, timed, strict=True):
-        errors = {m.name: next(searched) for m in methods}
+        worst = {m.name: next(searched) for m in methods}
         if session is not None:
-            errors[OUTPUT] = _worst_error(EngineLaw(session, law).pressure, law, regime, SAMPLES)
-        points += measured(f"pressure of {name(law)}", str(regime), errors, took, n, reasons)
+            worst[OUTPUT] = _worst(EngineLaw(session, law).pressure, law, regime, SAMPLES)
+        errors = {name: found.error for name, found in worst.items()}
+        for point in measured(f"pressure of {name(law)}", str(regime), errors, took, n, reasons):
+            found = worst[point.method]
+            points.append(replace(point, median=found.median, p99=found.p99, worst_at=f"rho = {found.rho!r}"))
     return Panel(
         id="law-" + re.sub("[^a-z0-9.]+", "-", name(law)),
         title=f"Pressure of {name(law)}",
-        about=f"{n:,} states in float64, shuffled; rho0 {law.rho0:g}, cs {law.cs:g}, background {law.background:g}.",
-        error_of="worst relative error of the pressure found by search, certified with Arb",
+        about=f"{n:,} states in float64, shuffled; rho0 {law.rho0!r}, cs {law.cs!r}, background {law.background!r}"
+        + (f", e {ENERGY!r}." if law.needs_energy else "."),
+        error_of="relative error of the pressure: the worst found by search, certified with Arb; median and 99th "
+        f"percentile of {SAMPLES:,} densities spread evenly in the logarithm of the distance",
         unit="state",
         points=tuple(points),
         roofline_ns=median(copying for _, copying in timed) * 1e9 / n,
@@ -89,16 +94,16 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, session: Session | None)
     )
 
 
-def worst_of(site: str | None, law: EOS, method: str, regime: Regime, samples: int) -> float:
-    """Task: return the worst error of a method, by its name, in a regime."""
+def worst_of(site: str | None, law: EOS, method: str, regime: Regime, samples: int) -> Worst:
+    """Task: return the worst case of a method, by its name, in a regime."""
     named = {m.name: m for m in methods_of(law)}
-    return _worst_error(named[method].function(law, *regime.ends(law)), law, regime, samples)
+    return _worst(named[method].function(law, *regime.ends(law)), law, regime, samples)
 
 
-def _worst_error(evaluate: Evaluate, law: EOS, regime: Regime, samples: int) -> float:
-    """Return the worst error of a method in a regime, by a search that begins at some samples."""
+def _worst(evaluate: Evaluate, law: EOS, regime: Regime, samples: int) -> Worst:
+    """Return the worst case of a method in a regime, by a search that begins at some samples."""
     e = ENERGY if law.needs_energy else None
-    return worst_case(evaluate, law, regime.densities(law, samples), partial(regime.holds, law), e).error
+    return worst_case(evaluate, law, regime.densities(law, samples), partial(regime.holds, law), e)
 
 
 def timings(
@@ -183,7 +188,7 @@ class EngineLaw:
         return scene, replace(atoms, rho_n=all_rho_n, energy_n=None if e_n is None else all_e_n)
 
 
-def each(task: Callable[..., float], arguments: Sequence[tuple[Any, ...]]) -> list[float]:
+def each(task: Callable[..., Worst], arguments: Sequence[tuple[Any, ...]]) -> list[Worst]:
     """Return ``task(site, *arguments)`` of each, from the workers of the cluster in use, else from this process.
 
     These need no clock; timing stays on this machine, as times of several machines cannot be compared.
@@ -219,8 +224,8 @@ def _accuracy_crossings(law: EOS, methods: Sequence[LawMethod]) -> Iterator[Cros
         def loses(d: float, other: str = other) -> bool:
             """Return whether the printed formula has the larger worst error in a narrow window."""
             regime = Regime(d * 10**-0.05, d * 10**0.05)
-            printed, its = (_worst_error(functions[m], law, regime, 512) for m in ("textbook", other))
-            return printed >= its
+            printed, its = (_worst(functions[m], law, regime, 512) for m in ("textbook", other))
+            return printed.error >= its.error
 
         if loses(1e-9) and not loses(10.0):
             at = bisected(loses, 1e-9, 10.0, 10**0.02)
@@ -238,7 +243,7 @@ def maps(quick: bool) -> Iterator[Map]:
     near = [Regime(float(d) / 1.3, float(d) * 1.3) for d in distances]
     for method in ("textbook", "numpy"):
         searched = each(worst_of, [(law, method, regime, 256) for law in laws for regime in near])
-        value = np.reshape(searched, (len(gammas), len(distances)))
+        value = np.reshape([found.error for found in searched], (len(gammas), len(distances)))
         yield Map(
             id=f"tait-{method}",
             title=f"tait/general, {method}",

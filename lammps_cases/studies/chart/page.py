@@ -19,7 +19,8 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.report.pages import frame
 from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis, saved
 from lammps_cases.studies.chart import codes
-from lammps_cases.studies.chart.record import DIGITS, LAMMPS, Chart, Map, MethodPoint, Panel, Section, frontier
+from lammps_cases.studies.chart.recommend import recommendation
+from lammps_cases.studies.chart.record import DIGITS, LAMMPS, Chart, Map, MethodPoint, Panel, Section, digits, frontier
 from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.flow import Flow
 from lammps_cases.studies.flows.solve import Convergence
@@ -84,6 +85,8 @@ def _draw_regime(axis: Any, panel: Panel, regime: str, marks: Marks) -> None:
     for p in points:
         colour, shape = marks[p.method]
         axis.plot([p.ns.low, p.ns.high], [p.digits] * 2, color=colour, lw=1)
+        if p.median is not None:
+            axis.plot([p.ns.median] * 2, [p.digits, digits(p.median)], color=colour, lw=1, alpha=0.5)
         size = 11 if p.engine == LAMMPS and shape == "*" else 6
         face = "white" if p.dominated_by and p.engine != LAMMPS else colour
         axis.plot([p.ns.median], [p.digits], shape, ms=size, mec=colour, mfc=face, mew=1.2, ls="none")
@@ -186,10 +189,13 @@ def codes_figure(runs: Sequence[Convergence]) -> Figure:
     """Draw the error of every flow against the seconds of a run: a line per code, each point with its resolution."""
     with matplotlib.rc_context(STYLE):
         cases = list(codes.compared(runs))
-        figure = Figure(figsize=(3.2 * len(cases) + 1.6, 3.1), layout="constrained")
-        axes = figure.subplots(1, len(cases), squeeze=False).ravel()
+        columns, lines = min(3, len(cases)), -(-len(cases) // 3)
+        figure = Figure(figsize=(3.2 * columns + 1.6, 2.9 * lines + 0.2), layout="constrained")
+        axes = figure.subplots(lines, columns, squeeze=False).ravel()
+        for axis in axes[len(cases) :]:
+            axis.set_visible(False)
         labels: dict[str, Any] = {}
-        for axis, (case, of) in zip(axes, cases, strict=True):
+        for axis, (case, of) in zip(axes, cases, strict=False):
             for run in of:
                 style, error = _code(run.engine), run.errors.get(case.measure, ())
                 labels[codes.name(run)] = Line2D([], [], **style)
@@ -263,6 +269,7 @@ def write(chart: Chart, folder: Path, others: Sequence[Chart] = ()) -> None:
         rows=rows,
         methods=methods,
         sentence=sentence,
+        recommendation=recommendation,
         error=lambda value: f"{value:.2g}" if math.isfinite(value) else "none right",
     )
     write_atomically(folder / "report.html", html)
@@ -326,8 +333,9 @@ def _flows(section: Section, figures: Path) -> Iterator[FlowView]:
 
 def _codes(section: Section, figures: Path) -> dict[str, Any]:
     about = {case.flow.title: case.about for case, _ in codes.compared(section.codes)}
+    advice = [codes.recommendation(case, of) for case, of in codes.compared(section.codes)]
     picture = saved(codes_figure(section.codes), figures, section.name)
-    return {"picture": picture, "about": about, "rows": list(codes.rows(section.codes))}
+    return {"picture": picture, "about": about, "rows": list(codes.rows(section.codes)), "advice": advice}
 
 
 def rows(panel: Panel, regime: str) -> list[tuple[MethodPoint, bool]]:

@@ -16,9 +16,9 @@ Points = Mapping[str, MethodPoint]  # of a regime, by method
 def recommendation(panel: Panel) -> str:
     """Return the method to use everywhere, better ones for some regimes, and what LAMMPS loses against it.
 
-    A method will do in a regime if its error is at most twice the least one there, or `ROUNDED`. Of those that will do in every
-    regime the fastest is recommended, by the geometric mean of its time over the shortest; if there is none, the one
-    whose error exceeds the least by the smallest factor.
+    A method will do in a regime if its error is at most twice the least one there, or `ROUNDED`. Of those that will do
+    in every regime the fastest is recommended, by the geometric mean of its time over the shortest; if there is none,
+    the one whose error exceeds the least by the smallest factor.
     """
     regimes = {name: {p.method: p for p in panel.of(name)} for name in panel.regimes}
     own = [m for m, p in next(iter(regimes.values()), {}).items() if p.engine != LAMMPS]

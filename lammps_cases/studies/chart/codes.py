@@ -121,7 +121,7 @@ COMPARED = (
     Compared(replace(DAM, **_SIZES, title="Dam break"), "front", "dam_break_2d", ("wcsph", "edac")),
     Compared(
         replace(DROP, resolutions=(16, 24, 36), quick=(16,), title="Stretching drop"),
-        *("displacement", "elliptical_drop", ("wcsph", "edac"), lambda n: n / radius_of(disc(n))),
+        *("displacement", "elliptical_drop", ("wcsph", "iisph"), lambda n: n / radius_of(disc(n))),
     ),
 )
 

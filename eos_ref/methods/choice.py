@@ -72,11 +72,6 @@ def measured() -> dict[str, dict[str, Cost]]:
     return {style: {name: Cost(**cost) for name, cost in costs.items()} for style, costs in laws.items()}
 
 
-def usable(law: EOS) -> list[LawMethod]:
-    """Return the methods for densities that are doubles already, as LAMMPS' are."""
-    return [method for method in methods_of(law) if method.store is None]
-
-
 def pressure(
     law: EOS, rho_n: FloatArray, e_n: FloatArray | None, method: str | None, tolerance: float | None
 ) -> FloatArray:
@@ -111,10 +106,10 @@ def named(name: str, law: EOS) -> LawMethod:
     InputError
         No method of this name evaluates the law.
     """
-    for method in usable(law):
+    for method in methods_of(law):
         if method.name == name:
             return method
-    names = ", ".join(method.name for method in usable(law))
+    names = ", ".join(method.name for method in methods_of(law))
     raise InputError("method", f"must, for {law.style}, be {AUTO} or one of {names}", name)
 
 
@@ -131,8 +126,8 @@ def choose(law: EOS, rho_n: FloatArray, e_n: FloatArray | None, tolerance: float
         A tolerance that no method meets.
     """
     costs = measured().get(law.style, {})
-    seconds = {method: costs[method.name].of(len(rho_n)) for method in usable(law) if method.name in costs}
-    candidates = sorted(seconds, key=lambda m: (seconds[m], m.conditioning)) or [usable(law)[0]]
+    seconds = {method: costs[method.name].of(len(rho_n)) for method in methods_of(law) if method.name in costs}
+    candidates = sorted(seconds, key=lambda m: (seconds[m], m.conditioning)) or [methods_of(law)[0]]
     refused: list[tuple[str, float]] = []
     for method in candidates:
         error = worst_error(method, law, rho_n, e_n)

@@ -23,7 +23,7 @@ import numpy as np
 
 from eos_ref import EOS
 from eos_ref.eos.table import FloatArray, examples
-from eos_ref.methods.choice import COSTS, usable
+from eos_ref.methods.choice import COSTS
 from eos_ref.methods.laws import Evaluate, LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, Regime, Worst, worst_case
 from lammps_cases.engine import cluster
@@ -38,7 +38,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.particles import entries
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.chart.record import Crossing, Map, MethodPoint, Panel, bisected, measured
+from lammps_cases.studies.chart.record import Map, MethodPoint, Panel, measured
 
 # Gamma 4 represents whole exponents of tait/general.
 LAWS: tuple[EOS, ...] = (
@@ -90,7 +90,6 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, session: Session | None)
         unit="state",
         points=tuple(points),
         roofline_ns=median(copying for _, copying in timed) * 1e9 / n,
-        crossings=tuple(_accuracy_crossings(law, methods)),
     )
 
 
@@ -121,8 +120,8 @@ def timings(
 
     calls: dict[str, Callable[[], object]] = {"copy": copy}
     for method in methods:
-        evaluate = method.prepare(law, float(rho_n.min()), float(rho_n.max()))
-        calls[method.name] = partial(evaluate, method.stored(law, rho_n), e_n)
+        evaluate = method.function(law, float(rho_n.min()), float(rho_n.max()))
+        calls[method.name] = partial(evaluate, rho_n, e_n)
     if session is not None:
         calls[OUTPUT], calls["LAMMPS, no law"] = EngineLaw(session, law).timed(rho_n, e_n)
     took = in_turns(calls, at_least=0.01)
@@ -210,28 +209,6 @@ def each(task: Callable[..., Worst], arguments: Sequence[tuple[Any, ...]]) -> li
     return results
 
 
-# --- where another method becomes better
-
-
-def _accuracy_crossings(law: EOS, methods: Sequence[LawMethod]) -> Iterator[Crossing]:
-    r"""Yield the distances :math:`|\rho/\rho_0-1|` above which the printed formula is as accurate as other methods."""
-    named = {method.name: method for method in methods}
-    if "textbook" not in named or law.exponent is None:
-        return
-    functions = {m.name: m.function(law, *Regime(1e-9, 10.0).ends(law)) for m in methods}
-    for other in ("float32 excess", "table, cubic"):
-
-        def loses(d: float, other: str = other) -> bool:
-            """Return whether the printed formula has the larger worst error in a narrow window."""
-            regime = Regime(d * 10**-0.05, d * 10**0.05)
-            printed, its = (_worst(functions[m], law, regime, 512) for m in ("textbook", other))
-            return printed.error >= its.error
-
-        if loses(1e-9) and not loses(10.0):
-            at = bisected(loses, 1e-9, 10.0, 10**0.02)
-            yield Crossing(f"pressure of {name(law)}", (other, "textbook"), "|rho/rho0 - 1|", "smaller worst error", at)
-
-
 # --- maps
 
 
@@ -265,7 +242,7 @@ def save_costs(progress: Progress = SILENT, path: Path = COSTS) -> None:
     costs: dict[str, dict[str, Any]] = {}
     for k, law in enumerate(laws):
         progress.advance(k, len(laws), f"costs of {law.style}")
-        methods = usable(law)
+        methods = methods_of(law)
         took, _ = timings(law, methods, FLUID, QUICK_STATES, None)
         for method in methods:
             ns = took[method.name].seconds.median / QUICK_STATES * 1e9

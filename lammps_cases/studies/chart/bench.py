@@ -46,6 +46,7 @@ from lammps_cases.studies.flows.solve import ReferenceFlow
 
 VORTICES = 100  # particles along the edge of the box
 PEER_STEPS = 20
+PEER_TIME = 0.005  # of PySPH's example: some 20 steps
 WARM = 3
 EOS_REF = (sys.executable, "-m", "lammps_cases.cli.main")
 # By style, as the time of a power depends on its exponent.
@@ -248,10 +249,11 @@ def _lammps(start: Start, ranks: Ranks) -> list[float]:
 
 
 def _pysph(python: str) -> list[float]:
-    """Return the seconds of every step of PySPH's example."""
-    result = codes.pysph_answer(python, str(codes.SCRIPTS / "pysph_taylor_green.py"), str(VORTICES), str(PEER_STEPS))
+    """Return the mean seconds of a step of PySPH's example."""
+    flow = str(codes.SCRIPTS / "pysph_flow.py"), "taylor_green", "wcsph", str(VORTICES), str(PEER_TIME)
+    result = codes.pysph_answer(python, *flow)
     assert result["particles"] == VORTICES**2
-    return [float(seconds) for seconds in result["seconds"]]
+    return [float(result["seconds"]) / result["steps"]]
 
 
 def _against(scene: str, peer: str, ours: Callable[[], None], theirs: Callable[[], list[float]], repeats: int) -> Ratio:

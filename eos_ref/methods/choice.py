@@ -37,16 +37,39 @@ class Cost:
         return self.startup + 1e-9 * self.ns * n
 
 
+@dataclass(frozen=True)
+class Choice:
+    """The method that ``method="auto"`` takes for some densities, and why; `str` says it in a sentence.
+
+    Attributes
+    ----------
+    error : worst relative error found, over the interval of the densities
+    seconds : of all densities, the first call included; NaN where no cost was measured
+    refused : cheaper methods with their errors, above the tolerance
+    """
+
+    method: LawMethod
+    error: float
+    tolerance: float
+    states: int
+    seconds: float
+    refused: tuple[tuple[str, float], ...] = ()
+
+    def __str__(self) -> str:
+        if np.isnan(self.seconds):
+            why = "the reference's own, as no cost was measured for this law"
+        else:
+            why = f"{self.seconds:.2g} s for {self.states:,} states, the cheapest that is accurate enough"
+        worse = ", ".join(f"{name} ({error:.2g})" for name, error in self.refused)
+        cheaper = f"; cheaper, but not accurate enough: {worse}" if worse else ""
+        return f"{self.method.name}: error {self.error:.2g} of {self.tolerance:.2g} allowed, {why}{cheaper}"
+
+
 @cache
 def measured() -> dict[str, dict[str, Cost]]:
     """Return the measured cost of every method by style of law; see `COSTS`."""
     laws: dict[str, dict[str, dict[str, float]]] = json.loads(COSTS.read_text(encoding="utf-8"))["laws"]
     return {style: {name: Cost(**cost) for name, cost in costs.items()} for style, costs in laws.items()}
-
-
-def usable(law: EOS) -> list[LawMethod]:
-    """Return the methods for densities that are doubles already, as LAMMPS' are."""
-    return [method for method in methods_of(law) if method.store is None]
 
 
 def pressure(
@@ -69,7 +92,7 @@ def pressure(
     if not rho_d.size:
         return p_n
     if tolerance is not None:
-        chosen = cheapest(law, rho_d, e_d, tolerance)
+        chosen = choose(law, rho_d, e_d, tolerance).method
     assert chosen is not None
     p_n[defined_n] = chosen.function(law, float(rho_d.min()), float(rho_d.max()))(rho_d, e_d)
     return p_n
@@ -83,15 +106,15 @@ def named(name: str, law: EOS) -> LawMethod:
     InputError
         No method of this name evaluates the law.
     """
-    for method in usable(law):
+    for method in methods_of(law):
         if method.name == name:
             return method
-    names = ", ".join(method.name for method in usable(law))
+    names = ", ".join(method.name for method in methods_of(law))
     raise InputError("method", f"must, for {law.style}, be {AUTO} or one of {names}", name)
 
 
-def cheapest(law: EOS, rho_n: FloatArray, e_n: FloatArray | None, tolerance: float) -> LawMethod:
-    """Return the cheapest method whose pressures of some states have a relative error of at most a tolerance.
+def choose(law: EOS, rho_n: FloatArray, e_n: FloatArray | None, tolerance: float) -> Choice:
+    """Return the cheapest method whose pressures of some states have a relative error of at most a tolerance, and why.
 
     The error is relative as in `eos_ref.methods.worst`. It is searched for over the interval of the densities
     given, and screened at the densities themselves. Of a law whose costs were not measured the reference's own
@@ -102,15 +125,16 @@ def cheapest(law: EOS, rho_n: FloatArray, e_n: FloatArray | None, tolerance: flo
     InputError
         A tolerance that no method meets.
     """
-    costs, least = measured().get(law.style, {}), np.inf
-    candidates = [method for method in usable(law) if method.name in costs] or [usable(law)[0]]
-    if costs:
-        candidates.sort(key=lambda m: (costs[m.name].of(len(rho_n)), m.conditioning))
+    costs = measured().get(law.style, {})
+    seconds = {method: costs[method.name].of(len(rho_n)) for method in methods_of(law) if method.name in costs}
+    candidates = sorted(seconds, key=lambda m: (seconds[m], m.conditioning)) or [methods_of(law)[0]]
+    refused: list[tuple[str, float]] = []
     for method in candidates:
         error = worst_error(method, law, rho_n, e_n)
-        least = min(least, error)
         if error <= tolerance:
-            return method
+            return Choice(method, error, tolerance, len(rho_n), seconds.get(method, np.nan), tuple(refused))
+        refused.append((method.name, error))
+    least = min(error for _, error in refused)
     raise InputError("tolerance", f"must be at least {least:.2g}, what the best method reaches here", tolerance)
 
 

@@ -2,7 +2,7 @@ r"""Ways to evaluate an equation of state.
 
 A method prepares, for one law and an interval of densities, a function of densities and energies that returns
 pressures in float64. `eos_ref.eos.laws` holds the law itself; the forms here are alternatives that are in use elsewhere
-(textbooks, LAMMPS, tables, single precision). They are measured, and used where a tolerance allows
+(textbooks, LAMMPS, tables). They are measured, and used where a tolerance allows
 (`eos_ref.methods.choice`).
 """
 
@@ -10,10 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -30,51 +27,21 @@ class LawMethod:
 
     Attributes
     ----------
-    prepare : function of a law and the ends of an interval of densities; returns ``evaluate(rho_n, e_n)``
+    function : of a law and the ends of an interval of densities; prepares and returns ``evaluate(rho_n, e_n)``
     applies : function of a law; returns whether the method can evaluate it
     reason : what it is and why one would take it, in a line
     conditioning : rank among the methods that cost the same, 0 the best conditioned one
-    store : function of a law and float64 densities; returns what the method keeps of them, if not those
     """
 
     name: str
     reason: str
-    prepare: Callable[[EOS, float, float], Evaluate]
+    function: Callable[[EOS, float, float], Evaluate]
     applies: Callable[[EOS], bool] = lambda law: True
     conditioning: int = 1
-    store: Callable[[EOS, FloatArray], Any] | None = None
-
-    def stored(self, law: EOS, rho_n: FloatArray) -> Any:
-        """Return densities as the method keeps them between evaluations."""
-        return rho_n if self.store is None else self.store(law, rho_n)
-
-    def function(self, law: EOS, low: float, high: float) -> Evaluate:
-        """Return the method as a function of float64 densities, whatever it keeps of them."""
-        evaluate = self.prepare(law, low, high)
-        return lambda rho_n, e_n: np.asarray(evaluate(self.stored(law, rho_n), e_n), float)
 
 
 def _compiled(law: EOS, low: float, high: float) -> Evaluate:
     return law.pressure
-
-
-def _two_threads(law: EOS, low: float, high: float) -> Evaluate:
-    """Give each thread one half of the states; compiled loops release Python's lock."""
-    from eos_ref.eos import compiled
-
-    pool = ThreadPoolExecutor(2)
-
-    def evaluate(rho_n: FloatArray, e_n: FloatArray | None) -> FloatArray:
-        e_n, p_n = np.empty(0) if e_n is None else e_n, np.empty(rho_n.shape)
-
-        def part(part_n: slice) -> int:
-            return int(compiled.pressure_of_one_type(rho_n[part_n], e_n[part_n], *law.settings, p_n[part_n]))
-
-        half = len(rho_n) // 2
-        outside = sum(pool.map(part, (slice(0, half), slice(half, None))))
-        return law.pressure(rho_n, e_n) if outside else p_n
-
-    return evaluate
 
 
 def _numpy(law: EOS, low: float, high: float) -> Evaluate:
@@ -134,22 +101,6 @@ def _expm1(law: EOS, low: float, high: float) -> Evaluate:
     return evaluate
 
 
-def _float32(law: EOS, low: float, high: float, excess: bool = False) -> Evaluate:
-    from eos_ref.methods import single
-
-    return partial(single.pressure, law, excess=excess)
-
-
-def _single(law: EOS, rho_n: FloatArray) -> Any:
-    return rho_n.astype(np.float32)
-
-
-def _linear_table(law: EOS, low: float, high: float) -> Evaluate:
-    rho_k = np.linspace(low, high, NODES)
-    p_k = np.asarray(law.evaluate(rho_k))
-    return lambda rho_n, e_n: np.interp(rho_n, rho_k, p_k)
-
-
 def _cubic_table(law: EOS, low: float, high: float) -> Evaluate:
     from eos_ref.methods.table import Table
 
@@ -163,9 +114,6 @@ def _is_tait(law: EOS) -> bool:
 METHODS: tuple[LawMethod, ...] = (
     LawMethod(
         "compiled", "the reference's compiled loop: a vectorised power, one pass over memory", _compiled, conditioning=0
-    ),
-    LawMethod(
-        "compiled, 2 threads", "the same loop, each thread on one half of the states", _two_threads, conditioning=0
     ),
     LawMethod("numpy", "the reference's formula in numpy: nothing to compile or load", _numpy, conditioning=0),
     LawMethod("expm1/log1p", "any gamma: expm1(gamma log1p(d)), no cancellation near rho0", _expm1, _is_tait),
@@ -187,29 +135,11 @@ METHODS: tuple[LawMethod, ...] = (
         conditioning=3,
     ),
     LawMethod(
-        "float32 excess",
-        "rho - rho0 stored in single precision, the law in double",
-        partial(_float32, excess=True),
-        conditioning=2,
-        store=lambda law, rho_n: (rho_n - law.rho0).astype(np.float32),
-    ),
-    LawMethod(
-        "float32 state",
-        "the density stored in single precision, the law in double",
-        _float32,
-        conditioning=4,
-        store=_single,
-    ),
-    LawMethod("float32", "density and law in single precision", _numpy, conditioning=5, store=_single),
-    LawMethod(
         "table, cubic",
         f"interpolated between {NODES} values and slopes on either side of rho0",
         _cubic_table,
         lambda law: not law.needs_energy,
-        6,
-    ),
-    LawMethod(
-        "table, linear", f"interpolated between {NODES} values", _linear_table, lambda law: not law.needs_energy, 7
+        4,
     ),
 )
 

@@ -60,10 +60,15 @@ class Regime:
 
 @dataclass(frozen=True)
 class Worst:
-    """The worst case found: its relative error, certified, and where it is."""
+    """The worst case found: its relative error, certified, and where it is; median and 99th percentile of the samples.
+
+    The percentiles are of the densities with which the search begins, not of those that it climbs to.
+    """
 
     error: float
     rho: float
+    median: float = np.nan
+    p99: float = np.nan
 
 
 def worst_case(
@@ -87,6 +92,7 @@ def worst_case(
     if not rho_n.size:
         raise InputError("density", "none of the interval lies in the law's domain")
     error_n = _screened(evaluate, law, rho_n, e)
+    median, p99 = (float(q) for q in np.quantile(error_n, (0.5, 0.99), method="higher"))
     for _ in range(ROUNDS):
         best = rho_n[np.argsort(error_n)[-CLIMBERS:]]
         near = (best.view(np.int64)[:, None] + _STEPS).view(np.float64).ravel()
@@ -98,7 +104,7 @@ def worst_case(
         rho_n, error_n = near, near_error
     order = np.argsort(error_n)[-3:]
     certified = [(certain_error(evaluate, law, float(rho), e), float(rho)) for rho in rho_n[order]]
-    return Worst(*max(certified))
+    return Worst(*max(certified), median, p99)
 
 
 def certain_error(evaluate: Evaluate, law: EOS, rho: float, e: float | None = None) -> float:

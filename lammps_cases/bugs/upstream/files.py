@@ -43,6 +43,7 @@ from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.problems import problem_of
 
 TESTS = "unittest/force-styles/tests"  # in LAMMPS' tree
+TAIT = "unittest/python/python-rheo-tait.py"  # of a form of Tait's law that keeps its digits, docs/tait.md
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 CASES = DATA / "upstream" / "examples.yaml"
 FOLDER = "examples/rheo/reference"  # in LAMMPS' tree
@@ -64,7 +65,9 @@ def kit_files(predictor: Predictor | None = None, chosen: Sequence[ForceTest] | 
         contents[f"{test.name}.yaml"] = yaml_text(test, expected(test, predictor))
     if any(name.startswith("fix-") for name in contents):
         contents[COEFFICIENTS] = "pair_coeff       * *\n"
-    return [KitFile(f"{TESTS}/{name}", content, executable=False) for name, content in contents.items()]
+    paths = {f"{TESTS}/{name}": content for name, content in contents.items()}
+    paths[TAIT] = (DATA / "upstream" / Path(TAIT).name).read_text(encoding="utf-8")
+    return [KitFile(path, content, executable=False) for path, content in paths.items()]
 
 
 def write_folder(folder: Path, files: Iterable[KitFile]) -> None:

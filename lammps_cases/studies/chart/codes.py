@@ -18,12 +18,14 @@ import numpy as np
 
 from eos_ref import InputError
 from lammps_cases.claims.probes.probe import error_words
+from lammps_cases.records.wording import brief
 from lammps_cases.studies.chart.record import Chart
 from lammps_cases.studies.flows.cavity import CAVITY, STORED
 from lammps_cases.studies.flows.flow import Options, Snapshot, Start
 from lammps_cases.studies.flows.known import Flow
 from lammps_cases.studies.flows.periodic import VORTICES
 from lammps_cases.studies.flows.solve import Convergence, FlowResult, converge
+from lammps_cases.studies.flows.surfaces import DROP, disc, radius_of
 from lammps_cases.studies.flows.waves import DAM
 
 SCRIPTS = Path(__file__).parent / "peers"
@@ -118,6 +120,10 @@ COMPARED = (
     # PySPH uses its own walls in both cavities.
     *(Compared(replace(flow, **_SIZES), "u", "cavity", ("tvf", "edac")) for flow in (STORED, CAVITY)),
     Compared(replace(DAM, **_SIZES, title="Dam break"), "front", "dam_break_2d", ("wcsph", "edac")),
+    Compared(
+        replace(DROP, resolutions=(16, 24, 36), quick=(16,), title="Stretching drop"),
+        *("displacement", "elliptical_drop", ("wcsph", "iisph"), lambda n: n / radius_of(disc(n))),
+    ),
 )
 
 
@@ -196,6 +202,25 @@ def rows(runs: Sequence[Convergence]) -> Iterator[tuple[str, ...]]:
                         f"{error:.2g}" if np.isfinite(error) else error_words(run.messages.get(n, "no number")),
                     ),
                 )
+
+
+def recommendation(case: Compared, runs: Sequence[Convergence]) -> str:
+    """State the seconds that every code needs for an error that all reach, and which code reaches the least one."""
+    solved = {name(run): [*zip(run.errors.get(case.measure, ()), run.seconds, strict=False)] for run in runs}
+    solved = {code: [pair for pair in pairs if np.isfinite(pair[0])] for code, pairs in solved.items()}
+    stopped = [code for code, pairs in solved.items() if not pairs]
+    best = {code: min(pairs) for code, pairs in solved.items() if pairs}
+    if not best:
+        return f"{case.flow.title}: no code solves it."
+    common = max(error for error, _ in best.values())
+    took = {code: min(s for error, s in solved[code] if error <= common) for code in best}
+    order = sorted(took, key=took.__getitem__)
+    least = min(best, key=best.__getitem__)
+    return (
+        f"{case.flow.title}: an error of {brief(common)} takes {', '.join(f'{c} {took[c]:.2g} s' for c in order)}; "
+        f"the least error is that of {least}, {brief(best[least][0])} in {best[least][1]:.2g} s"
+        + (f"; {' and '.join(stopped)} stops at every N." if stopped else ".")
+    )
 
 
 def name(run: Convergence) -> str:

@@ -21,6 +21,11 @@ from lammps_cases.studies.chart.record import Chart, Section
 
 # Title and content of every section.
 SECTIONS = {
+    "codes": (
+        "Whole codes",
+        "The same flows, each code by a scheme that it documents: error against the processor time of all steps "
+        "of a run on one core. What comes before the first step is left out. Numbers at marks: particles per length.",
+    ),
     "laws": (
         "Equations of state",
         "Each law by every method, LAMMPS among them, against Arb. Near rho0 the printed power form loses all digits.",
@@ -31,11 +36,6 @@ SECTIONS = {
     ),
     "timestep": ("Time step", "What a shorter step buys; where longer ones fail, eos-ref stability maps."),
     "flows": ("Flows with closed solutions", "The reference and LAMMPS, in turns, at several resolutions."),
-    "codes": (
-        "Whole codes",
-        "The same flows, each code by a scheme that it documents: error against the processor time of all steps "
-        "of a run on one core. What comes before the first step is left out. Numbers at marks: particles per length.",
-    ),
 }
 PANELS = {
     "laws": laws.panels,

@@ -23,9 +23,9 @@ import numpy as np
 
 from eos_ref import EOS
 from eos_ref.eos.table import FloatArray, examples
-from eos_ref.methods.choice import COSTS, usable
+from eos_ref.methods.choice import COSTS
 from eos_ref.methods.laws import Evaluate, LawMethod, methods_of
-from eos_ref.methods.worst import SAMPLES, Regime, worst_case
+from eos_ref.methods.worst import SAMPLES, Regime, Worst, worst_case
 from lammps_cases.engine import cluster
 from lammps_cases.engine.session import EngineMissing, Session
 from lammps_cases.engine.workers import Failure, Workers
@@ -38,7 +38,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.particles import entries
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.chart.record import Crossing, Map, MethodPoint, Panel, bisected, measured
+from lammps_cases.studies.chart.record import Map, MethodPoint, Panel, measured
 
 # Gamma 4 represents whole exponents of tait/general.
 LAWS: tuple[EOS, ...] = (
@@ -73,32 +73,36 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, session: Session | None)
     timed = [timings(law, methods, regime, n, session) for regime in regimes]  # before searches, which compile
     searched = iter(each(worst_of, [(law, m.name, regime, SAMPLES) for regime in regimes for m in methods]))
     for regime, (took, _) in zip(regimes, timed, strict=True):
-        errors = {m.name: next(searched) for m in methods}
+        worst = {m.name: next(searched) for m in methods}
         if session is not None:
-            errors[OUTPUT] = _worst_error(EngineLaw(session, law).pressure, law, regime, SAMPLES)
-        points += measured(f"pressure of {name(law)}", str(regime), errors, took, n, reasons)
+            worst[OUTPUT] = _worst(EngineLaw(session, law).pressure, law, regime, SAMPLES)
+        errors = {name: found.error for name, found in worst.items()}
+        for point in measured(f"pressure of {name(law)}", str(regime), errors, took, n, reasons):
+            found = worst[point.method]
+            points.append(replace(point, median=found.median, p99=found.p99, worst_at=f"rho = {found.rho!r}"))
     return Panel(
         id="law-" + re.sub("[^a-z0-9.]+", "-", name(law)),
         title=f"Pressure of {name(law)}",
-        about=f"{n:,} states in float64, shuffled; rho0 {law.rho0:g}, cs {law.cs:g}, background {law.background:g}.",
-        error_of="worst relative error of the pressure found by search, certified with Arb",
+        about=f"{n:,} states in float64, shuffled; rho0 {law.rho0!r}, cs {law.cs!r}, background {law.background!r}"
+        + (f", e {ENERGY!r}." if law.needs_energy else "."),
+        error_of="relative error of the pressure: the worst found by search, certified with Arb; median and 99th "
+        f"percentile of {SAMPLES:,} densities spread evenly in the logarithm of the distance",
         unit="state",
         points=tuple(points),
         roofline_ns=median(copying for _, copying in timed) * 1e9 / n,
-        crossings=tuple(_accuracy_crossings(law, methods)),
     )
 
 
-def worst_of(site: str | None, law: EOS, method: str, regime: Regime, samples: int) -> float:
-    """Task: return the worst error of a method, by its name, in a regime."""
+def worst_of(site: str | None, law: EOS, method: str, regime: Regime, samples: int) -> Worst:
+    """Task: return the worst case of a method, by its name, in a regime."""
     named = {m.name: m for m in methods_of(law)}
-    return _worst_error(named[method].function(law, *regime.ends(law)), law, regime, samples)
+    return _worst(named[method].function(law, *regime.ends(law)), law, regime, samples)
 
 
-def _worst_error(evaluate: Evaluate, law: EOS, regime: Regime, samples: int) -> float:
-    """Return the worst error of a method in a regime, by a search that begins at some samples."""
+def _worst(evaluate: Evaluate, law: EOS, regime: Regime, samples: int) -> Worst:
+    """Return the worst case of a method in a regime, by a search that begins at some samples."""
     e = ENERGY if law.needs_energy else None
-    return worst_case(evaluate, law, regime.densities(law, samples), partial(regime.holds, law), e).error
+    return worst_case(evaluate, law, regime.densities(law, samples), partial(regime.holds, law), e)
 
 
 def timings(
@@ -116,8 +120,8 @@ def timings(
 
     calls: dict[str, Callable[[], object]] = {"copy": copy}
     for method in methods:
-        evaluate = method.prepare(law, float(rho_n.min()), float(rho_n.max()))
-        calls[method.name] = partial(evaluate, method.stored(law, rho_n), e_n)
+        evaluate = method.function(law, float(rho_n.min()), float(rho_n.max()))
+        calls[method.name] = partial(evaluate, rho_n, e_n)
     if session is not None:
         calls[OUTPUT], calls["LAMMPS, no law"] = EngineLaw(session, law).timed(rho_n, e_n)
     took = in_turns(calls, at_least=0.01)
@@ -183,7 +187,7 @@ class EngineLaw:
         return scene, replace(atoms, rho_n=all_rho_n, energy_n=None if e_n is None else all_e_n)
 
 
-def each(task: Callable[..., float], arguments: Sequence[tuple[Any, ...]]) -> list[float]:
+def each(task: Callable[..., Worst], arguments: Sequence[tuple[Any, ...]]) -> list[Worst]:
     """Return ``task(site, *arguments)`` of each, from the workers of the cluster in use, else from this process.
 
     These need no clock; timing stays on this machine, as times of several machines cannot be compared.
@@ -205,28 +209,6 @@ def each(task: Callable[..., float], arguments: Sequence[tuple[Any, ...]]) -> li
     return results
 
 
-# --- where another method becomes better
-
-
-def _accuracy_crossings(law: EOS, methods: Sequence[LawMethod]) -> Iterator[Crossing]:
-    r"""Yield the distances :math:`|\rho/\rho_0-1|` above which the printed formula is as accurate as other methods."""
-    named = {method.name: method for method in methods}
-    if "textbook" not in named or law.exponent is None:
-        return
-    functions = {m.name: m.function(law, *Regime(1e-9, 10.0).ends(law)) for m in methods}
-    for other in ("float32 excess", "table, cubic"):
-
-        def loses(d: float, other: str = other) -> bool:
-            """Return whether the printed formula has the larger worst error in a narrow window."""
-            regime = Regime(d * 10**-0.05, d * 10**0.05)
-            printed, its = (_worst_error(functions[m], law, regime, 512) for m in ("textbook", other))
-            return printed >= its
-
-        if loses(1e-9) and not loses(10.0):
-            at = bisected(loses, 1e-9, 10.0, 10**0.02)
-            yield Crossing(f"pressure of {name(law)}", (other, "textbook"), "|rho/rho0 - 1|", "smaller worst error", at)
-
-
 # --- maps
 
 
@@ -238,7 +220,7 @@ def maps(quick: bool) -> Iterator[Map]:
     near = [Regime(float(d) / 1.3, float(d) * 1.3) for d in distances]
     for method in ("textbook", "numpy"):
         searched = each(worst_of, [(law, method, regime, 256) for law in laws for regime in near])
-        value = np.reshape(searched, (len(gammas), len(distances)))
+        value = np.reshape([found.error for found in searched], (len(gammas), len(distances)))
         yield Map(
             id=f"tait-{method}",
             title=f"tait/general, {method}",
@@ -260,7 +242,7 @@ def save_costs(progress: Progress = SILENT, path: Path = COSTS) -> None:
     costs: dict[str, dict[str, Any]] = {}
     for k, law in enumerate(laws):
         progress.advance(k, len(laws), f"costs of {law.style}")
-        methods = usable(law)
+        methods = methods_of(law)
         took, _ = timings(law, methods, FLUID, QUICK_STATES, None)
         for method in methods:
             ns = took[method.name].seconds.median / QUICK_STATES * 1e9

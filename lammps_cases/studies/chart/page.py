@@ -29,7 +29,8 @@ from lammps_cases.report.pages.blocks import (
 from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, saved
 from lammps_cases.studies import draw
 from lammps_cases.studies.chart import codes
-from lammps_cases.studies.chart.record import DIGITS, LAMMPS, Chart, Map, MethodPoint, Panel, Section, frontier
+from lammps_cases.studies.chart.recommend import recommendation
+from lammps_cases.studies.chart.record import DIGITS, LAMMPS, Chart, Map, MethodPoint, Panel, Section, digits, frontier
 from lammps_cases.studies.draw import Curve
 from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.solve import Convergence
@@ -47,7 +48,8 @@ marks lie on the frontier, the choice at their time; for a hollow one another me
 accurate, or more accurate and no slower. Of flows and whole codes the error itself is drawn: down and to the left is
 better."""
 TIMES = """Times are medians of rounds in which all methods take turns, bars are 95 % intervals. Worst cases of
-rounding that differ by less than a factor of two count as the same, errors of discretisation within 1 %."""
+rounding that differ by less than a factor of two count as the same, errors of discretisation within 1 %. A
+thin line leads from the largest error to the median, where both are known."""
 ORDERS = """Headline error of every flow at its finest resolution, and the order: minus the slope of log error over
 log resolution by least squares, with its standard error. Highlighted: LAMMPS differs by more than a tenth; eos-ref
 findings lists its known bugs."""
@@ -120,6 +122,7 @@ def _panel(panel: Panel, others: Sequence[tuple[str, Panel]], marks: Marks, figu
     roofline = f" Moving the arrays alone takes {number(panel.roofline_ns)} ns." if panel.roofline_ns else ""
     yield Heading(panel.title, panel.id)
     yield Paragraph(f"{panel.about} Error: {panel.error_of}.{roofline}")
+    yield Paragraph(recommendation(panel), "about")
     yield Picture(saved(panel_figure(panel, others, marks), figures, panel.id))
     if panel.crossings:
         yield Bullets(
@@ -137,25 +140,28 @@ def _panel(panel: Panel, others: Sequence[tuple[str, Panel]], marks: Marks, figu
 
 def _points(panel: Panel, regime: str) -> Table:
     """Return the table of a regime, from the fastest method on; those off the frontier are faint."""
-    best = frontier(panel.of(regime))
+    points, best = sorted(panel.of(regime), key=lambda p: p.ns.median), frontier(panel.of(regime))
+    spread = any(p.worst_at for p in points)
+    columns = ["method", "#largest error", *(["#99 % below", "#median", "largest at"] if spread else []), "#digits"]
     return Table(
-        [*("method", "#error", "#digits", f"#ns per {panel.unit}", "#95 %", "beaten by", "indistinguishable from")],
+        [*columns, f"#ns per {panel.unit}", "#95 %", "beaten by", "indistinguishable from"],
         [
             Row(
                 [
-                    *(p.method, error(p.error), f"{p.digits:.1f}", number(p.ns.median)),
-                    *(f"{number(p.ns.low)} to {number(p.ns.high)}", p.dominated_by, ", ".join(p.like)),
+                    *(p.method, error(p.error), *([error(p.p99), error(p.median), p.worst_at] if spread else [])),
+                    *(f"{p.digits:.1f}", number(p.ns.median), f"{number(p.ns.low)} to {number(p.ns.high)}"),
+                    *(p.dominated_by, ", ".join(p.like)),
                 ],
                 " ".join(["theirs"] * (p.engine == LAMMPS) + ["off"] * (p not in best)),
             )
-            for p in sorted(panel.of(regime), key=lambda p: p.ns.median)
+            for p in points
         ],
     )
 
 
-def error(value: float) -> str:
-    """Format an error."""
-    return f"{value:.2g}" if math.isfinite(value) else "none right"
+def error(value: float | None) -> str:
+    """Format an error; empty for None."""
+    return "" if value is None else f"{value:.2g}" if math.isfinite(value) else "none right"
 
 
 def methods(section: Section) -> list[tuple[list[str], str]]:
@@ -213,6 +219,7 @@ def panel_figure(panel: Panel, others: Sequence[tuple[str, Panel]] = (), marks: 
         points = sorted(panel.of(regime), key=lambda p: (p.engine == LAMMPS, p.method))
         curves = [_frontier(points, floor, far, {**style, "color": BLUE, "alpha": 0.6}, "frontier")]
         curves += [_mark(p, *marks[p.method], filled=not p.dominated_by or p.engine == LAMMPS) for p in points]
+        curves += [_spread(p, p.median, marks[p.method][0]) for p in points if p.median is not None]
         for (version, other), colour in zip(others, _OTHERS, strict=False):
             label, theirs = f"LAMMPS {version}\nand its frontier", other.of(regime)
             curves.append(_frontier(theirs, floor, far, {**style, "color": colour, "ls": "--"}, label))
@@ -242,6 +249,12 @@ def _mark(point: MethodPoint, colour: str, shape: str, filled: bool, label: str 
     style = {"marker": shape, "ms": size, "mec": colour, "mfc": face, "mew": 1.2, "ls": "none", "color": colour}
     at = [point.ns.median], [point.digits]
     return Curve(shared if label is None else label, *at, style, [point.ns.low], [point.ns.high])
+
+
+def _spread(point: MethodPoint, median: float, colour: str) -> Curve:
+    """Return the line from the digits of the largest error to those of the median."""
+    style = {"color": colour, "lw": 1, "alpha": 0.5}
+    return Curve("", [point.ns.median] * 2, [point.digits, digits(median)], style)
 
 
 def map_figure(data: Map) -> Figure:
@@ -276,6 +289,7 @@ def _code(engine: str) -> dict[str, Any]:
 
 def _codes(section: Section, without: str, figures: Path) -> Iterator[Block]:
     yield Picture(saved(codes_figure(section.codes), figures, section.name))
+    yield Bullets([codes.recommendation(case, of) for case, of in codes.compared(section.codes)])
     if without:
         yield Paragraph(without)
     about = [Paragraph(f"{case.flow.title}: {case.about}") for case, _ in codes.compared(section.codes)]
@@ -300,7 +314,7 @@ def codes_figure(runs: Sequence[Convergence]) -> Figure:
         ]
         x = "seconds of one core, all steps (log)"
         panels.append(draw.Panel(x, f"error: {case.measure}", curves, case.flow.title, "xy"))
-    return draw.figure(panels, len(panels), (3.2, 2.7))
+    return draw.figure(panels, size=(3.2, 2.7))
 
 
 def _flows(section: Section, figures: Path) -> Iterator[Block]:

@@ -23,6 +23,13 @@ ONE_PER_CENT = 1.01  # the same for errors of discretisation, which are determin
 DIGITS = 15.95  # of a double; an error of 0 is drawn there
 
 
+def digits(error: float) -> float:
+    """Return correct decimal digits, -log10 of an error; from 0 to those of a double."""
+    if not math.isfinite(error):
+        return 0.0
+    return min(max(-math.log10(error), 0.0), DIGITS) if error > 0 else DIGITS
+
+
 @dataclass(frozen=True)
 class MethodPoint:
     """Error and time of one way to compute one quantity in one regime.
@@ -38,6 +45,8 @@ class MethodPoint:
     reason : what it is and why to use it, in a line
     dominated_by : a method that is as accurate and measurably faster, or as fast and more accurate
     like : methods whose times do not differ measurably from this one's
+    median, p99 : of the errors of all samples; None where only the largest is known
+    worst_at : the input with the largest error, exactly
     """
 
     quantity: str
@@ -49,13 +58,14 @@ class MethodPoint:
     reason: str = ""
     dominated_by: str = ""
     like: tuple[str, ...] = ()
+    median: float | None = None
+    p99: float | None = None
+    worst_at: str = ""
 
     @property
     def digits(self) -> float:
-        """Correct decimal digits, -log10 of the error; at least 0."""
-        if not math.isfinite(self.error):
-            return 0.0
-        return min(max(-math.log10(self.error), 0.0), DIGITS) if self.error > 0 else DIGITS
+        """Correct decimal digits of the largest error."""
+        return digits(self.error)
 
     @property
     def engine(self) -> str:
@@ -250,13 +260,14 @@ def _point_rows(chart: Chart) -> Iterable[Sequence[Any]]:
     yield (
         *("quantity", "regime", "method", "error", "ns"),
         *("digits", "ns_low", "ns_high", "unit", "compiling_s", "dominated_by", "like", "reason"),
+        *("median", "p99", "worst_at"),
     )
     for panel in chart.panels:
         for p in panel.points:
             yield (
                 *(p.quantity, p.regime, p.method, p.error, p.ns.median),
                 *(round(p.digits, 2), p.ns.low, p.ns.high, panel.unit, p.compiling, p.dominated_by),
-                *("; ".join(p.like), p.reason),
+                *("; ".join(p.like), p.reason, p.median, p.p99, p.worst_at),
             )
 
 

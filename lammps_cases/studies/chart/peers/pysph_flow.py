@@ -3,8 +3,9 @@
 ``PYTHON lammps_cases/studies/chart/peers/pysph_flow.py EXAMPLE SCHEME N TIME...`` runs under a Python that has
 PySPH (pip install pysph) and needs nothing of this package. Options except the resolution are the example's own. The
 last line that it prints is one JSON document: particles, steps, seconds of processor time that the steps took, and for
-every time the fluid's x, y, u, v. Lengths are in units of the edge of the box or the height of the column, speeds in
-those of the fastest vortex, of the lid, or of the root of gravity times height.
+every time the fluid's x, y, u, v. Lengths are in units of the edge of the box, the height of the column or the diameter
+of the drop, speeds in those of the fastest vortex, of the lid, of the root of gravity times height, or of the diameter
+times the rate of strain.
 """
 
 from __future__ import annotations
@@ -71,6 +72,27 @@ def dam_break(n: int) -> PeerFlow:
     return PeerFlow(DryBed(), ["--dx", repr(height / n)], height, (dam.g * height) ** 0.5)
 
 
+def elliptical_drop(n: int) -> PeerFlow:
+    """Return a drop n spacings across, stretched along x; the example's is stretched along y, on another lattice."""
+    import numpy as np
+    from pysph.base.utils import get_particle_array
+    from pysph.examples.elliptical_drop import EllipticalDrop
+
+    rate, half = 100.0, n // 2 + 1
+
+    class Turned(EllipticalDrop):  # type: ignore[misc]
+        def create_particles(self) -> list[Any]:
+            j, i = (k.ravel() + 0.5 for k in np.mgrid[-half:half, -half:half])
+            wet = i**2 + j**2 < n**2 / 4
+            x, y = i[wet] * self.dx, j[wet] * self.dx
+            same = {"h": self.hdx * self.dx, "m": self.dx**2 * self.ro, "rho": self.ro}
+            array = get_particle_array(name="fluid", x=x, y=y, u=rate * x, v=-rate * y, **same)
+            self.scheme.setup_properties([array])
+            return [array]
+
+    return PeerFlow(Turned(), ["--nx", str(n // 2)], 2.0, 2 * rate)
+
+
 def main(example: PeerFlow, scheme: str, times: list[float]) -> None:
     """Run an example to the last of some times."""
     from pysph.solver.utils import load
@@ -78,17 +100,7 @@ def main(example: PeerFlow, scheme: str, times: list[float]) -> None:
     app, options, edge, speed, origin = example
     times = [t * edge / speed for t in times]
     with tempfile.TemporaryDirectory() as folder:
-        run = [
-            "--scheme",
-            scheme,
-            "--no-openmp",
-            "--tf",
-            repr(times[-1]),
-            "--pfreq",
-            "1000000000",
-            "--directory",
-            folder,
-        ]
+        run = f"--scheme {scheme} --no-openmp --tf {times[-1]!r} --pfreq 1000000000 --directory {folder}".split()
         app.setup([*options, *run])
         app.solver.set_output_at_times(times)
         begin = time.process_time()
@@ -105,7 +117,12 @@ def main(example: PeerFlow, scheme: str, times: list[float]) -> None:
     print(json.dumps({"particles": particles, "steps": app.solver.count, "seconds": seconds, "shots": shots}))
 
 
-EXAMPLES = {"taylor_green": taylor_green, "cavity": cavity, "dam_break_2d": dam_break}
+EXAMPLES = {
+    "taylor_green": taylor_green,
+    "cavity": cavity,
+    "dam_break_2d": dam_break,
+    "elliptical_drop": elliptical_drop,
+}
 
 if __name__ == "__main__":
     main(EXAMPLES[sys.argv[1]](int(sys.argv[3])), sys.argv[2], [float(t) for t in sys.argv[4:]])

@@ -37,12 +37,12 @@ def chart_command(
     """Measure how accurate and how fast LAMMPS, the reference and its alternative methods are, and draw it.
 
     SECTIONS: laws, kernels, timestep, flows, codes; all by default. Writes report.html, chart.json,
-    points.csv, convergence.csv and figures/ as SVG and PNG; an interrupted chart is resumed, section by section. For
+    points.csv, errors.csv and figures/ as SVG and PNG; an interrupted chart is resumed, section by section. For
     several engines the figures overlay the frontiers; each but the first has its own chart in a subfolder.
 
     \b
     Example:  eos-ref chart --quick
-              eos-ref chart laws flows --out reports/chart
+              eos-ref chart laws kernels --out reports/chart
               eos-ref chart codes --pysph ~/pysph/bin/python
               eos-ref chart kernels --engine env --engine path:~/lammps/build
     """
@@ -69,12 +69,11 @@ def chart_command(
     for section in chart.sections:
         best = sum(not p.dominated_by for panel in section.panels for p in panel.points)
         total = sum(len(panel.points) for panel in section.panels)
-        flows = f", {len({run.flow for run in section.flows})} flows" if section.flows else ""
         if section.codes:
             for row in codes.rows(section.codes):
                 click.echo("{:16s} {:8s} {:12s} N {:>3s} {:>6s} particles {:>6s} steps {:>8s} s  {}".format(*row))
         else:
-            click.echo(f"{section.title:28s} {total:4d} points, {best} on a frontier{flows} ({section.seconds:.0f} s)")
+            click.echo(f"{section.title:28s} {total:4d} points, {best} on a frontier ({section.seconds:.0f} s)")
     if words := codes.without(chart):
         click.echo(words)
     click.echo(f"report: {out / 'report.html'}")
@@ -93,37 +92,41 @@ def validate_command(
 ) -> int:
     """Run flows with experimental, numerical or analytic data, in the reference and in LAMMPS. Never a verdict.
 
-    FLOW: names as in the table, or paper: the benchmarks of the paper behind RHEO; all others by default. Writes
-    report.html, validate.json, curves.csv and figures/ as SVG and PNG. Finished flows are kept: the same command
-    resumes an interrupted run.
+    FLOW: names as in the table; solutions: flows with closed solutions, for their orders of convergence; paper: the
+    benchmarks of the paper behind RHEO. All others by default. Writes report.html, validate.json, curves.csv,
+    errors.csv and figures/ as SVG and PNG. Finished flows are kept: the same command resumes an interrupted run.
 
     \b
     Example:  eos-ref validate --quick
               eos-ref validate cavity bingham --out reports/validate
+              eos-ref validate solutions
               eos-ref validate paper --quick
 
     Exit codes: 0, also where LAMMPS lost atoms, which page and table say; 2 for bad input, 3 without a LAMMPS.
     """
     from eos_ref.errors import InputError, nearest
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.studies.flows import page, run
-    from lammps_cases.studies.flows.catalogue import COMPARED, PAPER, VALIDATIONS
+    from lammps_cases.studies.flows import record, run
+    from lammps_cases.studies.flows.catalogue import COMPARED, FLOWS, PAPER, VALIDATIONS
 
     if quick and full:
         raise InputError("--full", "goes without --quick", "--quick --full")
-    known = {"paper": ", ".join(PAPER), **COMPARED}
+    groups = {"solutions": FLOWS, "paper": PAPER}
     for name in names:
-        if name not in known:
-            raise InputError("flow", f"must be one of paper, {', '.join(VALIDATIONS)}{nearest(name, known)}", name)
-    every = {name: list(PAPER.items()) if name == "paper" else [(name, COMPARED[name])] for name in names}
-    offered = [pair for name in names for pair in every[name]] if names else list(VALIDATIONS.items())
-    single = set(names) - {"paper"}
-    chosen = list({name: of for name, of in offered if of.quick or not quick or name in single}.values())
+        if name not in groups and name not in COMPARED:
+            offered = f"{', '.join(groups)}, {', '.join(VALIDATIONS)}"
+            raise InputError("flow", f"must be one of {offered}{nearest(name, [*groups, *COMPARED])}", name)
+    by_group = [groups[name] if name in groups else {name: COMPARED[name]} for name in names] or [VALIDATIONS]
+    chosen = [
+        of
+        for of in {n: of for g in by_group for n, of in g.items()}.values()
+        if of.quick or not quick or of.name in names
+    ]
     shared.page_folder(out)
-    with page.runs(out).resumed(resume), Bar(quiet=as_json) as bar:
+    with record.journal(out).resumed(resume), Bar(quiet=as_json) as bar:
         validated = run.validate(chosen, out, command_line(), quick=quick, full=full, engine=engine, progress=bar)
     if as_json:
-        shared.show_document(page.DOCUMENT.plain(validated))
+        shared.show_document(record.DOCUMENT.plain(validated))
     else:
         _show_flows(validated, out)
     return 0
@@ -132,11 +135,12 @@ def validate_command(
 def _show_flows(validated: Any, out: Path) -> None:
     from lammps_cases.studies.flows import page
     from lammps_cases.studies.flows.catalogue import COMPARED
+    from lammps_cases.studies.flows.record import LAMMPS, REFERENCE
 
     for name in validated.flows:
         by_number: dict[str, list[str]] = {}
         for row in page.rows(validated, COMPARED[name]):
-            if row.side in (page.REFERENCE, page.LAMMPS, page.PUBLISHED):
+            if row.side in (REFERENCE, LAMMPS, page.PUBLISHED):
                 rate = f", order {row.order:5.2f}" if math.isfinite(row.order) else ""
                 stop = "" if row.values else page.stopped(validated, name, row.side)
                 by_number.setdefault(row.name, []).append(f"{row.side} {stop or row.said(row.finest) + rate}")

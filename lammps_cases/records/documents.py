@@ -38,7 +38,7 @@ _VERSIONS: Mapping[Kind, int] = {
     "baseline": 1,
     "compare": 1,
     "bisect": 1,
-    "chart": 1,
+    "chart": 2,
     "stability": 1,
     "stability-limits": 1,
     "inputs": 1,

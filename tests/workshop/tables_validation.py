@@ -16,7 +16,7 @@ from lammps_cases.records.wording import number
 from lammps_cases.studies.flows import page
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
 from lammps_cases.studies.flows.known import Flow
-from lammps_cases.studies.flows.page import DOCUMENT, LAMMPS, REFERENCE, Validated
+from lammps_cases.studies.flows.record import DOCUMENT, LAMMPS, REFERENCE, Validated
 
 MEASURED = Path(__file__).with_suffix(".json")
 BEGIN, END = "<!-- measured:begin -->", "<!-- measured:end -->"

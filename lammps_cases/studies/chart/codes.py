@@ -10,7 +10,6 @@ import json
 import subprocess
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +17,16 @@ import numpy as np
 
 from eos_ref import InputError
 from lammps_cases.claims.probes.probe import error_words
+from lammps_cases.engine import cluster
+from lammps_cases.engine.workers import Workers
 from lammps_cases.records.wording import brief
 from lammps_cases.studies.chart.record import Chart
 from lammps_cases.studies.flows.cavity import CAVITY, STORED
 from lammps_cases.studies.flows.flow import Options, Snapshot, Start
 from lammps_cases.studies.flows.known import Flow
 from lammps_cases.studies.flows.periodic import VORTICES
-from lammps_cases.studies.flows.solve import Convergence, FlowResult, converge
+from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, FlowRecord, by_side, recorded
+from lammps_cases.studies.flows.solve import FlowResult, by_reference, in_worker
 from lammps_cases.studies.flows.surfaces import DROP, disc, radius_of
 from lammps_cases.studies.flows.waves import DAM
 
@@ -127,7 +129,7 @@ COMPARED = (
 )
 
 
-def codes(quick: bool, site: str | None, pysph: str | None) -> Iterator[Convergence]:
+def codes(quick: bool, site: str | None, pysph: str | None) -> Iterator[FlowRecord]:
     """Solve every flow by every code.
 
     Raises
@@ -135,15 +137,15 @@ def codes(quick: bool, site: str | None, pysph: str | None) -> Iterator[Converge
     InputError
         PySPH fails.
     """
-    for case in COMPARED:
-        yield from converge(
-            case.flow,
-            resolutions=case.flow.quick if quick else case.flow.resolutions,
-            site=site,
-            others={f"PySPH {scheme}": partial(by_pysph, pysph, case, scheme) for scheme in case.schemes}
-            if pysph
-            else {},
-        )
+    with cluster.used(""), Workers(site, 1) as workers:  # timed: on this machine
+        for case in COMPARED:
+            of = replace(case.flow, panels=(), quantities=())
+            for n in of.quick if quick else of.resolutions:
+                start = of.start(n, of.options)
+                yield recorded(of, n, REFERENCE, by_reference(start))
+                yield recorded(of, n, LAMMPS, in_worker(start, workers))
+                for scheme in case.schemes if pysph else ():
+                    yield recorded(of, n, f"PySPH {scheme}", by_pysph(pysph or "", case, scheme, n, start))
 
 
 def by_pysph(python: str, case: Compared, scheme: str, n: int, start: Start) -> FlowResult:
@@ -181,33 +183,28 @@ def _snapshot(shot: Mapping[str, Any], n: int, speed: float, start: Start) -> Sn
     return Snapshot(0, x_nc, v_nc, unknown_n, unknown_n, time=shot["time"] * n / speed)
 
 
-def compared(runs: Sequence[Convergence]) -> Iterator[tuple[Compared, list[Convergence]]]:
+Runs = Mapping[str, Sequence[FlowRecord]]  # of a flow, by code, from the coarsest on
+
+
+def compared(runs: Sequence[FlowRecord]) -> Iterator[tuple[Compared, Runs]]:
     """Yield the flows that were solved, each with the runs of every code."""
     for case in COMPARED:
-        of = [run for run in runs if run.flow == case.flow.name]
-        if of:
+        if of := by_side(runs, case.flow.name):
             yield case, of
 
 
-def rows(runs: Sequence[Convergence]) -> Iterator[tuple[str, ...]]:
+def rows(runs: Sequence[FlowRecord]) -> Iterator[tuple[str, ...]]:
     """Yield the rows of a table: flow, error of, code, N, particles, steps, seconds, error."""
     for case, of in compared(runs):
-        for run in of:
-            for k, n in enumerate(run.resolutions):
-                error = run.errors[case.measure][k] if case.measure in run.errors else np.nan
-                yield (
-                    *(case.flow.name, case.measure, name(run), str(n), f"{run.particles[k]}", f"{run.steps[k]}"),
-                    *(
-                        f"{run.seconds[k]:.2g}",
-                        f"{error:.2g}" if np.isfinite(error) else error_words(run.messages.get(n, "no number")),
-                    ),
-                )
+        for run in (run for of_code in of.values() for run in of_code):
+            error = f"{run.errors[case.measure]:.2g}" if run.errors else error_words(run.message)
+            cost = str(run.particles), str(run.steps), f"{run.seconds:.2g}"
+            yield case.flow.name, case.measure, run.side, str(run.n), *cost, error
 
 
-def recommendation(case: Compared, runs: Sequence[Convergence]) -> str:
+def recommendation(case: Compared, runs: Runs) -> str:
     """State the seconds that every code needs for an error that all reach, and which code reaches the least one."""
-    solved = {name(run): [*zip(run.errors.get(case.measure, ()), run.seconds, strict=False)] for run in runs}
-    solved = {code: [pair for pair in pairs if np.isfinite(pair[0])] for code, pairs in solved.items()}
+    solved = {code: [(run.errors[case.measure], run.seconds) for run in of if run.errors] for code, of in runs.items()}
     stopped = [code for code, pairs in solved.items() if not pairs]
     best = {code: min(pairs) for code, pairs in solved.items() if pairs}
     if not best:
@@ -221,11 +218,6 @@ def recommendation(case: Compared, runs: Sequence[Convergence]) -> str:
         f"the least error is that of {least}, {brief(best[least][0])} in {best[least][1]:.2g} s"
         + (f"; {' and '.join(stopped)} stops at every N." if stopped else ".")
     )
-
-
-def name(run: Convergence) -> str:
-    """Return the name of a code."""
-    return "LAMMPS" if run.engine == "lammps" else run.engine
 
 
 def without(chart: Chart) -> str:

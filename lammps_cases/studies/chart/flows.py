@@ -1,8 +1,7 @@
-"""Flows with closed solutions: convergence, and the accuracy gained by kernel, cutoff and time step.
+"""What kernel, cutoff and time step gain in flows with closed solutions, at one resolution.
 
-The reference and LAMMPS run the same start in turns. Convergence uses each flow's own options; panels fix the
-resolution and vary kernel and cutoff, or the time step. Where a longer step
-fails, `lammps_cases.studies.stability` maps.
+The reference and LAMMPS run the same start in turns. Orders of convergence are those of `eos-ref validate solutions`;
+where a longer step fails, `lammps_cases.studies.stability` maps.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from itertools import pairwise
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KERNELS, KernelStyle
-from lammps_cases.engine import cluster
 from lammps_cases.engine.session import Session
 from lammps_cases.records import measure
 from lammps_cases.records.measure import ROUNDS, Timing
@@ -25,7 +23,6 @@ from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.flow import Options, Snapshot, Start, relative
 from lammps_cases.studies.flows.known import Flow
 from lammps_cases.studies.flows.solve import (
-    Convergence,
     Fit,
     FlowResult,
     FlowRun,
@@ -33,7 +30,6 @@ from lammps_cases.studies.flows.solve import (
     ReferenceFlow,
     by_lammps,
     by_reference,
-    converge,
     fit,
 )
 
@@ -42,14 +38,6 @@ STYLES = tuple(style for style, corrected in KERNELS.items() if corrected.order 
 CUTS = (2.5, 3.0, 4.0)
 KERNEL_RESOLUTION = 32
 SHOWN = ("taylor-green", "sound-wave-tait-water")
-
-
-def flows(quick: bool, site: str | None = None) -> Iterator[Convergence]:
-    """Solve every flow at its resolutions, on the reference and on a LAMMPS, both timed on this machine."""
-    for flow in FLOWS.values():
-        chosen = (flow.quick or flow.resolutions)[:3] if quick else flow.resolutions
-        with cluster.used(""):
-            yield from converge(flow, resolutions=chosen, site=site)
 
 
 def kernel_panels(quick: bool, session: Session) -> Iterator[Panel]:

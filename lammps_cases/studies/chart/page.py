@@ -32,8 +32,7 @@ from lammps_cases.studies.chart import codes
 from lammps_cases.studies.chart.recommend import recommendation
 from lammps_cases.studies.chart.record import DIGITS, LAMMPS, Chart, Map, MethodPoint, Panel, Section, digits, frontier
 from lammps_cases.studies.draw import Curve
-from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.solve import Convergence
+from lammps_cases.studies.flows.record import REFERENCE, FlowRecord
 
 CSS = Path(__file__).parents[1] / "assets" / "chart.css"
 # Distinguished by colour and by shape; LAMMPS' own methods are always red.
@@ -41,7 +40,6 @@ _COLOURS = ("#1f5fa8", "#2e8b57", "#d98200", "#7b4fa3", "#0f9ba8", "#8c5a3c", "#
 _OTHERS = ("#111111", "#e5007d", "#7fb800", "#00b3e6")  # further engines
 _PEER, _SCHEMES = "#2e8b57", {"tvf": "s", "edac": "^", "wcsph": "D"}  # PySPH
 _SHAPES = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "d")
-SAME = 0.1  # relative difference of two errors below which LAMMPS and the reference agree
 ABOUT = """Which way to compute a quantity is fast enough and accurate enough? Each mark is one: up and to the left is
 better, correct decimal digits against time. LAMMPS is red, in the shape of the same method if there is one. Filled
 marks lie on the frontier, the choice at their time; for a hollow one another method is measurably faster and as
@@ -50,9 +48,6 @@ better."""
 TIMES = """Times are medians of rounds in which all methods take turns, bars are 95 % intervals. Worst cases of
 rounding that differ by less than a factor of two count as the same, errors of discretisation within 1 %. A
 thin line leads from the largest error to the median, where both are known."""
-ORDERS = """Headline error of every flow at its finest resolution, and the order: minus the slope of log error over
-log resolution by least squares, with its standard error. Highlighted: LAMMPS differs by more than a tenth; eos-ref
-findings lists its known bugs."""
 
 Marks = dict[str, tuple[str, str]]  # colour and shape of a method
 
@@ -111,8 +106,6 @@ def _section(section: Section, chart: Chart, others: Sequence[Chart], figures: P
         yield Abreast([[Picture(saved(map_figure(one), figures, one.id))] for one in section.maps])
     if section.codes:
         yield from _codes(section, codes.without(chart), figures)
-    if section.flows:
-        yield from _flows(section, figures)
 
 
 # --- methods
@@ -274,15 +267,15 @@ def map_figure(data: Map) -> Figure:
         return figure
 
 
-# --- flows and whole codes
+# --- whole codes
 
 
-def _code(engine: str) -> dict[str, Any]:
+def _code(name: str) -> dict[str, Any]:
     """Return the colour and mark of a code; the schemes of PySPH have a colour, and each its mark."""
-    style: dict[str, Any] = {"color": _PEER, "marker": _SCHEMES.get(engine.split()[-1], "X"), "zorder": 2}
-    if engine == "reference":
+    style: dict[str, Any] = {"color": _PEER, "marker": _SCHEMES.get(name.split()[-1], "X"), "zorder": 2}
+    if name == REFERENCE:
         style = {"color": BLUE, "marker": "o", "zorder": 3}
-    if engine == "lammps":
+    if name == LAMMPS:
         style = {"color": RED, "marker": "*", "mfc": RED, "ms": 10, "zorder": 2}
     return {"ms": 6, "mfc": "white", "lw": 1, **style}
 
@@ -298,90 +291,15 @@ def _codes(section: Section, without: str, figures: Path) -> Iterator[Block]:
     yield Details("what each code solves, all numbers", [*about, table])
 
 
-def codes_figure(runs: Sequence[Convergence]) -> Figure:
+def codes_figure(runs: Sequence[FlowRecord]) -> Figure:
     """Draw the error of every flow against the seconds of a run: a line per code, each point with its resolution."""
     panels = []
-    for case, of in codes.compared(runs):
-        curves = [
-            Curve(
-                codes.name(run),
-                run.seconds if case.measure in run.errors else (),
-                run.errors.get(case.measure, ()),
-                _code(run.engine),
-                texts=[str(n) for n in run.resolutions],
-            )
-            for run in of
-        ]
-        x = "seconds of one core, all steps (log)"
-        panels.append(draw.Panel(x, f"error: {case.measure}", curves, case.flow.title, "xy"))
+    for case, by_code in codes.compared(runs):
+        curves = []
+        for code, of in by_code.items():
+            solved = [run for run in of if run.errors]
+            x, y = [run.seconds for run in solved], [run.errors[case.measure] for run in solved]
+            curves.append(Curve(code, x, y, _code(code), texts=[str(run.n) for run in solved]))
+        x_name = "seconds of one core, all steps (log)"
+        panels.append(draw.Panel(x_name, f"error: {case.measure}", curves, case.flow.title, "xy"))
     return draw.figure(panels, size=(3.2, 2.7))
-
-
-def _flows(section: Section, figures: Path) -> Iterator[Block]:
-    every: dict[str, list[Convergence]] = {}
-    for run in section.flows:
-        every.setdefault(run.flow, []).append(run)
-    yield Heading("Orders of convergence")
-    yield Paragraph(ORDERS)
-    columns = ["flow", "error of", "#N", "#reference", "#LAMMPS", "#order, reference", "#order, LAMMPS"]
-    yield Table([*columns, "#LAMMPS' time / ours"], [_orders(name, of) for name, of in every.items()])
-    yield Abreast([list(_flow(name, of, figures)) for name, of in every.items()])
-
-
-def _headline(runs: Sequence[Convergence]) -> str:
-    return next((measure for run in runs for measure in run.errors), "")
-
-
-def _orders(name: str, runs: Sequence[Convergence]) -> Row:
-    measure = _headline(runs)
-    last = [run.errors[measure][-1] if measure in run.errors else math.nan for run in runs]
-    agree = all(abs(one - last[0]) <= SAME * abs(last[0]) for one in last)
-    seconds = {run.engine: sum(run.seconds) for run in runs}
-    speedup = seconds.get("lammps", math.nan) / seconds.get("reference", math.nan)
-    shown = [error(run.errors[measure][-1]) if run.errors else next(iter(run.messages.values())) for run in runs]
-    orders = [order(run, measure) if run.errors else "" for run in runs]
-    where = blocks.link(f"#flow-{name}", name)
-    return Row([where, measure, runs[0].resolutions[-1], *shown, *orders, f"{speedup:.1f}"], "" if agree else "apart")
-
-
-def order(run: Convergence, measure: str) -> str:
-    """Format the order of a measure with its standard error."""
-    fit = run.fit(measure)
-    spread = f" ± {fit.standard_error:.2f}" if math.isfinite(fit.standard_error) else ""
-    return f"{round(fit.order, 2) + 0.0:.2f}{spread}"
-
-
-def _flow(name: str, runs: Sequence[Convergence], figures: Path) -> Iterator[Block]:
-    flow = FLOWS[name]
-    yield Heading(name, f"flow-{name}")
-    yield Picture(saved(convergence_figure(runs, _headline(runs)), figures, f"flow-{name}"))
-    columns = ["engine", "measure", *(f"#N = {n}" for n in runs[0].resolutions), "#order", "message"]
-    numbers = [
-        Row(
-            [run.engine, measure, *map(error, errors), order(run, measure), "; ".join(run.messages.values())],
-            "theirs" if run.engine == "lammps" else "",
-        )
-        for run in runs
-        for measure, errors in run.errors.items()
-    ]
-    about = Paragraph(f"{flow.about} Expected order: {flow.expected}. Solution: {flow.solution}.")
-    yield Details("what it is, all errors", [about, Table(columns, numbers)])
-
-
-def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
-    """Draw the error against resolution and against wall time, with the fitted order of each engine."""
-    by_n, by_work = list[Curve](), list[Curve]()
-    for run in (run for run in runs if measure in run.errors):
-        label = f"{'LAMMPS' if run.engine == 'lammps' else run.engine}, order {order(run, measure)}"
-        us = [1e6 * seconds / n for seconds, n in zip(run.seconds, run.particles, strict=True)]
-        by_n.append(Curve(label, run.resolutions, run.errors[measure], _code(run.engine)))
-        by_work.append(Curve("", us, run.errors[measure], _code(run.engine)))
-    ticks = sorted({n for run in runs for n in run.resolutions})
-    name = f"error: {measure}"
-    return draw.figure(
-        [
-            draw.Panel("particles per length (log)", name, by_n, log="xy", ticks=ticks),
-            draw.Panel("µs per particle, all steps (log)", name, by_work, log="xy"),
-        ],
-        size=(2.9, 2.4),
-    )

@@ -15,7 +15,7 @@ from lammps_cases.records.documents import SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.records.journal import Parts
 from lammps_cases.records.measure import ConfidenceInterval, Timing, verdict
-from lammps_cases.studies.flows.solve import Convergence
+from lammps_cases.studies.flows.record import FlowRecord, errors_csv
 
 LAMMPS = "LAMMPS"
 ONE_BIT = 2.0  # factor between two worst errors below which neither method is better
@@ -208,7 +208,7 @@ def frontier(points: Iterable[MethodPoint]) -> list[MethodPoint]:
 
 @dataclass(frozen=True)
 class Section:
-    """One group of panels, maps and flows, with the seconds it took; ``codes`` are flows solved by whole codes."""
+    """One group of panels and maps, with the seconds it took; ``codes`` are flows solved by whole codes."""
 
     name: str
     title: str
@@ -216,8 +216,7 @@ class Section:
     seconds: float
     panels: tuple[Panel, ...] = ()
     maps: tuple[Map, ...] = ()
-    flows: tuple[Convergence, ...] = ()
-    codes: tuple[Convergence, ...] = ()
+    codes: tuple[FlowRecord, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -244,7 +243,7 @@ def sections(folder: Path) -> Parts[Section]:
 def write(chart: Chart, folder: Path) -> None:
     """Write ``chart.json`` and the tables."""
     write_atomically(folder / "points.csv", csv_text(_point_rows(chart)))
-    write_atomically(folder / "convergence.csv", csv_text(_convergence_rows(chart)))
+    write_atomically(folder / "errors.csv", errors_csv(run for section in chart.sections for run in section.codes))
     DOCUMENT.write(folder / "chart.json", chart)
 
 
@@ -269,18 +268,3 @@ def _point_rows(chart: Chart) -> Iterable[Sequence[Any]]:
                 *(round(p.digits, 2), p.ns.low, p.ns.high, panel.unit, p.compiling, p.dominated_by),
                 *("; ".join(p.like), p.reason, p.median, p.p99, p.worst_at),
             )
-
-
-def _convergence_rows(chart: Chart) -> Iterable[Sequence[Any]]:
-    yield (
-        *("flow", "engine", "measure", "resolution", "error", "order", "standard_error"),
-        *("seconds", "particles", "steps"),
-    )
-    for run in (run for section in chart.sections for run in (*section.flows, *section.codes)):
-        for measure, errors in run.errors.items():
-            fit = run.fit(measure)
-            for k, (n, error) in enumerate(zip(run.resolutions, errors, strict=True)):
-                yield (
-                    *(run.flow, run.engine, measure, n, error, fit.order, fit.standard_error),
-                    *(run.seconds[k], run.particles[k], run.steps[k]),
-                )

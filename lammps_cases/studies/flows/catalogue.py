@@ -36,4 +36,4 @@ VALIDATIONS: dict[str, Flow] = {
 PAPER: dict[str, Flow] = {
     flow.name: flow for flow in (*paper_bulk.BULK, *paper_walls.WALLS, *paper_obstacles.OBSTACLES)
 }
-COMPARED = VALIDATIONS | PAPER
+COMPARED = FLOWS | VALIDATIONS | PAPER

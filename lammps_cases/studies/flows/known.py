@@ -155,3 +155,8 @@ class Flow:
     validates: str = ""
     setups: Mapping[str, Options] = field(default_factory=dict)
     limits: str = ""
+
+    @property
+    def heading(self) -> str:
+        """Its title, or its name in words."""
+        return self.title or self.name.replace("-", " ").capitalize()

@@ -1,7 +1,4 @@
-"""A validation on disk: ``validate.json``, ``curves.csv``, the page and its pictures.
-
-``runs.jsonl`` is the journal of runs, from which an interrupted validation is resumed.
-"""
+"""The page of a validation, its document and its pictures."""
 
 from __future__ import annotations
 
@@ -13,30 +10,48 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-import numpy as np
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
-from lammps_cases.records.documents import INFINITE, SCHEMAS, Document, Study
-from lammps_cases.records.files import csv_text, write_atomically
-from lammps_cases.records.journal import Parts
+from lammps_cases.records.files import write_atomically
 from lammps_cases.records.wording import brief, number
-from lammps_cases.report.pages import frame
-from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, saved
+from lammps_cases.report.pages import blocks
+from lammps_cases.report.pages.blocks import Block, Bullets, Details, Heading, Paragraph, Picture, Section, Table
+from lammps_cases.report.pages.figures import BLUE, GREY, RED, saved
+from lammps_cases.studies import draw
 from lammps_cases.studies.flows.catalogue import COMPARED
-from lammps_cases.studies.flows.known import Curve, Flow, FlowPanel, ReferenceCurve
+from lammps_cases.studies.flows.known import Flow, FlowPanel, ReferenceCurve
+from lammps_cases.studies.flows.record import (
+    DOCUMENT,
+    LAMMPS,
+    REFERENCE,
+    START,
+    UNIT,
+    Validated,
+    curves_csv,
+    errors_csv,
+)
 from lammps_cases.studies.flows.solve import fit
 
-REFERENCE, LAMMPS, UNIT, START = "reference", "LAMMPS", "LAMMPS in another unit of length", "reference, start "
 PUBLISHED = "published"
 _COLOURS = {REFERENCE: BLUE, LAMMPS: RED, UNIT: RED, PUBLISHED: "black"}
 _SETUP, _FINDING = "#3a8f5c", "#d98200"
 _LINES = {REFERENCE: "-", LAMMPS: "--", PUBLISHED: ":"}
 _MARKS = ("o", "^", "s", "D")
-ASSETS = Path(__file__).parent / "assets"
 BUGS = {bug.id: bug for of in COMPARED.values() for bug in (*of.findings, FORCE_PER_VOLUME)}
 SPOILT = 0.01  # relative change of a number by a bug, from which on it is named
+ABOUT = """Do fluids flow as experiments, tables and closed solutions say? Each figure has what is known in black
+(white on a dark page), the reference in blue and LAMMPS in red, from the same particles. Red apart from blue: LAMMPS
+differs from its manual, by the bugs named. Both apart from what is known: resolution, model or data. Nothing here is
+a verdict."""
+LEGEND = """N: particles per length of the flow; the finest is shown. ±: half the range of the reference's number over
+starts whose fluid is displaced by up to a twentieth of a spacing, at the coarsest N. Order: the power of 1/N by which
+a number approaches what is known, or an error falls; below 0 it departs. Errors are root mean squares over those of
+what is known. Thick lines are the finest resolution, faint ones coarser; green is another set-up of the reference,
+orange the reference with a bug of LAMMPS."""
+ANOTHER_UNIT = """Particles 0.75 apart: the same flow in another unit of length, in which a particle's volume is not
+1. That should change nothing."""
 
 
 def called(side: str) -> str:
@@ -46,126 +61,128 @@ def called(side: str) -> str:
     return side if side == PUBLISHED or side.startswith((REFERENCE, LAMMPS)) else f"reference with {side}"
 
 
-@dataclass(frozen=True)
-class Lost:
-    """LAMMPS lost particles: the last step with all of them; findings with which the reference loses some, and when."""
-
-    step: int
-    findings: tuple[str, ...] = ()
-    after: int | None = None
-
-
-@dataclass(frozen=True)
-class FlowRecord:
-    """One flow at one resolution, as one side solved it.
-
-    Attributes
-    ----------
-    side : reference, LAMMPS, LAMMPS in another unit of length; reference with the name of a set-up or the number of
-        another start; or the id of the finding that the reference had
-    message : of LAMMPS, if it failed; then all else is empty
-    lost : the reason, if it lost particles; only at the coarsest resolution
-    """
-
-    __pydantic_config__ = INFINITE
-
-    flow: str
-    side: str
-    n: int
-    particles: int
-    steps: int
-    seconds: float
-    message: str
-    curves: Mapping[str, Curve]
-    errors: Mapping[str, float]
-    quantities: Mapping[str, float]
-    lost: Lost | None = None
-
-
-@dataclass(frozen=True)
-class Validated(Study):
-    """All runs of a validation."""
-
-    runs: tuple[FlowRecord, ...]
-    date: str = ""
-    schema: str = SCHEMAS["validate"]
-
-    @property
-    def facts(self) -> list[tuple[str, str]]:
-        """The facts at the top of the page, with the day of the runs."""
-        return [*super().facts, ("measured", self.date)]
-
-    @property
-    def flows(self) -> list[str]:
-        """Names of the flows, in their order."""
-        return list(dict.fromkeys(run.flow for run in self.runs))
-
-    def of(self, flow: str, side: str) -> list[FlowRecord]:
-        """Return the runs of one side, from the coarsest on."""
-        return sorted((run for run in self.runs if (run.flow, run.side) == (flow, side)), key=lambda run: run.n)
-
-    def sides(self, flow: str) -> list[str]:
-        """Return the sides that solved a flow."""
-        return list(dict.fromkeys(run.side for run in self.runs if run.flow == flow))
-
-
-DOCUMENT = Document("validate", Validated)
-
-
-def runs(folder: Path) -> Parts[FlowRecord]:
-    """Return the journal ``runs.jsonl`` of finished runs."""
-    return Parts(folder / "runs.jsonl", FlowRecord)
-
-
-def _rows(validated: Validated) -> Iterable[Sequence[Any]]:
-    yield ("flow", "side", "n", "panel", "x", "y")
-    for run in validated.runs:
-        for panel, (x, y) in run.curves.items():
-            yield from ((run.flow, run.side, run.n, panel, *point) for point in zip(x, y, strict=True))
-
-
 def write(validated: Validated, folder: Path) -> None:
-    """Write ``validate.json``, ``curves.csv``, ``report.html`` and ``figures/*.svg|png``."""
-    write_atomically(folder / "curves.csv", csv_text(_rows(validated)))
+    """Write ``validate.json``, ``curves.csv``, ``errors.csv``, ``report.html`` and ``figures/*.svg|png``."""
+    write_atomically(folder / "curves.csv", curves_csv(validated.runs))
+    write_atomically(folder / "errors.csv", errors_csv(validated.runs))
     DOCUMENT.write(folder / "validate.json", validated)
     figures = folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     every = [COMPARED[name] for name in validated.flows]
-    sections = {of.name: [of] for of in every if of.published is None} | benchmarks(every)
-    html = frame.page(
-        ASSETS,
+    groups = {of.name: [of] for of in every if of.published is None} | benchmarks(every)
+    another = [Paragraph(ANOTHER_UNIT)] if any(run.side == UNIT for run in validated.runs) else []
+    html = blocks.page(
         "validate",
-        "good",
+        "Flows that others have measured, computed or solved",
+        "flows with experiments, tables and solutions",
+        [Paragraph(ABOUT, "about"), _summary(validated, groups), Paragraph(LEGEND), *another],
+        [
+            *(_section(validated, name, flows, figures) for name, flows in groups.items()),
+            Section("bugs", "Bugs of LAMMPS named here", [Bullets(_bugs(validated, every))]),
+        ],
         engine=validated.engine.get("distribution", ""),
-        validated=validated,
+        command=validated.command,
         facts=validated.facts,
-        sections=sections,
-        file=_file,
-        first={of.name: first_rows(validated, of) for of in every},
-        bars={of.name: bar(validated, of) for of in every},
-        spoilt={of.name: spoils(validated, of) for of in every},
-        rows={
-            name: [row for of in flows for row in rows(validated, of) if not row.side.startswith(START)]
-            for name, flows in sections.items()
-        },
-        title=lambda section: COMPARED[section].title if section in COMPARED else f"Benchmark {section}",
-        convergence={
-            name: saved(convergence(validated, flows), figures, f"{_file(name)}-order")
-            for name, flows in sections.items()
-        },
-        pictures={of.name: saved(figure(validated, of), figures, of.name) for of in every if of.panels},
-        statements={of.name: list(statements(validated, of)) for of in every},
-        stops={of.name: list(stops(validated, of)) for of in every},
-        bugs=BUGS,
-        value=brief,
-        number=number,
-        sides=(REFERENCE, LAMMPS),
-        order=order,
-        called=called,
-        numbered=lambda columns: [f"#N = {n}" for n in columns],
-        in_another_unit=any(run.side == UNIT for run in validated.runs),
     )
     write_atomically(folder / "report.html", html)
+
+
+def _summary(validated: Validated, groups: Mapping[str, Sequence[Flow]]) -> Table:
+    columns = ["flow", "what it validates", "number", "#known", "#N", "#reference", "#error", "#LAMMPS", "#order"]
+    found = []
+    for name, flows in groups.items():
+        for of in flows:
+            first = first_rows(validated, of)
+            ours, theirs = first[REFERENCE], first[LAMMPS]
+            spread, at = bar(validated, of), f" (N = {theirs.finest})" if theirs.finest != ours.finest else ""
+            found.append(
+                (
+                    *(blocks.link(f"#{_file(name)}", of.heading), of.validates, ours.name),
+                    *("" if ours.is_error else number(ours.known), ours.finest),
+                    *(ours.said(ours.finest) + (f" ± {spread}" if spread else ""), ours.missed),
+                    theirs.said(theirs.finest) + at if theirs.values else "stopped",
+                    *(order(ours.order), _linked(spoils(validated, of)) or "none found"),
+                )
+            )
+    return Table([*columns, "LAMMPS' bug that spoils it"], found, "Summary")
+
+
+def _linked(bugs: Iterable[str]) -> Markup:
+    return Markup(", ").join(blocks.link(f"#bug-{bug}", bug) for bug in bugs)
+
+
+def _bugs(validated: Validated, flows: Iterable[Flow]) -> list[str]:
+    text = Markup(
+        '<span id="bug-{0}"><b>{0}</b>: {1}. <code>eos-ref findings {0}</code> says what to do about it.</span>'
+    )
+    return [text.format(bug, BUGS[bug].title) for bug in sorted({b for of in flows for b in spoils(validated, of)})]
+
+
+def _section(validated: Validated, name: str, flows: Sequence[Flow], figures: Path) -> Section:
+    """Return a flow, or a benchmark of the paper: what is known, all numbers, pictures, and how its error falls."""
+    parts: list[Block] = []
+    several = len(flows) > 1
+    if several:
+        parts.append(Paragraph(" ".join(dict.fromkeys(of.published.meaning for of in flows if of.published))))
+    else:
+        parts += _described(validated, flows[0])
+    parts.append(_numbers(validated, flows))
+    for of in flows:
+        if several:
+            parts += [Heading(of.heading), *_described(validated, of)]
+        if of.panels:
+            parts.append(Picture(saved(figure(validated, of), figures, of.name)))
+    parts.append(Picture(saved(convergence(validated, flows), figures, f"{_file(name)}-order")))
+    parts += [_details(validated, of) for of in flows]
+    title = COMPARED[name].heading if name in COMPARED else f"Benchmark {name}"
+    return Section(_file(name), title, parts)
+
+
+def _described(validated: Validated, of: Flow) -> Iterator[Block]:
+    yield Paragraph(Markup("{} Again: <code>eos-ref validate {}</code>").format(of.about, of.name))
+    said = [Markup("<b>{}:</b> {}").format(*pair) for pair in statements(validated, of)]
+    bugs = spoils(validated, of).items()
+    yield Bullets([*said, *(Markup("<b>spoiled in LAMMPS by</b> {}: {}").format(_linked([b]), w) for b, w in bugs)])
+    yield from (Paragraph(f"{words}.", "warning") for words in stops(validated, of))
+
+
+def _numbers(validated: Validated, flows: Sequence[Flow]) -> Table:
+    """Return all numbers and errors by N, with what is known, the order, and for a benchmark the one printed."""
+    every = [row for of in flows for row in rows(validated, of) if row.values and not row.side.startswith(START)]
+    columns, several = sorted({n for row in every for n in row.values}), len(flows) > 1
+    found, last = [], ("", "")
+    for row in every:
+        name, last = "" if (row.of, row.name) == last else row.name, (row.of, row.name)
+        found.append(
+            (
+                *([row.of] if several else []),
+                *(name, called(row.side), *(row.said(n) for n in columns)),
+                *("" if row.is_error else number(row.known), order(row.order)),
+                *([order(row.printed)] if several else []),
+            )
+        )
+    head = [*["flow"] * several, "number", "run", *(f"#N = {n}" for n in columns), "#known", "#order"]
+    title = f"Numbers of {' and '.join(of.heading for of in flows)}"
+    return Table([*head, *["#printed"] * several], found, title)
+
+
+def _details(validated: Validated, of: Flow) -> Details:
+    text = Markup("<b>{}</b> ({}): {}")
+    sources = [
+        text.format(known.label, panel.name, known.source + (f"; {known.scatter}" if known.scatter else ""))
+        for panel in of.panels
+        for known in panel.known
+    ]
+    sources += [text.format(q.name, number(q.published), q.source) for q in of.quantities if q.source]
+    sources += [Markup("<b>Not compared:</b> {}").format(of.left_out)] if of.left_out else []
+    runs = [
+        (called(run.side), run.n, run.particles, run.steps, brief(run.seconds), run.message)
+        for run in validated.runs
+        if run.flow == of.name
+    ]
+    columns = ["run", "#N", "#particles", "#steps", "#seconds", "message"]
+    table = Table(columns, runs, f"Runs of {of.heading}")
+    return Details(f"{of.heading}: sources and runs", [Bullets(sources), table] if sources else [table])
 
 
 # --- numbers
@@ -227,15 +244,15 @@ def rows(validated: Validated, of: Flow) -> list[Row]:
         return {run.n: getattr(run, kind)[name] for run in runs if run.side == side and name in getattr(run, kind)}
 
     found = [
-        Row(of.title, each.name, side, by_n(side, each.name, "quantities"), each.published, absent=each.absent)
+        Row(of.heading, each.name, side, by_n(side, each.name, "quantities"), each.published, absent=each.absent)
         for each in of.quantities
         for side in sides
     ]
     for k, name in enumerate(dict.fromkeys(name for run in runs for name in run.errors)):
-        found += [Row(of.title, f"error of {name}", side, by_n(side, name, "errors"), 0.0) for side in sides]
+        found += [Row(of.heading, f"error of {name}", side, by_n(side, name, "errors"), 0.0) for side in sides]
         if of.published and of.published.errors and not k:
             published = dict(of.published.errors)
-            found.append(Row(of.title, f"error of {name}", PUBLISHED, published, 0.0, of.published.order))
+            found.append(Row(of.heading, f"error of {name}", PUBLISHED, published, 0.0, of.published.order))
     return found
 
 
@@ -355,62 +372,51 @@ def _file(section: str) -> str:
 
 def convergence(validated: Validated, flows: Sequence[Flow]) -> Figure:
     """Draw the first error of flows against N: all sides with two resolutions, and the order that theory allows."""
-    with matplotlib.rc_context(STYLE):
-        drawn = Figure(figsize=(7.2, 3.0), layout="constrained")
-        axis = drawn.subplots()
-        for of, mark in zip(flows, itertools.cycle(_MARKS)):
-            every = [row for row in rows(validated, of) if row.is_error]
-            for row in (row for row in every if row.name == every[0].name and len(row.values) > 1):
-                label = textwrap.fill(f"{of.title}, {row.side}" if len(flows) > 1 else row.side, 32)
-                axis.loglog(*zip(*sorted(row.values.items()), strict=True), **_style(row.side, mark), label=label)
-            if len(flows) == 1 and of.expected[0].isdigit() and every[0].values:
-                n, error = max(every[0].values.items())
-                at = np.array(sorted(every[0].values))
-                guide = error * (n / at) ** int(of.expected[0])
-                axis.loglog(at, guide, color=GREY, lw=0.8, ls=":", label=f"order {of.expected[0]}")
-        axis.set(xlabel="N", ylabel="error")
-        drawn.legend(loc="outside right center", frameon=False, fontsize=7)
-        return drawn
+    curves = []
+    for of, mark in zip(flows, itertools.cycle(_MARKS)):
+        every = [row for row in rows(validated, of) if row.is_error]
+        for row in (row for row in every if row.name == every[0].name and len(row.values) > 1):
+            label = textwrap.fill(f"{of.heading}, {row.side}" if len(flows) > 1 else row.side, 32)
+            style = {**_style(row.side), "marker": mark, "ms": 4, "mfc": "white"}
+            n, errors = zip(*sorted(row.values.items()), strict=True)
+            curves.append(draw.Curve(label, n, errors, style))
+        if len(flows) == 1 and of.expected[0].isdigit() and every[0].values:
+            finest, error = max(every[0].values.items())
+            at = sorted(every[0].values)
+            guide = [error * (finest / n) ** int(of.expected[0]) for n in at]
+            curves.append(draw.Curve(f"order {of.expected[0]}", at, guide, {"color": GREY, "lw": 0.8, "ls": ":"}))
+    return draw.figure([draw.Panel("N", "error", curves, log="xy")], size=(5.0, 2.8))
 
 
-def _style(side: str, mark: str) -> dict[str, Any]:
+def _style(side: str) -> dict[str, Any]:
     colour = _COLOURS.get(side, _SETUP if side.startswith(REFERENCE) else _FINDING)
-    line = _LINES.get(side, "-." if side.startswith(REFERENCE) else ":")
-    return {"color": colour, "ls": line, "marker": mark, "ms": 4, "mfc": "white"}
+    return {"color": colour, "ls": _LINES.get(side, "-." if side.startswith(REFERENCE) else ":")}
 
 
 def figure(validated: Validated, of: Flow) -> Figure:
     """Draw every panel of a flow; the finest resolution of a side is thick, coarser ones are faint."""
-    with matplotlib.rc_context(STYLE):
-        count = len(of.panels)
-        drawn = Figure(figsize=(3.6 * count + 2.3, 3.2), layout="constrained")
-        axes = drawn.subplots(1, count, squeeze=False).ravel()
-        for axis, panel in zip(axes, of.panels, strict=True):
-            for side in [side for side in validated.sides(of.name) if not side.startswith(START)]:
-                _draw_side(axis, validated, of.name, side, panel)
-            for known, mark in zip(panel.known, _MARKS, strict=False):
-                _draw_known(axis, known, mark)
-            axis.set(xlabel=panel.x, ylabel=panel.y)
-        labels: dict[str, Any] = {}
-        for axis in axes:
-            labels |= {label: handle for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
-        drawn.legend(list(labels.values()), list(labels), loc="outside right center", frameon=False, fontsize=8)
-        return drawn
+    sides = [side for side in validated.sides(of.name) if not side.startswith(START)]
+    panels = []
+    for panel in of.panels:
+        curves = [curve for side in sides for curve in _curves(validated, of.name, side, panel)]
+        curves += [_known(known, mark) for known, mark in zip(panel.known, _MARKS, strict=False)]
+        panels.append(draw.Panel(panel.x, panel.y, curves))
+    return draw.figure(panels, size=(3.6, 2.8))
 
 
-def _draw_side(axis: Any, validated: Validated, flow: str, side: str, panel: FlowPanel) -> None:
+def _curves(validated: Validated, flow: str, side: str, panel: FlowPanel) -> Iterator[draw.Curve]:
     runs = [run for run in validated.of(flow, side) if panel.name in run.curves]
-    of_side = {key: value for key, value in _style(side, "").items() if key in ("color", "ls")}
     for run in runs:
         last = run is runs[-1]
-        label = textwrap.fill(f"{called(side)}, N\u00a0=\u00a0{run.n}", 22, break_on_hyphens=False) if last else None
+        label = textwrap.fill(f"{called(side)}, N\u00a0=\u00a0{run.n}", 22, break_on_hyphens=False) if last else ""
         thick = {"lw": 1.6, "alpha": 0.95} if last else {"lw": 0.8, "alpha": 0.45}
-        axis.plot(*run.curves[panel.name], label=label, zorder=3 if side == REFERENCE else 4, **of_side, **thick)
+        style = {**_style(side), **thick, "zorder": 3 if side == REFERENCE else 4}
+        yield draw.Curve(label, *run.curves[panel.name], style)
 
 
-def _draw_known(axis: Any, known: ReferenceCurve, mark: str) -> None:
+def _known(known: ReferenceCurve, mark: str) -> draw.Curve:
     first = mark == _MARKS[0]
-    style: dict[str, Any] = {"color": "black" if first else GREY, "lw": 1.0, "ls": "-" if first else "-."}
+    style: dict[str, Any] = {"color": "black" if first else GREY, "lw": 1.0, "ls": "-" if first else "-.", "zorder": 2}
     if known.marks:
-        style = {"ls": "none", "marker": mark, "ms": 4.5, "mfc": "white", "mec": "black", "mew": 1}
-    axis.plot(known.x, known.y, label=known.label, zorder=5 if known.marks else 2, **style)
+        style = {"ls": "none", "marker": mark, "ms": 4.5, "mfc": "white", "mec": "black", "mew": 1, "zorder": 5}
+    return draw.Curve(known.label, known.x, known.y, style)

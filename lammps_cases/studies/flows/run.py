@@ -25,10 +25,10 @@ from lammps_cases.records.journal import Parts
 from lammps_cases.records.measure import machine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
-from lammps_cases.studies.flows import page
+from lammps_cases.studies.flows import page, record
 from lammps_cases.studies.flows.flow import Snapshot, Start
 from lammps_cases.studies.flows.known import Flow
-from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, START, UNIT, FlowRecord, Lost, Validated
+from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, START, UNIT, FlowRecord, Lost, Validated
 from lammps_cases.studies.flows.solve import FlowResult, ReferenceFlow, by_reference, in_worker
 
 LIMIT = 3600.0  # seconds for one run
@@ -68,7 +68,7 @@ def validate(
     EngineMissing
     """
     site, begin, before = installations.resolve(engine).site, time.perf_counter(), machine()
-    kept, runs = page.runs(out), list[FlowRecord]()
+    kept, runs = record.journal(out), list[FlowRecord]()
     with ThreadPoolExecutor(1) as thread, Workers(site, 1) as workers:
         about = workers.identify().result()
         about["library_sha256"] = library_sha256(about.pop("library", ""))
@@ -195,22 +195,9 @@ def _solved(task: FlowTask, start: Start) -> FlowResult:
 
 
 def _run(task: FlowTask, start: Start) -> FlowRecord:
-    of, n, options = task.of, task.n, task.of.options
     result = _solved(task, start)
-    about = (of.name, task.side, n, result.n, result.steps, result.seconds)
-    if result.message:
-        explained = task.explained and result.lost
-        return FlowRecord(
-            *about, result.message, {}, {}, {}, explain(start, task.solve, of.findings) if explained else None
-        )
-    shots = result.snapshots
-    return FlowRecord(
-        *about,
-        "",
-        {panel.name: panel.read(n, options, shots) for panel in of.panels},
-        of.measures(n, options, shots),
-        {quantity.name: quantity.read(n, options, shots) for quantity in of.quantities},
-    )
+    explained = explain(start, task.solve, task.of.findings) if task.explained and result.lost else None
+    return record.recorded(task.of, task.n, task.side, result, explained)
 
 
 # --- particles that LAMMPS loses

@@ -1,14 +1,11 @@
-"""A flow on the reference or on LAMMPS: stepped and read; at several resolutions, with the order of its errors."""
+"""A flow on the reference or on LAMMPS: set up, stepped and read."""
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from statistics import median
-from types import MappingProxyType
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -24,8 +21,7 @@ from lammps_cases.scene.fields import FIELDS
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import Plan, plan
-from lammps_cases.studies.flows.flow import ALWAYS, Body, Options, Snapshot, Start
-from lammps_cases.studies.flows.known import Flow
+from lammps_cases.studies.flows.flow import ALWAYS, Body, Snapshot, Start
 
 
 class FlowRun(Protocol):
@@ -206,10 +202,6 @@ def _heat_capacity(start: Start) -> FloatArray:
     return specific * start.atoms.mass_n
 
 
-Engine = Literal["reference", "lammps"]
-ENGINES: tuple[Engine, ...] = ("reference", "lammps")
-
-
 @dataclass(frozen=True)
 class FlowResult:
     """Outcome of a flow: snapshots, processor time of its steps, particles, steps taken.
@@ -290,88 +282,3 @@ def fit(resolutions: Sequence[int], errors: Sequence[float]) -> Fit:
     # scipy's linregress takes the error from 1 - r^2, which leaves half the digits of a fit that is nearly exact.
     (slope, _), covariance = np.polyfit(x, y, 1, cov=True)
     return Fit(-float(slope), float(np.sqrt(covariance[0, 0])))
-
-
-@dataclass(frozen=True)
-class Convergence:
-    """Errors of one flow on one engine, by measure and resolution; NaN, with a message, where the engine failed."""
-
-    flow: str
-    engine: str
-    options: Options
-    resolutions: tuple[int, ...]
-    errors: Mapping[str, tuple[float, ...]]
-    seconds: tuple[float, ...]
-    particles: tuple[int, ...]
-    steps: tuple[int, ...]
-    messages: Mapping[int, str]
-
-    def fit(self, measure: str) -> Fit:
-        """Return the order of a measure."""
-        return fit(self.resolutions, self.errors[measure])
-
-
-def converge(
-    flow: Flow,
-    options: Options | None = None,
-    engines: Sequence[Engine] = ENGINES,
-    resolutions: Sequence[int] = (),
-    repeats: int = 1,
-    site: str | None = None,
-    others: Mapping[str, Callable[[int, Start], FlowResult]] = MappingProxyType({}),
-) -> tuple[Convergence, ...]:
-    """Run a flow at several resolutions, the engines in turns.
-
-    Parameters
-    ----------
-    options : Options, optional
-        The flow's own by default.
-    engines : sequence of {"reference", "lammps"}
-    resolutions : sequence of int, optional
-        The flow's own by default.
-    repeats : int
-        Number of timings of every run, in turns; the median counts.
-    site : str, optional
-        Folder of another LAMMPS, see `lammps_cases.engine.installations`.
-    others : mapping, optional
-        Further codes by name: functions that solve a flow at a resolution.
-    """
-    chosen, options = tuple(resolutions) or flow.resolutions, options or flow.options
-    results: dict[str, list[FlowResult]] = {name: [] for name in (*engines, *others)}
-    with Workers(site, 1) if "lammps" in engines else contextlib.nullcontext() as workers:
-        for n in chosen:
-            start = flow.start(n, options)
-            rounds = [
-                [
-                    *(
-                        in_worker(start, workers) if workers and name == "lammps" else by_reference(start)
-                        for name in engines
-                    ),
-                    *(by_other(n, start) for by_other in others.values()),
-                ]
-                for _ in range(repeats)
-            ]
-            for name, runs in zip(results, zip(*rounds, strict=True), strict=True):
-                results[name].append(replace(runs[0], seconds=median(run.seconds for run in runs)))
-    return tuple(_convergence(flow, options, name, chosen, runs) for name, runs in results.items())
-
-
-def _convergence(
-    flow: Flow, options: Options, name: str, resolutions: tuple[int, ...], runs: Sequence[FlowResult]
-) -> Convergence:
-    errors_by_n = [
-        {} if run.message else flow.measures(n, options, run.snapshots)
-        for n, run in zip(resolutions, runs, strict=True)
-    ]
-    measures = next((list(errors) for errors in errors_by_n if errors), [])
-    return Convergence(
-        flow.name,
-        name,
-        options,
-        resolutions,
-        {measure: tuple(errors.get(measure, np.nan) for errors in errors_by_n) for measure in measures},
-        tuple(run.seconds for run in runs),
-        tuple(run.n for run in runs),
-        tuple(run.steps for run in runs),
-        {n: run.message for n, run in zip(resolutions, runs, strict=True) if run.message},
-    )

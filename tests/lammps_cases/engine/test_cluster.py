@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import gc
 import json
@@ -24,7 +25,7 @@ from lammps_cases.engine import cluster
 from lammps_cases.engine.pool import limited
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Workers
-from lammps_cases.studies.chart import flows, laws
+from lammps_cases.studies.chart import codes, laws
 from tests.support import dask_cluster
 from tests.support.dask_cluster import PAUSE, DaskCluster
 from tests.support.outcome import Outcome
@@ -117,11 +118,19 @@ def test_stability_is_the_same_on_the_cluster(steady: DaskCluster, tmp_path: Pat
     assert here == there
 
 
-def test_flows_of_a_chart_are_timed_locally_on_the_requested_engine(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whole_codes_are_timed_locally_on_the_requested_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     """A LAMMPS other than the installed one was ignored, and the installed one timed."""
-    monkeypatch.setattr(flows, "converge", lambda flow, resolutions, site: [(cluster.address(), site)])
+    seen = list[tuple[str, str | None]]()
+
+    def workers(site: str | None, count: int) -> Any:
+        seen.append((cluster.address(), site))
+        return contextlib.nullcontext()
+
+    monkeypatch.setattr(codes, "Workers", workers)
+    monkeypatch.setattr(codes, "COMPARED", ())
     with cluster.used("tcp://127.0.0.1:1"):
-        assert set(flows.flows(True, "/opt/other")) == {("", "/opt/other")}
+        assert list(codes.codes(True, "/opt/other", None)) == []
+    assert seen == [("", "/opt/other")]
 
 
 # --- tasks

@@ -91,8 +91,8 @@ class Content:
     [
         (lambda text: text[:30], "document: Invalid JSON"),
         (lambda text: "[]", "document: Input should be an object"),
-        (lambda text: text.replace("chart/1", "chart/9"), "schema: must be eos-ref/chart/1, found 'eos-ref/chart/9'"),
-        (lambda text: text.replace('"schema"', '"scheme"'), "schema: must be eos-ref/chart/1"),
+        (lambda text: text.replace("chart/2", "chart/9"), "schema: must be eos-ref/chart/2, found 'eos-ref/chart/9'"),
+        (lambda text: text.replace('"schema"', '"scheme"'), "schema: must be eos-ref/chart/2"),
         (lambda text: text.replace("2.5", '"much"'), r"entries.0.value: Input should be a valid number"),
         (None, "chart: cannot be read: No such file"),
     ],

@@ -23,7 +23,8 @@ from lammps_cases.records import measure
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.records.measure import ConfidenceInterval, Timing
 from lammps_cases.report.pages.figures import RED
-from lammps_cases.studies.chart import collect, flows, laws, page, record
+from lammps_cases.studies.chart import collect, laws, page, record
+from lammps_cases.studies.chart.codes import SWIRL
 from lammps_cases.studies.chart.record import (
     DIGITS,
     Chart,
@@ -35,9 +36,7 @@ from lammps_cases.studies.chart.record import (
     frontier,
     point,
 )
-from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.flow import Options
-from lammps_cases.studies.flows.solve import Convergence
+from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, FlowRecord
 from tests.support.outcome import Outcome
 from tests.support.roundings import rounded
 
@@ -60,15 +59,15 @@ def made_panel() -> Panel:
 
 
 def made_chart(version: str = "1", **more: Any) -> Chart:
-    steps = (8, 16, 32), (1.0, 2.0, 4.0), (64, 128, 256), (9, 9, 9)
-    convergence = tuple(
-        Convergence("shear-wave", engine, Options(), steps[0], {"rate": errors}, *steps[1:], {})
-        for engine, errors in (("reference", (4e-2, 1e-2, 2.5e-3)), ("lammps", (4e-2, math.nan, 3e-2)))
+    codes = tuple(
+        FlowRecord(SWIRL.name, side, n, n * n, 9, 0.1 * n, "", {}, {"profile": error}, {})
+        for side, errors in ((REFERENCE, (4e-2, 1e-2, 2.5e-3)), (LAMMPS, (4e-2, math.nan, 3e-2)))
+        for n, error in zip((8, 16, 32), errors, strict=True)
     )
     data = Map(
         "m", "A map", "x", "gamma", (1e-6, 1e-3, 1.0), (1.5, 3.0), ((1e-3, 1e-6, 1e-9), (0.0, 1.0, 2.0)), "error"
     )
-    section = Section("flows", "Flows", "About.", 1.0, (made_panel(),), (data,), convergence)
+    section = Section("flows", "Flows", "About.", 1.0, (made_panel(),), (data,), codes)
     machine: dict[str, str | float | int] = {"processor": "p", "cores": 2, "load": 0.1}
     return replace(Chart("eos-ref chart", machine, {"distribution": version}, True, 2.0, (section,)), **more)
 
@@ -147,14 +146,14 @@ def test_chart_round_trips_and_its_tables_hold_every_point_and_error(tmp_path: P
     again = record.DOCUMENT.read(tmp_path / "chart.json")
     assert again.panels == chart.panels  # infinite errors included
     assert again.sections[0].maps == chart.sections[0].maps
-    assert again.sections[0].flows[0] == chart.sections[0].flows[0]
-    assert math.isnan(again.sections[0].flows[1].errors["rate"][1])
+    assert again.sections[0].codes[:3] == chart.sections[0].codes[:3]
+    assert math.isnan(again.sections[0].codes[4].errors["profile"])
     assert json.loads((tmp_path / "chart.json").read_text())["schema"] == SCHEMAS["chart"]
     points = list(csv.DictReader((tmp_path / "points.csv").read_text().splitlines()))
     assert [row["method"] for row in points] == ["fast", "exact", "bad", "LAMMPS exact"]
     assert points[3]["dominated_by"] == "exact"
-    rows = list(csv.DictReader((tmp_path / "convergence.csv").read_text().splitlines()))
-    assert [row["resolution"] for row in rows if row["engine"] == "reference"] == ["8", "16", "32"]
+    rows = list(csv.DictReader((tmp_path / "errors.csv").read_text().splitlines()))
+    assert [row["n"] for row in rows if row["side"] == REFERENCE] == ["8", "16", "32"]
     assert float(rows[0]["order"]) == rounded(2.0, 16)
     document = record.points_document(chart)
     json.dumps(document, allow_nan=False)
@@ -178,7 +177,7 @@ def test_page_shows_the_points_and_is_reproducible(tmp_path: Path) -> None:
     files = sorted(p.relative_to(tmp_path / "a") for p in (tmp_path / "a").rglob("*") if p.is_file())
     assert {str(f) for f in files} == {
         "report.html",
-        *(f"figures/{name}.{kind}" for name in ("p", "m", "flow-shear-wave") for kind in ("svg", "png")),
+        *(f"figures/{name}.{kind}" for name in ("p", "m", "flows") for kind in ("svg", "png")),
     }
     for file in files:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
@@ -268,7 +267,6 @@ def test_other_engine_is_drawn_over_the_first_and_named(tmp_path: Path) -> None:
 
 # --- real LAMMPS
 
-SECOND_ORDER = ("shear-wave", "heat-wave", "taylor-green", "sound-wave-tait-water")
 in_turns = measure.in_turns
 
 
@@ -280,22 +278,21 @@ def briefly(calls: Mapping[str, measure.Call], *_: Any, **__: Any) -> dict[str, 
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Chart, Path]:
-    """Two equations of state and some flows measured once, in the quick form, with real LAMMPS and few samples."""
+    """Three equations of state measured once, in the quick form, with real LAMMPS and few samples."""
     out = tmp_path_factory.mktemp("chart")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(flows, "FLOWS", {name: FLOWS[name] for name in (*SECOND_ORDER, "couette")})
         patch.setattr(laws, "LAWS", laws.LAWS[:3])
         patch.setattr(laws, "SAMPLES", 512)
         patch.setattr(laws, "QUICK_STATES", 20_000)
         patch.setattr(laws, "in_turns", briefly)
-        return collect.collect(("laws", "flows"), True, out, "test"), out
+        return collect.collect(("laws",), True, out, "test"), out
 
 
 @pytest.mark.lammps
 def test_chart_has_every_file_and_an_explanation_of_every_method(quick: tuple[Chart, Path]) -> None:
     chart, out = quick
     assert record.DOCUMENT.read(out / "chart.json").panels == chart.panels
-    tables = {"chart.json", "sections.jsonl", "points.csv", "convergence.csv"}
+    tables = {"chart.json", "sections.jsonl", "points.csv", "errors.csv"}
     assert {p.name for p in out.iterdir()} == {*tables, "report.html", "figures"}
     assert chart.engine["distribution"] and chart.machine["processor"]
     assert all(method.reason for method in LAW_METHODS)
@@ -315,16 +312,6 @@ def test_lammps_has_the_error_of_its_order_of_operations(quick: tuple[Chart, Pat
     water = panels["Pressure of tait/water"]
     near = {p.method: p.digits for p in water.of(water.regimes[0])}
     assert near["LAMMPS"] < 9 < 14 < near["compiled"], "it loses digits near rho0"
-
-
-@pytest.mark.lammps
-def test_flows_converge_with_second_order_on_both_engines(quick: tuple[Chart, Path]) -> None:
-    runs = {(run.flow, run.engine): run for run in quick[0].sections[1].flows}
-    for flow, engine in itertools.product(SECOND_ORDER, ("reference", "lammps")):
-        run = runs[flow, engine]
-        assert abs(run.fit(next(iter(run.errors))).order - 2) < 0.25, (flow, engine)
-    assert runs["couette", "reference"].fit("velocity").order > 1.5
-    assert runs["couette", "lammps"].fit("velocity").order < 0.5  # finding wall-velocity-lost
 
 
 @pytest.mark.lammps

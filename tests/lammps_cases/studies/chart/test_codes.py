@@ -18,15 +18,14 @@ from lammps_cases.studies.chart import codes, page, record
 from lammps_cases.studies.chart.codes import COMPARED, SWIRL, by_pysph
 from lammps_cases.studies.chart.record import Chart, Section
 from lammps_cases.studies.flows import periodic
-from lammps_cases.studies.flows.flow import Options
-from lammps_cases.studies.flows.solve import Convergence
+from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, FlowRecord
 from tests.support.outcome import Outcome
 from tests.support.roundings import HALF_EPS, rounded
 from tests.workshop import tables_codes, tables_validation
 
 Run = Callable[..., Outcome]
 N = 8
-VORTICES, CAVITY, RECONSTRUCTED, DAM = COMPARED
+VORTICES, CAVITY, RECONSTRUCTED, DAM, DROP = COMPARED
 
 
 def python(folder: Path, code: str) -> str:
@@ -158,46 +157,48 @@ def test_page_and_terminal_show_all_codes(
     ended = eos_ref_command("chart", "codes", "--quick", *peer, "--out", tmp_path / "out")
     assert ended.code == 0, ended.err
     chart = record.DOCUMENT.read(tmp_path / "out" / "chart.json")
-    engines = ["reference", "lammps", *(["PySPH tvf", "PySPH edac"] if with_pysph else [])]
-    assert [run.engine for run in chart.sections[0].codes] == engines
-    assert all(run.seconds[0] > 0 and run.steps[0] > 0 for run in chart.sections[0].codes)
+    sides = [REFERENCE, LAMMPS, *(["PySPH tvf", "PySPH edac"] if with_pysph else [])]
+    assert [run.side for run in chart.sections[0].codes] == sides
+    assert all(run.seconds > 0 and run.steps > 0 for run in chart.sections[0].codes)
     html = (tmp_path / "out" / "report.html").read_text()
     assert ("--pysph PYTHON names a Python that has it" in html) is not with_pysph
     assert ("--pysph PYTHON names a Python that has it" in ended.out) is not with_pysph
     assert (chart.engine.get("pysph") == "9") is with_pysph
     assert f"{SWIRL.name} profile  LAMMPS " in ended.out
-    table = (tmp_path / "out" / "convergence.csv").read_text()
+    table = (tmp_path / "out" / "errors.csv").read_text()
     assert (f"{SWIRL.name},PySPH tvf,profile,{N},0.2" in table) is with_pysph
 
 
 # --- pictures and the document
 
 
-def made(engine: str, errors: tuple[float, ...]) -> Convergence:
-    measures = {VORTICES.measure: errors} if errors else {}
-    messages = {} if errors else {8: "Lost atoms", 16: "Lost atoms"}
-    return Convergence(SWIRL.name, engine, Options(), (8, 16), measures, (0.5, 4.0), (64, 256), (9, 9), messages)
+def made(code: str, errors: tuple[float, ...]) -> list[FlowRecord]:
+    """The runs of a code at N = 8 and 16; without errors it lost atoms."""
+    sizes = zip((8, 16), (64, 256), (0.5, 4.0), errors or (None, None), strict=True)
+    return [
+        FlowRecord(SWIRL.name, code, n, particles, 9, seconds, "", {}, {VORTICES.measure: error}, {})
+        if error is not None
+        else FlowRecord(SWIRL.name, code, n, particles, 9, seconds, "Lost atoms", {}, {}, {})
+        for n, particles, seconds, error in sizes
+    ]
 
 
 def test_code_has_one_colour_and_stopped_runs_no_point() -> None:
-    runs = [
-        made("reference", (0.1, 0.05)),
-        made("lammps", ()),
-        made("PySPH tvf", (0.2, 0.1)),
-        made("PySPH edac", (0.3, 0.1)),
-    ]
+    of = {REFERENCE: (0.1, 0.05), LAMMPS: (), "PySPH tvf": (0.2, 0.1), "PySPH edac": (0.3, 0.1)}
+    runs = [run for code, errors in of.items() for run in made(code, errors)]
     figure = page.codes_figure(runs)
     [axis] = figure.axes
     lines = {line.get_marker(): (line.get_color(), list(line.get_ydata())) for line in axis.lines}
-    assert list(lines.values())[:2] == [(BLUE, [0.1, 0.05]), (lines["^"][0], [0.2, 0.1])]
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == [codes.name(run) for run in runs]
-    [sound] = page.codes_figure([made("lammps", (0.1, 0.05))]).axes
+    assert (lines["o"], lines["*"]) == ((BLUE, [0.1, 0.05]), (RED, []))
+    assert lines["s"] == (lines["^"][0], [0.2, 0.1])
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == list(of)
+    [sound] = page.codes_figure(made(LAMMPS, (0.1, 0.05))).axes
     assert [line.get_color() for line in sound.lines] == [RED]
     assert [row[-1] for row in codes.rows(runs)][2:4] == ["Lost atoms", "Lost atoms"]
 
 
 def test_saved_document_has_only_codes_and_no_paths() -> None:
-    section = Section("codes", "", "", 2.0, codes=(made("reference", (0.1, 0.05)), made("PySPH tvf", (0.2, 0.1))))
+    section = Section("codes", "", "", 2.0, codes=(*made(REFERENCE, (0.1, 0.05)), *made("PySPH tvf", (0.2, 0.1))))
     engine = {"distribution": "1", "library": "/here/liblammps.so", "pysph": "9"}
     command = "eos-ref chart --pysph /here/python --out /here"
     chart = Chart(command, {"processor": "p"}, engine, False, 9.0, (Section("laws", "", "", 7.0), section))

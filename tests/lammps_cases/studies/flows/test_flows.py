@@ -7,7 +7,9 @@ property that the flow depends on must do that.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,16 +34,8 @@ from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.known import Flow
 from lammps_cases.studies.flows.periodic import COMPRESSED, HEAT, MOVED, SHEAR, SOUND, SOUNDS, VORTICES, wave_number
-from lammps_cases.studies.flows.solve import (
-    ENGINES,
-    Convergence,
-    Engine,
-    by_lammps,
-    by_reference,
-    converge,
-    fit,
-    in_worker,
-)
+from lammps_cases.studies.flows.record import LAMMPS, REFERENCE, FlowRecord, order, recorded
+from lammps_cases.studies.flows.solve import by_lammps, by_reference, fit, in_worker
 from lammps_cases.studies.flows.surfaces import DROP, INTERFACE, SHOCK_TUBE
 from lammps_cases.studies.flows.walls import COMPRESSION, COUETTE, COUETTE_STORED, POISEUILLE, TANK
 from tests.support.flow_faults import Plant, faster, in_scene, of_energy, of_gamma, of_gravity, of_types
@@ -65,10 +59,22 @@ def quick(flow: Flow) -> Sequence[int]:
     return BY_WALLS if flow in (POISEUILLE, COUETTE, COUETTE_STORED, TANK) else flow.quick or QUICK
 
 
-def one(flow: Flow, engine: Engine, options: Options | None = None, at: Sequence[int] = ()) -> Convergence:
-    (found,) = converge(flow, options, (engine,), at or quick(flow))
-    assert not found.messages
+def solved(flow: Flow, engine: str, at: Sequence[int]) -> list[FlowRecord]:
+    """Run a flow at some resolutions."""
+    with Workers(None, 1) if engine == LAMMPS else nullcontext() as workers:
+        solve = partial(in_worker, workers=workers) if workers else by_reference
+        return [recorded(flow, n, engine, solve(flow.start(n, flow.options))) for n in at]
+
+
+def one(flow: Flow, engine: str, options: Options | None = None, at: Sequence[int] = ()) -> list[FlowRecord]:
+    found = solved(replace(flow, options=options or flow.options), engine, at or quick(flow))
+    assert not any(run.message for run in found)
     return found
+
+
+def errors_of(runs: Sequence[FlowRecord], measure: str = "") -> list[float]:
+    """The errors of a measure, by default the first, from the coarsest resolution on."""
+    return [run.errors[measure or next(iter(run.errors))] for run in runs]
 
 
 # --- order of convergence
@@ -119,8 +125,8 @@ named = {"ids": lambda part: getattr(part, "name", str(part))}
 def test_order(flow: Flow) -> None:
     """Nearer to the expected order than to the next lower one, or better; of periodic flows in every measure."""
     assert str(promised(flow)) == flow.expected.split(":")[0]
-    found = one(flow, "reference")
-    orders = [found.fit(measure).order for measure in found.errors]
+    found = one(flow, REFERENCE)
+    orders = [order(found, measure).order for measure in found[0].errors]
     assert min(orders if flow in periodic.FLOWS else orders[:1]) > promised(flow) - 0.5
 
 
@@ -165,8 +171,8 @@ def another_law(scene: Scene) -> dict[str, Any]:
 def test_order_detects_faults(flow: Flow, measure: str, plant: Plant) -> None:
     """In the measure of the property, or in the headline."""
     begin = flow.start
-    found = one(replace(flow, start=lambda n, options: plant(begin(n, options))), "reference", at=quick(flow))
-    assert found.fit(measure or next(iter(found.errors))).order < promised(flow) - 0.5
+    found = one(replace(flow, start=lambda n, options: plant(begin(n, options))), REFERENCE, at=quick(flow))
+    assert order(found, measure or next(iter(found[0].errors))).order < promised(flow) - 0.5
 
 
 # --- how findings change flows in LAMMPS
@@ -223,14 +229,14 @@ def test_findings_account_for_heat(extra: dict[str, float | str], session: Sessi
 
 @pytest.mark.lammps
 def test_heat_in_lammps_flows_slower_by_mass_and_heat_capacity() -> None:
-    found = one(HEAT, "lammps", replace(HEAT.options, extra={"rho0": 2.0, "cv": 3.0}))
-    assert found.errors["rate"] == pytest.approx([1 - 1 / 6] * len(QUICK), rel=wave_number(QUICK[0]) ** 2 / 6)
+    found = one(HEAT, LAMMPS, replace(HEAT.options, extra={"rho0": 2.0, "cv": 3.0}))
+    assert errors_of(found, "rate") == pytest.approx([1 - 1 / 6] * len(QUICK), rel=wave_number(QUICK[0]) ** 2 / 6)
 
 
 @pytest.mark.lammps
 def test_lammps_drags_fluid_to_half_the_speed_of_a_plate() -> None:
     """wall-velocity-lost: U d_s/(d_s + d_f), and a wall half way between the rows has d_s = d_f."""
-    errors = next(iter(one(COUETTE, "lammps").errors.values()))
+    errors = errors_of(one(COUETTE, LAMMPS))
     assert errors == pytest.approx([0.5] * len(BY_WALLS), abs=0.5 / BY_WALLS[0] ** 2)
 
 
@@ -238,7 +244,7 @@ def test_lammps_drags_fluid_to_half_the_speed_of_a_plate() -> None:
 def test_lammps_tank_has_an_error_of_the_size_of_its_compression() -> None:
     """force-per-volume: forces of rho g on masses m. The error is at most rho/rho0 - 1, twice that in a swing."""
     hardly = replace(TANK.options, extra={"compression": COMPRESSION / 40})
-    errors, smaller = (next(iter(one(TANK, "lammps", how).errors.values())) for how in (None, hardly))
+    errors, smaller = (errors_of(one(TANK, LAMMPS, how)) for how in (None, hardly))
     assert all(0.5 * COMPRESSION < error < 2 * COMPRESSION for error in errors)
     assert all(new < old / 4 for new, old in zip(smaller, errors, strict=True))
 
@@ -246,17 +252,17 @@ def test_lammps_tank_has_an_error_of_the_size_of_its_compression() -> None:
 @pytest.mark.lammps
 def test_lammps_shock_converges_to_the_solution_without_volumes() -> None:
     """force-per-volume, as a closed solution: LAMMPS converges to it and not to that of the gas."""
-    found = one(SHOCK_TUBE, "lammps")
+    found = one(SHOCK_TUBE, LAMMPS)
     for name in ("density", "velocity"):
-        assert found.fit(name).order < 0.5 < found.fit(f"{name} without volume").order
-        assert found.errors[name][-1] > found.errors[f"{name} without volume"][-1]
+        assert order(found, name).order < 0.5 < order(found, f"{name} without volume").order
+        assert found[-1].errors[name] > found[-1].errors[f"{name} without volume"]
 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("flow", [DROP, INTERFACE], **named)
 def test_lammps_converges_with_the_same_errors(flow: Flow) -> None:
     """Volumes stay near 1, so the missing volume changes the error by less than a tenth."""
-    ours, theirs = (next(iter(one(flow, engine).errors.values())) for engine in ENGINES)
+    ours, theirs = (errors_of(one(flow, engine)) for engine in (REFERENCE, LAMMPS))
     np.testing.assert_allclose(theirs, ours, rtol=0.1)
 
 
@@ -282,26 +288,26 @@ def test_shear_wave_decays_as_its_lattice_does() -> None:
 
 
 @pytest.mark.lammps
-@pytest.mark.parametrize("name", ENGINES)
-def test_sound_grows_at_long_time_steps(name: Engine) -> None:
+@pytest.mark.parametrize("name", [REFERENCE, LAMMPS])
+def test_sound_grows_at_long_time_steps(name: str) -> None:
     """The pressure lags by half a step, so damping is too small by a fraction c^2 dt/(2 nu); above 1 the wave grows."""
     n, errors = 24, []
     for fraction in (1.0, 0.5):
         options = replace(SOUND.options, dt_fraction=fraction, extra={"attenuation": 0.003})
         missed = SOUND.start(n, options).timestep / (2 * 0.003 * n)
-        errors.append(one(SOUND, name, options, (n,)).errors["damping"][0])
+        errors.append(one(SOUND, name, options, (n,))[0].errors["damping"])
         assert errors[-1] == pytest.approx(missed, rel=(wave_number(n)) ** 2)  # except for the kernel's smoothing
     assert errors[0] > 1 > errors[1]
 
 
 def test_summed_density_keeps_the_error_of_its_sum() -> None:
     """The sum over a lattice has the same error at every resolution, and the wave still converges."""
-    found = one(SOUND, "reference", Options(kernel="RK1", rho_sum=True))
+    found = one(SOUND, REFERENCE, Options(kernel="RK1", rho_sum=True))
     cells = np.arange(-3, 4)
     r_nn = np.hypot(cells[:, None], cells)
     missed = np.sum(np.where(r_nn < 3, QUINTIC.normalisation(2, 3.0) * QUINTIC.shape(r_nn), 0.0)) - 1
-    assert found.errors["mean"] == pytest.approx([abs(missed)] * len(QUICK), abs=COMPRESSED**2)
-    assert found.fit("speed").order > promised(SOUND) - 0.5
+    assert errors_of(found, "mean") == pytest.approx([abs(missed)] * len(QUICK), abs=COMPRESSED**2)
+    assert order(found, "speed").order > promised(SOUND) - 0.5
 
 
 def test_start_of_sound_conserves_mass() -> None:
@@ -383,11 +389,10 @@ def test_refused_run_leaves_a_message() -> None:
         plant = in_scene(lambda scene: {"violate": "unknown-pressure-style" if n == 12 else None})
         return plant(SHEAR.start(n, options))
 
-    (found,) = converge(replace(SHEAR, start=refused), engines=("lammps",), resolutions=(8, 12, 16))
-    assert list(found.messages) == [12]
-    assert "ERROR" in found.messages[12]
-    assert [np.isfinite(error) for error in found.errors["rate"]] == [True, False, True]
-    assert found.fit("rate").order == pytest.approx(2.0, abs=0.5)  # from two coarse runs: nearer to 2 than to 1 or 3
+    found = solved(replace(SHEAR, start=refused), LAMMPS, (8, 12, 16))
+    assert ["ERROR" in run.message for run in found] == [False, True, False]
+    assert [bool(run.errors) for run in found] == [True, False, True]
+    assert order(found, "rate").order == pytest.approx(2.0, abs=0.5)  # from two coarse runs: nearer to 2 than to 1 or 3
 
 
 @pytest.mark.lammps

@@ -20,7 +20,7 @@ from lammps_cases.studies.flows import cavity, drops, page, run, walls, waves
 from lammps_cases.studies.flows.catalogue import VALIDATIONS
 from lammps_cases.studies.flows.flow import Snapshot, Start
 from lammps_cases.studies.flows.known import Flow, ReferenceCurve, table
-from lammps_cases.studies.flows.page import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
+from lammps_cases.studies.flows.record import DOCUMENT, LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
 from lammps_cases.studies.flows.solve import FlowResult, LammpsFlow, ReferenceFlow, by_reference
 from tests.support.flow_faults import Plant, of_gravity, of_types
 from tests.support.outcome import Outcome
@@ -127,7 +127,7 @@ def test_quick_flow_agrees_is_drawn_and_is_not_rerun(
     first = eos_ref_command("validate", "--quick", THICK.name, "--out", tmp_path)
     assert first.code == 0
     assert f"report: {tmp_path / 'report.html'}" in first.out
-    validated = page.DOCUMENT.read(tmp_path / "validate.json")
+    validated = DOCUMENT.read(tmp_path / "validate.json")
     ours, theirs = (validated.of(THICK.name, side) for side in (REFERENCE, LAMMPS))
     assert [of.n for of in ours] == [of.n for of in theirs] == list(THICK.quick)
     for one, other in zip(ours, theirs, strict=True):
@@ -404,7 +404,7 @@ def test_lammps_has_no_fix_for_surface_tension() -> None:
 
 def test_document_has_the_measured_table() -> None:
     path = Path(__file__).parents[4] / "docs" / "validation.md"
-    measured, text = page.DOCUMENT.read(tables_validation.MEASURED), path.read_text(encoding="utf-8")
+    measured, text = DOCUMENT.read(tables_validation.MEASURED), path.read_text(encoding="utf-8")
     assert tables_validation.document(text, measured) == text
     assert not measured.quick
 

@@ -152,6 +152,7 @@ def write(validated: Validated, folder: Path) -> None:
         convergence={
             name: saved(convergence(validated, flows), figures, f"{_file(name)}-order")
             for name, flows in sections.items()
+            if any(len(row.values) > 1 for of in flows for row in rows(validated, of))
         },
         pictures={of.name: saved(figure(validated, of), figures, of.name) for of in every if of.panels},
         statements={of.name: list(statements(validated, of)) for of in every},
@@ -231,7 +232,8 @@ def rows(validated: Validated, of: Flow) -> list[Row]:
         for each in of.quantities
         for side in sides
     ]
-    for k, name in enumerate(dict.fromkeys(name for run in runs for name in run.errors)):
+    measures = list(dict.fromkeys(name for run in runs for name in run.errors)) or [panel.name for panel in of.panels]
+    for k, name in enumerate(measures or ["the flow"]):
         found += [Row(of.title, f"error of {name}", side, by_n(side, name, "errors"), 0.0) for side in sides]
         if of.published and of.published.errors and not k:
             published = dict(of.published.errors)

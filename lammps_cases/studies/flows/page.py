@@ -117,16 +117,11 @@ def runs(folder: Path) -> Parts[FlowRecord]:
     return Parts(folder / "runs.jsonl", FlowRecord)
 
 
-def _rows(validated: Validated) -> Iterable[Sequence[Any]]:
-    yield ("flow", "side", "n", "panel", "x", "y")
-    for run in validated.runs:
-        for panel, (x, y) in run.curves.items():
-            yield from ((run.flow, run.side, run.n, panel, *point) for point in zip(x, y, strict=True))
-
-
 def write(validated: Validated, folder: Path) -> None:
     """Write ``validate.json``, ``curves.csv``, ``report.html`` and ``figures/*.svg|png``."""
-    write_atomically(folder / "curves.csv", csv_text(_rows(validated)))
+    curves = ((run, panel, *curve) for run in validated.runs for panel, curve in run.curves.items())
+    points = ((of.flow, of.side, of.n, panel, *at) for of, panel, x, y in curves for at in zip(x, y, strict=True))
+    write_atomically(folder / "curves.csv", csv_text([("flow", "side", "n", "panel", "x", "y"), *points]))
     DOCUMENT.write(folder / "validate.json", validated)
     figures = folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)

@@ -214,8 +214,6 @@ FRONT = FlowPanel(
     ),
     _front,
 )
-
-
 ENERGY = FlowPanel(
     "energy",
     "t √(2g/a)",
@@ -229,7 +227,7 @@ CLOCKS = np.arange(-0.1, 0.3, 0.005)
 def _clock(curve: Curve) -> tuple[float, float]:
     """Return the error of a front for the best zero of the experiment's time, and that zero."""
     times = np.array(curve[0])
-    return min((FRONT.known[0].misfit((times + late, curve[1])), float(late)) for late in CLOCKS)
+    return min((FRONT.known[0].misfit((tuple((times + late).tolist()), curve[1])), float(late)) for late in CLOCKS)
 
 
 def _dam_errors(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:

@@ -107,8 +107,8 @@ PATCH = Flow(
     ),
     findings=(FORCE_PER_VOLUME,),
     validates="free surfaces, conservation of energy and of angular momentum",
-    limits="Angular momentum is kept to rounding by forces along the line between two particles; LAMMPS' output has "
-    "fewer digits. The angle is at most two radians, before the arms break up.",
+    limits="Artificial viscosity takes the energy. Forces along the line between two particles keep the angular "
+    f"momentum to rounding; LAMMPS loses a little of it by {FORCE_PER_VOLUME.id}.",
     left_out="Shapes and pressures at later times are published as figures of other codes, whose numbers could not be "
     "confirmed.",
 )
@@ -210,8 +210,8 @@ DROP = Flow(
     ),
     findings=(FORCE_PER_VOLUME,),
     validates="free surfaces under an outside force, frequency of a fluid",
-    limits="The surface of a disc of square cells is known to half a spacing, and the fluid is compressed by 0.4 % "
-    "whatever the spacing: about 1 % of error in the axis stays.",
+    limits="The fluid is compressed, whatever the spacing: an error of the axis stays, and the period goes to one "
+    "below that of the ellipse.",
     left_out=NO_TENSION + "The drop swings under a central force instead.",
 )
 

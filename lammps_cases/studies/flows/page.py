@@ -132,7 +132,8 @@ def _section(validated: Validated, name: str, flows: Sequence[Flow], figures: Pa
             parts += [Heading(of.heading), *_described(validated, of)]
         if of.panels:
             parts.append(Picture(saved(figure(validated, of), figures, of.name)))
-    parts.append(Picture(saved(convergence(validated, flows), figures, f"{_file(name)}-order")))
+    if any(len(row.values) > 1 for of in flows for row in rows(validated, of)):
+        parts.append(Picture(saved(convergence(validated, flows), figures, f"{_file(name)}-order")))
     parts += [_details(validated, of) for of in flows]
     title = COMPARED[name].heading if name in COMPARED else f"Benchmark {name}"
     return Section(_file(name), title, parts)
@@ -248,7 +249,8 @@ def rows(validated: Validated, of: Flow) -> list[Row]:
         for each in of.quantities
         for side in sides
     ]
-    for k, name in enumerate(dict.fromkeys(name for run in runs for name in run.errors)):
+    measures = list(dict.fromkeys(name for run in runs for name in run.errors)) or [panel.name for panel in of.panels]
+    for k, name in enumerate(measures or ["the flow"]):
         found += [Row(of.heading, f"error of {name}", side, by_n(side, name, "errors"), 0.0) for side in sides]
         if of.published and of.published.errors and not k:
             published = dict(of.published.errors)
@@ -333,13 +335,12 @@ def statements(validated: Validated, of: Flow) -> Iterator[tuple[str, str]]:
     yield "order that theory allows", of.expected
     setups = [f"{REFERENCE}, {name}" for name in of.setups]
     for title, sides in (("order reached", [REFERENCE, LAMMPS]), ("in other set-ups", setups)):
-        found = [row for row in rows(validated, of) if row.side in sides and math.isfinite(row.order)]
-        orders = {(row.side, row.name): f"{row.name} {order(row.order)}" for row in found}
-        told = [
-            f"{side}: {', '.join(said for (of_side, _), said in orders.items() if of_side == side)}" for side in sides
-        ]
-        if orders:
-            yield title, "; ".join(told)
+        told: dict[str, list[str]] = {}
+        for row in rows(validated, of):
+            if row.side in sides and math.isfinite(row.order):
+                told.setdefault(row.side, []).append(f"{row.name} {order(row.order)}")
+        if told:
+            yield title, "; ".join(f"{side}: {', '.join(words)}" for side, words in told.items())
     if of.limits:
         yield "what limits it", of.limits
     n, values = starts(validated, of)

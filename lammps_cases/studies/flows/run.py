@@ -105,10 +105,7 @@ def _in_turn(
 
 
 def _tasks(of: Flow, quick: bool, full: bool, workers: Workers) -> Iterator[FlowTask]:
-    """Yield both sides at every resolution; unless quick also the other set-ups.
-
-    Unless quick, at the coarsest resolution also other starts, each finding, and another unit of length.
-    """
+    """Yield both sides at every resolution; unless quick also set-ups, and at the coarsest starts, findings, a unit."""
     resolutions = (of.quick or of.resolutions[:1]) if quick else (*of.resolutions, *(of.full if full else ()))
     lammps = partial(in_worker, workers=workers, time_limit=LIMIT)
     for n in resolutions:
@@ -117,10 +114,10 @@ def _tasks(of: Flow, quick: bool, full: bool, workers: Workers) -> Iterator[Flow
     if not quick:
         for name, options in of.setups.items():
             other = replace(of, options=options)
-            yield from (FlowTask(other, n, f"{REFERENCE}, {name}", by_reference) for n in of.resolutions)
+            yield from (FlowTask(other, n, f"{REFERENCE}, {name}", by_reference) for n in of.resolutions[:2])
         if of.quantities:
-            for k in range(STARTS):
-                yield FlowTask(of, resolutions[0], f"{START}{k + 1}", partial(_displaced, k + 1))
+            starts = range(1, STARTS + 1)
+            yield from (FlowTask(of, resolutions[0], f"{START}{k}", partial(_displaced, k)) for k in starts)
         first = of.start(resolutions[0], of.options)
         if any(first.steps) and first.body is None:  # whose formulas are in the first unit
             yield FlowTask(of, resolutions[0], UNIT, partial(_in_another_unit, solve=lammps))

@@ -101,10 +101,15 @@ def _summary(validated: Validated, groups: Mapping[str, Sequence[Flow]]) -> Tabl
                     *("" if ours.is_error else number(ours.known), ours.finest),
                     *(ours.said(ours.finest) + (f" ± {spread}" if spread else ""), ours.missed),
                     theirs.said(theirs.finest) + at if theirs.values else "stopped",
-                    *(order(ours.order), _linked(spoils(validated, of)) or "none found"),
+                    *(order(ours.order), _linked(spoils(validated, of)) or _no_bug(validated, of)),
                 )
             )
     return Table([*columns, "LAMMPS' bug that spoils it"], found, "Summary")
+
+
+def _no_bug(validated: Validated, of: Flow) -> str:
+    tried = any(side == UNIT or side in BUGS for side in validated.sides(of.name))
+    return "none found" if tried else "none tried"
 
 
 def _linked(bugs: Iterable[str]) -> Markup:
@@ -282,7 +287,8 @@ def spoils(validated: Validated, of: Flow) -> dict[str, str]:
     """Return by finding how LAMMPS' bug changes a number by a hundredth or more, or that atoms are lost."""
     runs = validated.of(of.name, LAMMPS)
     found = {bug: "atoms are lost" for run in runs if run.lost for bug in run.lost.findings}
-    every = [row for row in rows(validated, of) if not row.is_error]
+    every = rows(validated, of)
+    every = [row for row in every if not row.is_error] or every
     ours = {row.name: row for row in every if row.side == REFERENCE}
     for row in every:
         bug = FORCE_PER_VOLUME.id if row.side == UNIT else row.side

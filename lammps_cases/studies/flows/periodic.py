@@ -22,6 +22,7 @@ import numpy as np
 from eos_ref import InputError
 from eos_ref.analytic import waves
 from eos_ref.eos.table import EOS, FloatArray, examples
+from lammps_cases.findings.thermal import HEAT_IS_TEMPERATURE_RATE
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.particles import entries
 from lammps_cases.studies.flows.flow import Options, Snapshot, Start, fluid, relative, rows, start, time_step
@@ -106,6 +107,7 @@ SHEAR = Flow(
     _shear_measures,
     RK1,
     QUICK,
+    validates="viscosity",
 )
 
 
@@ -147,6 +149,8 @@ HEAT = Flow(
     _heat_measures,
     RK1,
     QUICK,
+    findings=(HEAT_IS_TEMPERATURE_RATE,),
+    validates="conduction of heat",
 )
 
 
@@ -213,6 +217,7 @@ SOUND = Flow(
     _sound_measures,
     RK1,
     QUICK,
+    validates="equation of state, continuity",
 )
 SOUNDS = tuple(
     replace(SOUND, name=f"sound-wave-{law.replace('/', '-')}", options=replace(RK1, extra={"law": law})) for law in LAWS
@@ -274,6 +279,7 @@ VORTICES = Flow(
     _vortex_measures,
     RK1,
     QUICK,
+    validates="viscosity, motion of particles",
 )
 
 FLOWS = (SHEAR, VORTICES, HEAT, *SOUNDS)

@@ -96,6 +96,8 @@ DROP = Flow(
     _drop,
     _drop_errors,
     quick=QUICK,
+    findings=(FORCE_PER_VOLUME,),
+    validates="free surface",
 )
 
 
@@ -153,6 +155,8 @@ INTERFACE = Flow(
     _interface,
     _interface_errors,
     quick=QUICK,
+    findings=(FORCE_PER_VOLUME,),
+    validates="two fluids",
 )
 
 FLOWS = (DROP, INTERFACE)
@@ -277,6 +281,8 @@ SHOCK_TUBE = Flow(
     _tube,
     _tube_errors,
     quick=SHOCK_QUICK,
+    findings=(FORCE_PER_VOLUME,),
+    validates="ideal gas, shocks",
 )
 
 SHOCKS = (SHOCK_TUBE,)

@@ -105,6 +105,8 @@ def _channel_flow(name: str, about: str, expected: str, drive: Drive) -> Flow:
         partial(_channel, drive=drive),
         partial(_channel_errors, drive=drive),
         Options(kernel="RK1"),  # whose first moments are exact on every lattice; the quintic's are off by 8e-4
+        findings=(WALL_VELOCITY_LOST,) if drive.plate and drive.reconstruct else (),
+        validates="walls, viscosity",
     )
 
 
@@ -210,6 +212,8 @@ TANK = Flow(
     _tank_errors,
     # The lattice sum that replaces the first moment of grad W is 1 - 1.4e-4 there, and 1 + 8.0e-4 with 3 spacings.
     Options(cut=2.7),
+    findings=(FORCE_PER_VOLUME,),
+    validates="gravity, walls, free surface",
 )
 
 FLOWS = (POISEUILLE, COUETTE, COUETTE_STORED, TANK)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from lammps_cases.records.wording import brief
+from lammps_cases.records.wording import brief, times
 from lammps_cases.studies.chart.record import LAMMPS, ONE_BIT, MethodPoint, Panel
 
 NOTICEABLE = 1.1  # factor between times from which another method is worth a condition
@@ -28,6 +28,8 @@ def recommendation(panel: Panel) -> str:
     time = {m: math.prod(_slowness(m, of) for of in regimes.values()) ** (1 / len(regimes)) for m in own}
     enough = [m for m in own if excess[m] <= ONE_BIT]
     chosen = min(enough, key=time.__getitem__) if enough else min(own, key=excess.__getitem__)
+    if math.isinf(excess[chosen]):
+        return "No method is right everywhere."
     fastest = min(own, key=time.__getitem__)
     sentences = [f"Use “{chosen}”: {_error(chosen, regimes)}, {_cost(chosen, fastest, time)}"]
     sentences += _exceptions(chosen, own, regimes)
@@ -55,7 +57,7 @@ def _error(method: str, regimes: Mapping[str, Points]) -> str:
 def _cost(method: str, fastest: str, time: Mapping[str, float]) -> str:
     if method == fastest:
         return "none is faster"
-    return f"{time[method] / time[fastest]:.2g} times the time of the fastest, “{fastest}”"
+    return f"{times(time[method] / time[fastest])} times the time of the fastest, “{fastest}”"
 
 
 def _exceptions(chosen: str, own: list[str], regimes: Mapping[str, Points]) -> list[str]:
@@ -67,7 +69,7 @@ def _exceptions(chosen: str, own: list[str], regimes: Mapping[str, Points]) -> l
         if factor > NOTICEABLE:
             where.setdefault(best, {})[regime] = points[chosen].ns.median / points[best].ns.median
     return [
-        f"“{method}”, {max(faster.values()):.2g} times as fast, only for {' or '.join(faster)}"
+        f"“{method}”, {times(max(faster.values()))} times as fast, only for {' or '.join(faster)}"
         for method, faster in where.items()
     ]
 
@@ -79,8 +81,8 @@ def _of_lammps(chosen: str, regimes: Mapping[str, Points]) -> str:
     if not compared:
         return ""
     lost, regime, _ = max(compared)
-    times = [ratio for _, _, ratio in compared]
-    took = f"{min(times):.2g}" if len(times) == 1 else f"{min(times):.2g} to {max(times):.2g}"
+    ratios = [ratio for _, _, ratio in compared]
+    took = " to ".join(dict.fromkeys(times(ratio) for ratio in (min(ratios), max(ratios))))
     least = math.log10(ONE_BIT)
     accuracy = f"loses up to {lost:.1f} digits against it, at {regime}," if lost > least else "is as accurate"
     return f" LAMMPS {accuracy} and takes {took} times as long."

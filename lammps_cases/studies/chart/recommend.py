@@ -17,7 +17,7 @@ def recommendation(panel: Panel) -> str:
     """Return the method to use everywhere, better ones for some regimes, and what LAMMPS loses against it.
 
     A method will do in a regime if its error is at most twice the least one there, or `ROUNDED`. Of those that will do
-    in every regime the fastest is recommended, by the geometric mean of its time over the shortest; if there is none,
+    in every regime the fastest is recommended, by the geometric mean of its time over the shortest; if none will,
     the one whose error exceeds the least by the smallest factor.
     """
     regimes = {name: {p.method: p for p in panel.of(name)} for name in panel.regimes}
@@ -81,8 +81,8 @@ def _of_lammps(chosen: str, regimes: Mapping[str, Points]) -> str:
     if not compared:
         return ""
     lost, regime, _ = max(compared)
-    ratios = [ratio for _, _, ratio in compared]
-    took = " to ".join(dict.fromkeys(times(ratio) for ratio in (min(ratios), max(ratios))))
+    ratios = [ratio for _, _, ratio in compared if ratio > 0]  # a difference of two noisy times may be negative
+    took = " to ".join(dict.fromkeys(times(of(ratios)) for of in (min, max))) if ratios else ""
     least = math.log10(ONE_BIT)
     accuracy = f"loses up to {lost:.1f} digits against it, at {regime}," if lost > least else "is as accurate"
-    return f" LAMMPS {accuracy} and takes {took} times as long."
+    return f" LAMMPS {accuracy}" + (f" and takes {took} times as long." if took else ".")

@@ -59,6 +59,10 @@ def sentence(given: Given) -> str:
             {"all": {"RK1": (0.01, 1.0), "LAMMPS RK1": (0.01, 9.0), "LAMMPS RK2": (1.0, 9.0)}},
             "Use “RK1”: error of at most 0.01, none is faster. LAMMPS is as accurate and takes 9 times as long.",
         ),
+        (  # the time of LAMMPS is a difference, negative on a busy machine
+            {"all": {"a": (1e-15, 1.0), "LAMMPS": (1e-15, -0.5)}},
+            "Use “a”: error of at most 1e-15, none is faster. LAMMPS is as accurate.",
+        ),
         ({"all": {"LAMMPS": (1e-3, 1.0)}}, ""),
         ({"all": {"a": (math.inf, 1.0), "b": (math.nan, 2.0)}}, "No method is right everywhere."),
     ],

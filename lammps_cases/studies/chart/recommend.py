@@ -69,9 +69,15 @@ def _exceptions(chosen: str, own: list[str], regimes: Mapping[str, Points]) -> l
         if factor > NOTICEABLE:
             where.setdefault(best, {})[regime] = points[chosen].ns.median / points[best].ns.median
     return [
-        f"“{method}”, {times(max(faster.values()))} times as fast, only for {' or '.join(faster)}"
+        f"“{method}”, {times(max(faster.values()))} times as fast, only for {_listed([*faster])}"
         for method, faster in where.items()
     ]
+
+
+def _listed(regimes: list[str]) -> str:
+    """Return regimes in a row, the variable of all only once: d from 0 to 1 or 1 to 2."""
+    variable, word, _ = regimes[0].partition(" from ")
+    return " or ".join([regimes[0], *(regime.removeprefix(variable + word) for regime in regimes[1:])])
 
 
 def _of_lammps(chosen: str, regimes: Mapping[str, Points]) -> str:

@@ -41,6 +41,15 @@ def sentence(given: Given) -> str:
             "Use “difference”: error of at most 4e-16 everywhere, 3 times the time of the fastest, “printed”; "
             "“printed”, 3 times as fast, only for far.",
         ),
+        (  # two regimes of the same variable
+            {
+                "d from 0 to 1": {"a": (1e-15, 1.0), "b": (1e-15, 3.0)},
+                "d from 1 to 2": {"a": (1e-15, 1.0), "b": (1e-15, 3.0)},
+                "d from 2 to 3": {"a": (1.0, 1.0), "b": (1e-15, 3.0)},
+            },
+            "Use “b”: error of at most 1e-15 everywhere, 3 times the time of the fastest, “a”; "
+            "“a”, 3 times as fast, only for d from 0 to 1 or 1 to 2.",
+        ),
         (  # hardly faster: no exception
             {"near": {"a": (1e-4, 1.0), "b": (4e-16, 1.05)}, "far": {"a": (4e-16, 1.0), "b": (4e-16, 1.05)}},
             "Use “b”: error of at most 4e-16 everywhere, 1.05 times the time of the fastest, “a”.",

@@ -38,7 +38,7 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Choice:
+class MethodChoice:
     """The method that ``method="auto"`` takes for some densities, and why; `str` says it in a sentence.
 
     Attributes
@@ -113,7 +113,7 @@ def named(name: str, law: EOS) -> LawMethod:
     raise InputError("method", f"must, for {law.style}, be {AUTO} or one of {names}", name)
 
 
-def choose(law: EOS, rho_n: FloatArray, e_n: FloatArray | None, tolerance: float) -> Choice:
+def choose(law: EOS, rho_n: FloatArray, e_n: FloatArray | None, tolerance: float) -> MethodChoice:
     """Return the cheapest method whose pressures of some states have a relative error of at most a tolerance, and why.
 
     The error is relative as in `eos_ref.methods.worst`. It is searched for over the interval of the densities
@@ -132,7 +132,7 @@ def choose(law: EOS, rho_n: FloatArray, e_n: FloatArray | None, tolerance: float
     for method in candidates:
         error = worst_error(method, law, rho_n, e_n)
         if error <= tolerance:
-            return Choice(method, error, tolerance, len(rho_n), seconds.get(method, np.nan), tuple(refused))
+            return MethodChoice(method, error, tolerance, len(rho_n), seconds.get(method, np.nan), tuple(refused))
         refused.append((method.name, error))
     least = min(error for _, error in refused)
     raise InputError("tolerance", f"must be at least {least:.2g}, what the best method reaches here", tolerance)

@@ -20,7 +20,7 @@ from lammps_cases.claims.probes.probe import error_words
 from lammps_cases.engine import cluster
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.wording import brief
-from lammps_cases.studies.chart.record import Chart
+from lammps_cases.studies.chart.record import ONE_PER_CENT, Chart
 from lammps_cases.studies.flows.cavity import CAVITY, STORED
 from lammps_cases.studies.flows.flow import Options, Snapshot, Start
 from lammps_cases.studies.flows.known import Flow
@@ -212,7 +212,8 @@ def recommendation(case: Compared, runs: Runs) -> str:
     common = max(error for error, _ in best.values())
     took = {code: min(s for error, s in solved[code] if error <= common) for code in best}
     order = sorted(took, key=took.__getitem__)
-    least = min(best, key=best.__getitem__)
+    smallest = min(error for error, _ in best.values())
+    least = min((code for code in best if best[code][0] <= ONE_PER_CENT * smallest), key=lambda code: best[code][1])
     return (
         f"{case.flow.title}: an error of {brief(common)} takes {', '.join(f'{c} {took[c]:.2g} s' for c in order)}; "
         f"the least error is that of {least}, {brief(best[least][0])} in {best[least][1]:.2g} s"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from lammps_cases.records.wording import brief
+from lammps_cases.records.wording import brief, times
 from lammps_cases.studies.chart.record import LAMMPS, ONE_BIT, MethodPoint, Panel
 
 NOTICEABLE = 1.1  # factor between times from which another method is worth a condition
@@ -17,7 +17,7 @@ def recommendation(panel: Panel) -> str:
     """Return the method to use everywhere, better ones for some regimes, and what LAMMPS loses against it.
 
     A method will do in a regime if its error is at most twice the least one there, or `ROUNDED`. Of those that will do
-    in every regime the fastest is recommended, by the geometric mean of its time over the shortest; if there is none,
+    in every regime the fastest is recommended, by the geometric mean of its time over the shortest; if none will,
     the one whose error exceeds the least by the smallest factor.
     """
     regimes = {name: {p.method: p for p in panel.of(name)} for name in panel.regimes}
@@ -28,6 +28,8 @@ def recommendation(panel: Panel) -> str:
     time = {m: math.prod(_slowness(m, of) for of in regimes.values()) ** (1 / len(regimes)) for m in own}
     enough = [m for m in own if excess[m] <= ONE_BIT]
     chosen = min(enough, key=time.__getitem__) if enough else min(own, key=excess.__getitem__)
+    if math.isinf(excess[chosen]):
+        return "No method is right everywhere."
     fastest = min(own, key=time.__getitem__)
     sentences = [f"Use “{chosen}”: {_error(chosen, regimes)}, {_cost(chosen, fastest, time)}"]
     sentences += _exceptions(chosen, own, regimes)
@@ -55,7 +57,7 @@ def _error(method: str, regimes: Mapping[str, Points]) -> str:
 def _cost(method: str, fastest: str, time: Mapping[str, float]) -> str:
     if method == fastest:
         return "none is faster"
-    return f"{time[method] / time[fastest]:.2g} times the time of the fastest, “{fastest}”"
+    return f"{times(time[method] / time[fastest])} times the time of the fastest, “{fastest}”"
 
 
 def _exceptions(chosen: str, own: list[str], regimes: Mapping[str, Points]) -> list[str]:
@@ -67,9 +69,15 @@ def _exceptions(chosen: str, own: list[str], regimes: Mapping[str, Points]) -> l
         if factor > NOTICEABLE:
             where.setdefault(best, {})[regime] = points[chosen].ns.median / points[best].ns.median
     return [
-        f"“{method}”, {max(faster.values()):.2g} times as fast, only for {' or '.join(faster)}"
+        f"“{method}”, {times(max(faster.values()))} times as fast, only for {_listed([*faster])}"
         for method, faster in where.items()
     ]
+
+
+def _listed(regimes: list[str]) -> str:
+    """Return regimes in a row, the variable of all only once: d from 0 to 1 or 1 to 2."""
+    variable, word, _ = regimes[0].partition(" from ")
+    return " or ".join([regimes[0], *(regime.removeprefix(variable + word) for regime in regimes[1:])])
 
 
 def _of_lammps(chosen: str, regimes: Mapping[str, Points]) -> str:
@@ -79,8 +87,8 @@ def _of_lammps(chosen: str, regimes: Mapping[str, Points]) -> str:
     if not compared:
         return ""
     lost, regime, _ = max(compared)
-    times = [ratio for _, _, ratio in compared]
-    took = f"{min(times):.2g}" if len(times) == 1 else f"{min(times):.2g} to {max(times):.2g}"
+    ratios = [ratio for _, _, ratio in compared if ratio > 0]  # a difference of two noisy times may be negative
+    took = " to ".join(dict.fromkeys(times(of(ratios)) for of in (min, max))) if ratios else ""
     least = math.log10(ONE_BIT)
     accuracy = f"loses up to {lost:.1f} digits against it, at {regime}," if lost > least else "is as accurate"
-    return f" LAMMPS {accuracy} and takes {took} times as long."
+    return f" LAMMPS {accuracy}" + (f" and takes {took} times as long." if took else ".")

@@ -100,8 +100,8 @@ def main(example: PeerFlow, scheme: str, times: list[float]) -> None:
     app, options, edge, speed, origin = example
     times = [t * edge / speed for t in times]
     with tempfile.TemporaryDirectory() as folder:
-        run = f"--scheme {scheme} --no-openmp --tf {times[-1]!r} --pfreq 1000000000 --directory {folder}".split()
-        app.setup([*options, *run])
+        run = f"--scheme {scheme} --no-openmp --tf {times[-1]!r} --pfreq 1000000000 --directory".split()
+        app.setup([*options, *run, folder])
         app.solver.set_output_at_times(times)
         begin = time.process_time()
         app.solve()

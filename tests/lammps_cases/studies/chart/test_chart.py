@@ -55,7 +55,8 @@ def made_panel() -> Panel:
     }
     errors = {"fast": 1e-4, "exact": 1e-15, "bad": math.inf, "LAMMPS exact": 1e-8}
     points = compared([point("q", "near <&> far", m, errors[m], timings[m], 10.0, "why") for m in timings], timings)
-    return Panel("p", "A panel", "About it.", "error of it", "state", points, roofline_ns=20.0)
+    spread = replace(points[0], median=1e-9, p99=1e-6, worst_at="rho = 1.5")
+    return Panel("p", "A panel", "About it.", "error of it", "state", (spread, *points[1:]), roofline_ns=20.0)
 
 
 def made_chart(version: str = "1", **more: Any) -> Chart:
@@ -152,6 +153,8 @@ def test_chart_round_trips_and_its_tables_hold_every_point_and_error(tmp_path: P
     points = list(csv.DictReader((tmp_path / "points.csv").read_text().splitlines()))
     assert [row["method"] for row in points] == ["fast", "exact", "bad", "LAMMPS exact"]
     assert points[3]["dominated_by"] == "exact"
+    assert [points[0][name] for name in ("median", "p99", "worst_at")] == ["1e-09", "1e-06", "rho = 1.5"]
+    assert [points[1][name] for name in ("median", "p99", "worst_at")] == ["", "", ""]
     rows = list(csv.DictReader((tmp_path / "errors.csv").read_text().splitlines()))
     assert [row["n"] for row in rows if row["side"] == REFERENCE] == ["8", "16", "32"]
     assert float(rows[0]["order"]) == rounded(2.0, 16)
@@ -184,6 +187,8 @@ def test_page_shows_the_points_and_is_reproducible(tmp_path: Path) -> None:
     assert "near &lt;&amp;&gt; far" in html and "near <&>" not in html
     assert "frontier: fast (4.0 digits, 100 ns), then exact (15.0 digits, 500 ns)" in html
     assert "none right" in html
+    assert "Use “exact”: error of at most 1e-15" in html
+    assert "<td>rho = 1.5</td>" in html and "median error" in html
     ids = re.findall(r'\bid="([^"]+)"', html)
     assert len(ids) == len(set(ids))
     assert set(re.findall(r'(?:xlink:href="#|url\(#)([^")]+)', html)) <= set(ids)
@@ -204,6 +209,10 @@ def test_drawn_frontier_is_that_of_the_points() -> None:
     assert list(line.get_xdata())[1:-1] == [p.ns.median for p in best]
     assert list(line.get_ydata())[1:-1] == [p.digits for p in best]
     assert panel.roofline_ns in [line.get_xdata()[0] for line in axis.lines]
+    fast = panel.points[0]
+    assert ([fast.ns.median] * 2, [4.0, 9.0]) in [
+        (list(line.get_xdata()), list(line.get_ydata())) for line in axis.lines
+    ]
 
 
 def test_legend_has_every_method_and_lammps_shares_its_shape() -> None:
@@ -307,8 +316,10 @@ def test_lammps_has_the_error_of_its_order_of_operations(quick: tuple[Chart, Pat
     panels = {panel.title: panel for panel in quick[0].sections[0].panels}
     for panel in panels.values():
         for regime in panel.regimes:
-            errors = {p.method: p.error for p in panel.of(regime)}
+            errors = {p.method: (p.error, p.median, p.p99, p.worst_at) for p in panel.of(regime)}
             assert errors["LAMMPS"] == errors["in LAMMPS' order"]
+            assert all(0 < p.median < p.p99 <= p.error for p in panel.of(regime) if p.median is not None and p.p99)
+            assert all(p.worst_at.startswith("rho = ") for p in panel.of(regime))
     water = panels["Pressure of tait/water"]
     near = {p.method: p.digits for p in water.of(water.regimes[0])}
     assert near["LAMMPS"] < 9 < 14 < near["compiled"], "it loses digits near rho0"

@@ -69,14 +69,15 @@ def test_error_of_vortices_is_that_of_their_speed(tmp_path: Path, factor: float)
     assert errors["rate"] == pytest.approx(np.log(factor), rel=0, abs=left)
 
 
-@pytest.mark.parametrize("case", [CAVITY, DAM], ids=lambda case: case.flow.name)
+@pytest.mark.parametrize("case", [CAVITY, DAM, DROP], ids=lambda case: case.flow.name)
 def test_front_and_line_profile_are_measured_as_ours(tmp_path: Path, case: codes.Compared) -> None:
     """Initial particles in PySPH's format have the same errors as in ours."""
     start = case.flow.start(N, case.flow.options)
     wet_n = start.atoms.type_n == 1
     x_nc, v_nc = start.atoms.x_nc[wet_n, :2], np.full((wet_n.sum(), 2), 0.3)
     values = dict(zip("xyuv", (*(x_nc / N).T.tolist(), *v_nc.T.tolist()), strict=True))
-    shots: list[dict[str, object]] = [{"time": step * start.timestep / N, **values} for step in start.steps]
+    unit = N / case.speed(N)
+    shots: list[dict[str, object]] = [{"time": step * start.timestep / unit, **values} for step in start.steps]
     result = by_pysph(answering(tmp_path, shots), case, "edac", N, start)
     exact = [replace(shot, x_nc=start.atoms.x_nc[:, :2]) for shot in result.snapshots]
     errors = [case.flow.measures(N, case.flow.options, of)[case.measure] for of in (result.snapshots, exact)]
@@ -195,6 +196,30 @@ def test_code_has_one_colour_and_stopped_runs_no_point() -> None:
     [sound] = page.codes_figure(made(LAMMPS, (0.1, 0.05))).axes
     assert [line.get_color() for line in sound.lines] == [RED]
     assert [row[-1] for row in codes.rows(runs)][2:4] == ["Lost atoms", "Lost atoms"]
+
+
+@pytest.mark.parametrize(
+    ("errors", "words"),
+    [
+        (
+            {"reference": (0.1, 0.05), "lammps": (0.2, 0.07), "PySPH tvf": ()},
+            "an error of 0.07 takes reference 4 s, LAMMPS 4 s; the least error is that of reference, 0.05 in 4 s; "
+            "PySPH tvf stops at every N.",
+        ),
+        (
+            {"reference": (0.1, 0.05), "lammps": (0.2, 0.11)},
+            "an error of 0.11 takes reference 0.5 s, LAMMPS 4 s; the least error is that of reference, 0.05 in 4 s.",
+        ),
+        (  # the same error to one per cent: the faster one
+            {"reference": (0.1, np.nan), "lammps": (0.2, 0.0999)},
+            "an error of 0.1 takes reference 0.5 s, LAMMPS 4 s; the least error is that of reference, 0.1 in 0.5 s.",
+        ),
+        ({"lammps": ()}, "no code solves it."),
+    ],
+)
+def test_sentence_compares_seconds_at_an_error_that_all_reach(errors: dict[str, tuple[float, ...]], words: str) -> None:
+    runs = [made(engine, of) for engine, of in errors.items()]
+    assert codes.recommendation(VORTICES, runs) == f"{SWIRL.title}: {words}"
 
 
 def test_saved_document_has_only_codes_and_no_paths() -> None:

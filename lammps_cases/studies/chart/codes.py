@@ -204,7 +204,8 @@ def rows(runs: Sequence[FlowRecord]) -> Iterator[tuple[str, ...]]:
 
 def recommendation(case: Compared, runs: Runs) -> str:
     """State the seconds that every code needs for an error that all reach, and which code reaches the least one."""
-    solved = {code: [(run.errors[case.measure], run.seconds) for run in of if run.errors] for code, of in runs.items()}
+    every = {code: [(run.errors.get(case.measure, np.nan), run.seconds) for run in of] for code, of in runs.items()}
+    solved = {code: [pair for pair in pairs if np.isfinite(pair[0])] for code, pairs in every.items()}
     stopped = [code for code, pairs in solved.items() if not pairs]
     best = {code: min(pairs) for code, pairs in solved.items() if pairs}
     if not best:

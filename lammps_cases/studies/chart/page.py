@@ -247,7 +247,7 @@ def _mark(point: MethodPoint, colour: str, shape: str, filled: bool, label: str 
 def _spread(point: MethodPoint, median: float, colour: str) -> Curve:
     """Return the line from the digits of the largest error to those of the median."""
     style = {"color": colour, "lw": 1, "alpha": 0.5}
-    return Curve("", [point.ns.median] * 2, [point.digits, digits(median)], style)
+    return Curve("to the median error", [point.ns.median] * 2, [point.digits, digits(median)], style)
 
 
 def map_figure(data: Map) -> Figure:

@@ -202,23 +202,23 @@ def test_code_has_one_colour_and_stopped_runs_no_point() -> None:
     ("errors", "words"),
     [
         (
-            {"reference": (0.1, 0.05), "lammps": (0.2, 0.07), "PySPH tvf": ()},
+            {REFERENCE: (0.1, 0.05), LAMMPS: (0.2, 0.07), "PySPH tvf": ()},
             "an error of 0.07 takes reference 4 s, LAMMPS 4 s; the least error is that of reference, 0.05 in 4 s; "
             "PySPH tvf stops at every N.",
         ),
         (
-            {"reference": (0.1, 0.05), "lammps": (0.2, 0.11)},
+            {REFERENCE: (0.1, 0.05), LAMMPS: (0.2, 0.11)},
             "an error of 0.11 takes reference 0.5 s, LAMMPS 4 s; the least error is that of reference, 0.05 in 4 s.",
         ),
         (  # the same error to one per cent: the faster one
-            {"reference": (0.1, np.nan), "lammps": (0.2, 0.0999)},
+            {REFERENCE: (0.1, np.nan), LAMMPS: (0.2, 0.0999)},
             "an error of 0.1 takes reference 0.5 s, LAMMPS 4 s; the least error is that of reference, 0.1 in 0.5 s.",
         ),
-        ({"lammps": ()}, "no code solves it."),
+        ({LAMMPS: ()}, "no code solves it."),
     ],
 )
 def test_sentence_compares_seconds_at_an_error_that_all_reach(errors: dict[str, tuple[float, ...]], words: str) -> None:
-    runs = [made(engine, of) for engine, of in errors.items()]
+    runs = {code: made(code, of) for code, of in errors.items()}
     assert codes.recommendation(VORTICES, runs) == f"{SWIRL.title}: {words}"
 
 

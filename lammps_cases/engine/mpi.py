@@ -21,7 +21,7 @@ SETTINGS = {
     "OMPI_MCA_rmaps_base_oversubscribe": "1",
     "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
 }
-# More ranks than cores: ranks of MPICH that wait must give way, which Open MPI's do by themselves. On 2 cores 4 ranks of a
+# More ranks than cores: ranks of MPICH that wait must give way, as those of Open MPI do. On 2 cores 4 ranks of a
 # small case take 0.3 s in place of 2.0 s, 8 ranks 0.6 s in place of 3.8 s.
 YIELDING = {
     "MPIR_CVAR_POLLS_BEFORE_YIELD": "1",

@@ -112,11 +112,13 @@ def departures(one: Columns, other: Columns, digits: int | None = None) -> tuple
 
 def difference(a: float, b: float, digits: int | None = None) -> float:
     """Return the difference of two numbers relative to the larger; 0 if it is at most a unit in the last digit."""
-    larger = max(abs(a), abs(b))
     if a == b or (math.isnan(a) and math.isnan(b)):
         return 0.0
+    if not math.isfinite(a - b):
+        return math.inf
+    larger = max(abs(a), abs(b))
     unit = 10.0 ** (math.floor(math.log10(larger)) + 1 - digits) if digits else 0.0
-    return 0.0 if abs(a - b) <= unit * 1.001 else abs(a - b) / larger
+    return 0.0 if abs(a - b) <= 1.001 * unit else abs(a - b) / larger  # 1.001: of digits read as doubles
 
 
 def collect(

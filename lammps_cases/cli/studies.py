@@ -1,4 +1,4 @@
-"""Studies beyond the cases: chart, validate, stability, examples, inputs."""
+"""Studies beyond the cases: chart, validate, stability, examples, logs, inputs."""
 
 from __future__ import annotations
 
@@ -316,7 +316,7 @@ def logs_command(
     resume: Resume = True,
     as_json: Json = False,
 ) -> int:
-    """Run LAMMPS' own RHEO examples, and say where their thermo output leaves the logs that LAMMPS ships.
+    """Compare runs of LAMMPS' own RHEO examples with the logs shipped with them.
 
     Each deck runs on one rank and on several, with every engine; with the first one also on one rank with all atoms
     moved by about one ulp. A cell of the table has, for each column, the first step at which it differs, beyond the

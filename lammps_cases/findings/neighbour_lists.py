@@ -92,17 +92,50 @@ class NeighbourList:
         puts what it moves first aside, in the slot after the last particle's. Particles ``new_n`` are created again.
         """
         left_sc = np.zeros((len(new.row_s), held_sc.shape[1]))
-        for rank in np.unique(self.rank_s):
-            before, after = np.flatnonzero(self.rank_s == rank), np.flatnonzero(new.rank_s == rank)
-            own, stays = before[self.own_s[before]], new.row_s[after[new.own_s[after]]]
-            before[: len(own)] = own[after_deletion(np.arange(len(own)), ~np.isin(self.row_s[own], stays))]
-            kept = min(len(before), len(after))
-            left_sc[after[:kept]] = held_sc[before[:kept]]
-            first = first_of_last_cycle(recreated(self.row_s[own], new_n), stays)
+        memory = [held_sc[self.rank_s == rank] for rank in range(len(self.low_rc))]
+        self._exchange(new, memory, own_nc)
+        for rank, memory_sc in enumerate(memory):
+            after = np.flatnonzero(new.rank_s == rank)
+            own, stays = (of.row_s[of.own_s & (of.rank_s == rank)] for of in (self, new))
+            kept = min(len(memory_sc), len(after))
+            left_sc[after[:kept]] = memory_sc[:kept]
+            first = first_of_last_cycle(recreated(own, new_n), stays)
             if first is not None and len(stays) < kept:
                 left_sc[after[len(stays)]] = own_nc[first]
         left_sc[new.own_s] = own_nc[new.row_s[new.own_s]]
         return left_sc
+
+    def _exchange(self, new: NeighbourList, memory: list[FloatArray], own_nc: FloatArray) -> None:
+        """Move particles in the memory of processes to those that have them in the next list, along one axis at a time.
+
+        A slot that becomes free takes the last particle, whose slot keeps its content; what arrives, also on its way to
+        a third process, takes the next slot.
+        """
+        own = [self.row_s[self.own_s & (self.rank_s == rank)].tolist() for rank in range(len(memory))]
+        home_n = np.empty(len(own_nc), int)
+        home_n[new.row_s[new.own_s]] = new.rank_s[new.own_s]
+        if all((home_n[rows] == rank).all() for rank, rows in enumerate(own)):
+            return
+        _, place_rc = new._grid(self.x_sc.shape[1])
+        rank_at = {tuple(place): rank for rank, place in enumerate(place_rc.tolist())}
+        for axis in range(place_rc.shape[1]):
+            arrived: list[list[int]] = [[] for _ in memory]
+            for rank, rows in enumerate(own):
+                towards_nc = np.tile(place_rc[rank], (len(home_n), 1))
+                towards_nc[:, axis] = place_rc[home_n, axis]
+                to_n = np.array([rank_at[tuple(place)] for place in towards_nc.tolist()])
+                for row in rows:
+                    if to_n[row] != rank:
+                        arrived[to_n[row]].append(row)
+                content = after_deletion(np.arange(len(rows)), to_n[rows] != rank)
+                memory[rank][: len(rows)] = memory[rank][content]
+                own[rank] = np.array(rows)[content][: (to_n[rows] == rank).sum()].tolist()
+            for rank, rows in enumerate(arrived):
+                first = len(own[rank])
+                own[rank] += rows
+                new_sc = np.zeros((max(len(own[rank]) - len(memory[rank]), 0), own_nc.shape[1]))
+                memory[rank] = np.concatenate([memory[rank], new_sc])
+                memory[rank][first : len(own[rank])] = own_nc[rows]
 
 
 def recreated(row_s: IntArray, new_n: BoolArray | bool) -> IntArray:

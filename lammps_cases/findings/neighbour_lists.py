@@ -111,30 +111,27 @@ class NeighbourList:
         A slot that becomes free takes the last particle, whose slot keeps its content; what arrives, also on its way to
         a third process, takes the next slot.
         """
-        own = [self.row_s[self.own_s & (self.rank_s == rank)].tolist() for rank in range(len(memory))]
+        own = [self.row_s[self.own_s & (self.rank_s == rank)] for rank in range(len(memory))]
         home_n = np.empty(len(own_nc), int)
         home_n[new.row_s[new.own_s]] = new.rank_s[new.own_s]
-        if all((home_n[rows] == rank).all() for rank, rows in enumerate(own)):
-            return
-        _, place_rc = new._grid(self.x_sc.shape[1])
-        rank_at = {tuple(place): rank for rank, place in enumerate(place_rc.tolist())}
-        for axis in range(place_rc.shape[1]):
+        grid_c, place_rc = new._grid(self.x_sc.shape[1])
+        if np.prod(grid_c) != len(place_rc):  # of a tiling: at once
+            grid_c, place_rc = np.array([len(place_rc)]), np.arange(len(place_rc))[:, None]
+        rank_at = np.argsort(np.ravel_multi_index(place_rc.T, grid_c))
+        for axis in range(len(grid_c)):
             arrived: list[list[int]] = [[] for _ in memory]
-            for rank, rows in enumerate(own):
-                towards_nc = np.tile(place_rc[rank], (len(home_n), 1))
-                towards_nc[:, axis] = place_rc[home_n, axis]
-                to_n = np.array([rank_at[tuple(place)] for place in towards_nc.tolist()])
-                for row in rows:
-                    if to_n[row] != rank:
-                        arrived[to_n[row]].append(row)
-                content = after_deletion(np.arange(len(rows)), to_n[rows] != rank)
-                memory[rank][: len(rows)] = memory[rank][content]
-                own[rank] = np.array(rows)[content][: (to_n[rows] == rank).sum()].tolist()
+            for rank, row_s in enumerate(own):
+                place_sc = np.where(np.arange(len(grid_c)) == axis, place_rc[home_n[row_s]], place_rc[rank])
+                to_s = rank_at[np.ravel_multi_index(place_sc.T, grid_c)]
+                content_s, gone = _deletion(np.arange(len(row_s)), to_s != rank)
+                memory[rank][: len(row_s)] = memory[rank][content_s]
+                own[rank] = row_s[content_s][: len(row_s) - len(gone)]
+                for slot in gone:
+                    arrived[to_s[slot]].append(row_s[slot])
             for rank, rows in enumerate(arrived):
-                first = len(own[rank])
-                own[rank] += rows
-                new_sc = np.zeros((max(len(own[rank]) - len(memory[rank]), 0), own_nc.shape[1]))
-                memory[rank] = np.concatenate([memory[rank], new_sc])
+                first, own[rank] = len(own[rank]), np.append(own[rank], np.array(rows, int))
+                missing = max(len(own[rank]) - len(memory[rank]), 0)
+                memory[rank] = np.pad(memory[rank], ((0, missing), (0, 0)))
                 memory[rank][first : len(own[rank])] = own_nc[rows]
 
 
@@ -163,14 +160,20 @@ def first_of_last_cycle(old_s: IntArray, new_s: IntArray) -> int | None:
 
 def after_deletion(row_s: IntArray, gone_n: BoolArray) -> IntArray:
     """Return the content of slots after a deletion: each free one is filled from the last slot in use."""
-    held_s, used, slot = row_s.copy(), len(row_s), 0
+    return _deletion(row_s, gone_n)[0]
+
+
+def _deletion(row_s: IntArray, gone_n: BoolArray) -> tuple[IntArray, list[int]]:
+    """Return the same, and what is deleted, in that order."""
+    held_s, used, slot, gone = row_s.copy(), len(row_s), 0, list[int]()
     while slot < used:
         if gone_n[held_s[slot]]:
             used -= 1
+            gone.append(int(held_s[slot]))
             held_s[slot] = held_s[used]
         else:
             slot += 1
-    return held_s
+    return held_s, gone
 
 
 class FollowingLists(ArrayEvaluator):

@@ -28,7 +28,7 @@ from lammps_cases.audit.rerun import AS_IT_IS, FINER
 from lammps_cases.comparison import store
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
-from lammps_cases.engine.ranks import first_pressure
+from lammps_cases.engine.ranks import played
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.case_parts import ClosedRecord, SeriesRecord
 from lammps_cases.records.deck_wording import effects
@@ -115,10 +115,16 @@ def shipped_log(path: Path) -> ShippedLog | None:
     if path.stat().st_size > LARGEST:
         return None
     text = path.read_text(errors="replace")
-    version, loop = VERSION.search(text), LOOP.search(text)
+    version, loop, columns = VERSION.search(text), LOOP.search(text), columns_of(text)
+    return ShippedLog(path.name, version[1], int(loop[1]), columns) if version and loop and columns else None
+
+
+def columns_of(text: str) -> dict[str, list[float]]:
+    """Return the thermo output of the first run of a log by column; nothing if the run did not end."""
+    loop = LOOP.search(text)
     head = re.search(r"^[ \t]*Step[ \t]+.*$", text, re.MULTILINE)
-    if version is None or loop is None or head is None:
-        return None
+    if loop is None or head is None:
+        return {}
     titles, rows = head[0].split(), []
     for line in text[head.end() : loop.start()].splitlines():
         try:
@@ -127,8 +133,7 @@ def shipped_log(path: Path) -> ShippedLog | None:
             continue  # a warning in between
         if len(row) == len(titles):
             rows.append(row)
-    columns = {title: [row[k] for row in rows] for k, title in enumerate(titles)}
-    return ShippedLog(path.name, version[1], int(loop[1]), columns) if rows else None
+    return {title: [row[k] for row in rows] for k, title in enumerate(titles)} if rows else {}
 
 
 @dataclass(frozen=True)
@@ -204,7 +209,7 @@ def collect(
         who = provenance.engine_record(engine, workers.identify().result())
         origin = store.code(), who.library_sha256, options.words(), trust
         for at, deck in enumerate(decks):
-            key = store.fingerprint(deck.name, _digest(deck.path.parent), origin)
+            key = store.fingerprint(deck.name, digest(deck.path.parent), origin)
             example = kept.get(key)
             if example is not None and (folder / deck.name / "run.json").exists():
                 examples.append(example)
@@ -221,7 +226,8 @@ def collect(
     return Examples(command, full, who, time.perf_counter() - begin + kept.earlier, tuple(examples))
 
 
-def _digest(folder: Path) -> str:
+def digest(folder: Path) -> str:
+    """Return the SHA-256 of the files of a folder."""
     digest = hashlib.sha256()
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         digest.update(f"{path.relative_to(folder)} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
@@ -236,8 +242,10 @@ def _pressures(
         return ()
     pressures = []
     for count, newton in [*((count, None) for count in sorted({1, *(log.ranks for log in logs)})), (1, True)]:
-        found = workers.outcome(workers.call(first_pressure, deck.path, count, newton, time_limit=LIMIT))
-        press, message = (None, found.message) if isinstance(found, Failure) else (found, "")
+        found = workers.outcome(workers.call(played, deck.path, count, 0, newton, time_limit=LIMIT))
+        first = {} if isinstance(found, Failure) else columns_of(found)
+        press = next(iter(first.get("Press", [])), None)
+        message = found.message if isinstance(found, Failure) else "" if first else "not printed"
         pressures.append(FirstPressure(count, "on" if newton else "as in the deck", press, message))
     return tuple(pressures)
 

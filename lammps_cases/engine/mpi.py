@@ -21,6 +21,14 @@ SETTINGS = {
     "OMPI_MCA_rmaps_base_oversubscribe": "1",
     "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
 }
+# More ranks than cores: ranks of MPICH that wait must give way, as those of Open MPI do. On 2 cores 4 ranks of a
+# small case take 0.3 s in place of 2.0 s, 8 ranks 0.6 s in place of 3.8 s.
+YIELDING = {
+    "MPIR_CVAR_POLLS_BEFORE_YIELD": "1",
+    "MPIR_CVAR_ENABLE_HEAVY_YIELD": "1",
+    "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1",
+    "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "10",
+}
 
 
 class LauncherMissing(RuntimeError):
@@ -113,6 +121,8 @@ def launcher(site: Path, count: int) -> tuple[list[str], dict[str, str]]:
     """
     # MPI's variables of the process that loaded it must not reach another start.
     environment = {key: text for key, text in os.environ.items() if not key.startswith(("PMI", "OMPI_COMM", "PRTE_"))}
+    if count > len(os.sched_getaffinity(0)):
+        environment = YIELDING | environment
     template = os.environ.get(VARIABLE)
     if template:
         return shlex.split(template.format(n=count)), {**SETTINGS, **environment}

@@ -2,14 +2,13 @@
 
 ``python -m lammps_cases.engine.ranks FOLDER SITE PARENT`` is what a rank runs, job after job: each leaves its own
 atoms, and `solve` joins them. LAMMPS initialises MPI itself, and files carry the jobs and the answers, so that this
-package needs no MPI. ``python -m lammps_cases.engine.ranks DECK SITE`` prints the first pressure of a deck.
+package needs no MPI. ``python -m lammps_cases.engine.ranks DECK SITE`` runs a deck.
 """
 
 from __future__ import annotations
 
 import atexit
 import itertools
-import json
 import os
 import pickle
 import re
@@ -270,10 +269,16 @@ def _atoms_of(parts: Sequence[dict[str, Array]]) -> dict[str, Array]:
     return {name: np.concatenate([part[name] for part in parts])[order_n] for name in parts[0]}
 
 
-def first_pressure(
-    site: str | None, deck: Path, count: int, newton: bool | None = None, timeout: float = 120.0
-) -> float:
-    """Task: return the pressure that thermo prints before the first step of a deck, on some number of ranks.
+def played(
+    site: str | None,
+    deck: Path,
+    count: int,
+    steps: int = 0,
+    newton: bool | None = None,
+    moved: float = 0.0,
+    timeout: float = 120.0,
+) -> str:
+    """Task: return the log of a deck on some number of ranks, with all digits of its thermo output.
 
     Parameters
     ----------
@@ -281,8 +286,12 @@ def first_pressure(
         It is read as far as its first run command.
     count : int
         Number of ranks.
+    steps : int
+        That it runs.
     newton : bool, optional
         A setting to use in place of the deck's.
+    moved : float
+        Largest random displacement of every atom along x and y, in units of the deck.
 
     Raises
     ------
@@ -292,30 +301,31 @@ def first_pressure(
         LAMMPS stopped with an error, or took too long.
     """
     command, environment = _launcher(site, count) if count > 1 else ([], dict(os.environ))
-    with tempfile.TemporaryDirectory(prefix="eos-ref-first-") as folder:
-        begun = Path(folder) / "in.first"
-        begun.write_text(_begun(deck.read_text(), newton))
+    with tempfile.TemporaryDirectory(prefix="eos-ref-played-") as folder:
+        begun, log = Path(folder) / "in.begun", Path(folder) / "log"
+        begun.write_text(_begun(deck.read_text(), log, steps, newton, moved))
         try:
             outcome = subprocess.run(
                 [*command, *PROGRAM, str(begun), site or ""], cwd=deck.parent, stdin=subprocess.DEVNULL,
                 capture_output=True, text=True, timeout=timeout, env=_with_packages(environment), check=False,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
-            raise EngineRefused(f"no pressure within {timeout:g} s") from None
-    lines = [line for line in outcome.stdout.splitlines() if line.startswith("{")]
-    if not lines:
-        printed = [line for line in (outcome.stderr + outcome.stdout).splitlines() if line.strip()]
-        raise EngineRefused(printed[-1].strip() if printed else f"LAMMPS ended with exit status {outcome.returncode}")
-    return float(json.loads(lines[0])["press"])
+            raise EngineRefused(f"no end within {timeout:g} s") from None
+        text = log.read_text(errors="replace") if log.exists() else ""
+    if "Loop time" in text:
+        return text
+    printed = [line for line in (outcome.stderr + outcome.stdout).splitlines() if line.strip()]
+    raise EngineRefused(printed[-1].strip() if printed else f"LAMMPS ended with exit status {outcome.returncode}")
 
 
-def _begun(text: str, newton: bool | None) -> str:
-    """Return a deck up to its first run, which takes no step."""
+def _begun(text: str, log: Path, steps: int, newton: bool | None, moved: float) -> str:
+    """Return a deck up to its first run, which takes some steps and is logged."""
     run = RUN.search(text)
     text = text[: run.start()] if run else text
     if newton is not None:
         text = re.sub(r"^[ \t]*newton\s.*", f"newton {'on' if newton else 'off'}", text, flags=re.MULTILINE)
-    return f"{text}\nrun 0\n"
+    move = f"displace_atoms all random {moved} {moved} 0 1 units box\n" if moved else ""
+    return f"{text}\n{move}log {log}\nthermo_modify format float %24.17g\nrun {steps}\n"
 
 
 # --- inside a rank ---
@@ -343,18 +353,10 @@ def _rank(folder: Path, site: str | None) -> None:
             os._exit(1)  # other ranks may wait for this one for ever; mpiexec ends them
 
 
-def _print_pressure(deck: str, site: str | None) -> None:
-    """Print the pressure, on the first of the ranks."""
-    with Session(site) as lmp:
-        lmp.file(deck)
-        press = lmp.get_thermo("press")
-        if lmp.extract_setting("world_rank") == 0:
-            print(json.dumps({"press": press}), flush=True)
-
-
 if __name__ == "__main__":
     if len(sys.argv) == 3:
-        _print_pressure(sys.argv[1], sys.argv[2] or None)
+        with Session(sys.argv[2] or None) as lmp:
+            lmp.file(sys.argv[1])
     else:
         threading.Thread(target=die_with, args=(int(sys.argv[3]),), daemon=True).start()
         _rank(Path(sys.argv[1]), sys.argv[2] or None)

@@ -92,17 +92,47 @@ class NeighbourList:
         puts what it moves first aside, in the slot after the last particle's. Particles ``new_n`` are created again.
         """
         left_sc = np.zeros((len(new.row_s), held_sc.shape[1]))
-        for rank in np.unique(self.rank_s):
-            before, after = np.flatnonzero(self.rank_s == rank), np.flatnonzero(new.rank_s == rank)
-            own, stays = before[self.own_s[before]], new.row_s[after[new.own_s[after]]]
-            before[: len(own)] = own[after_deletion(np.arange(len(own)), ~np.isin(self.row_s[own], stays))]
-            kept = min(len(before), len(after))
-            left_sc[after[:kept]] = held_sc[before[:kept]]
-            first = first_of_last_cycle(recreated(self.row_s[own], new_n), stays)
+        memory = [held_sc[self.rank_s == rank] for rank in range(len(self.low_rc))]
+        self._exchange(new, memory, own_nc)
+        for rank, memory_sc in enumerate(memory):
+            after = np.flatnonzero(new.rank_s == rank)
+            own, stays = (of.row_s[of.own_s & (of.rank_s == rank)] for of in (self, new))
+            kept = min(len(memory_sc), len(after))
+            left_sc[after[:kept]] = memory_sc[:kept]
+            first = first_of_last_cycle(recreated(own, new_n), stays)
             if first is not None and len(stays) < kept:
                 left_sc[after[len(stays)]] = own_nc[first]
         left_sc[new.own_s] = own_nc[new.row_s[new.own_s]]
         return left_sc
+
+    def _exchange(self, new: NeighbourList, memory: list[FloatArray], own_nc: FloatArray) -> None:
+        """Move particles in the memory of processes to those that have them in the next list, along one axis at a time.
+
+        A slot that becomes free takes the last particle, whose slot keeps its content; what arrives, also on its way to
+        a third process, takes the next slot.
+        """
+        own = [self.row_s[self.own_s & (self.rank_s == rank)] for rank in range(len(memory))]
+        home_n = np.empty(len(own_nc), int)
+        home_n[new.row_s[new.own_s]] = new.rank_s[new.own_s]
+        grid_c, place_rc = new._grid(self.x_sc.shape[1])
+        if np.prod(grid_c) != len(place_rc):  # of a tiling: at once
+            grid_c, place_rc = np.array([len(place_rc)]), np.arange(len(place_rc))[:, None]
+        rank_at = np.argsort(np.ravel_multi_index(place_rc.T, grid_c))
+        for axis in range(len(grid_c)):
+            arrived: list[list[int]] = [[] for _ in memory]
+            for rank, row_s in enumerate(own):
+                place_sc = np.where(np.arange(len(grid_c)) == axis, place_rc[home_n[row_s]], place_rc[rank])
+                to_s = rank_at[np.ravel_multi_index(place_sc.T, grid_c)]
+                content_s, gone = _deletion(np.arange(len(row_s)), to_s != rank)
+                memory[rank][: len(row_s)] = memory[rank][content_s]
+                own[rank] = row_s[content_s][: len(row_s) - len(gone)]
+                for slot in gone:
+                    arrived[to_s[slot]].append(row_s[slot])
+            for rank, rows in enumerate(arrived):
+                first, own[rank] = len(own[rank]), np.append(own[rank], np.array(rows, int))
+                missing = max(len(own[rank]) - len(memory[rank]), 0)
+                memory[rank] = np.pad(memory[rank], ((0, missing), (0, 0)))
+                memory[rank][first : len(own[rank])] = own_nc[rows]
 
 
 def recreated(row_s: IntArray, new_n: BoolArray | bool) -> IntArray:
@@ -130,14 +160,20 @@ def first_of_last_cycle(old_s: IntArray, new_s: IntArray) -> int | None:
 
 def after_deletion(row_s: IntArray, gone_n: BoolArray) -> IntArray:
     """Return the content of slots after a deletion: each free one is filled from the last slot in use."""
-    held_s, used, slot = row_s.copy(), len(row_s), 0
+    return _deletion(row_s, gone_n)[0]
+
+
+def _deletion(row_s: IntArray, gone_n: BoolArray) -> tuple[IntArray, list[int]]:
+    """Return the same, and what is deleted, in that order."""
+    held_s, used, slot, gone = row_s.copy(), len(row_s), 0, list[int]()
     while slot < used:
         if gone_n[held_s[slot]]:
             used -= 1
+            gone.append(int(held_s[slot]))
             held_s[slot] = held_s[used]
         else:
             slot += 1
-    return held_s
+    return held_s, gone
 
 
 class FollowingLists(ArrayEvaluator):

@@ -30,6 +30,7 @@ Kind = Literal[
     "costs",
     "validate",
     "examples",
+    "logs",
 ]
 _VERSIONS: Mapping[Kind, int] = {
     "run": 2,
@@ -46,6 +47,7 @@ _VERSIONS: Mapping[Kind, int] = {
     "costs": 1,
     "validate": 1,
     "examples": 1,
+    "logs": 1,
 }
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
 

@@ -33,6 +33,7 @@ ROUTES: tuple[Route, ...] = get_args(Route)
 AS_TEXT: tuple[Route, ...] = ("data", "data nofix")
 FROM_FILE: tuple[Route, ...] = ("restart", *AS_TEXT, "other scene", "by hand")
 REDEFINED: tuple[Route, ...] = (*AS_TEXT, "redefined", "by hand")
+MOST_RANKS = 64  # of one LAMMPS on one machine
 QUARTER = 4  # one atom in this many is recreated
 LOSES_MASSES: tuple[Route, ...] = (*AS_TEXT, "replicated", "recreated", "by hand")  # particles' own masses
 FOR_EACH_ATOM: tuple[Route, ...] = ("set", "recreated", "by hand")  # commands that hold LAMMPS' values of every atom
@@ -132,7 +133,7 @@ class EngineSettings(Rebuild):
         None,
         description="distance from a process at which it has images and others' particles, in spacings",
     )
-    ranks: Literal[1, 2] = 1
+    ranks: int = Field(1, ge=1, le=MOST_RANKS, strict=True)
     processors: tuple[int, int, int] | None = Field(None, description="how processes share the box; default: LAMMPS'")
     communication: Literal["brick", "tiled"] = "brick"
     balance: Annotated[int, Field(ge=1, strict=True)] | None = Field(
@@ -185,7 +186,9 @@ class TwinSettings(SceneModel):
     skin: Annotated[Positive | None, NUMBER] = Field(None, description="another skin, in spacings")
     rebuild: Rebuild | None = Field(None, description="neighbour lists built at other steps")
     split: Literal[True] | None = Field(None, description="one run against two, the second with pre no")
-    ranks: Literal[2] | None = Field(None, description="two processes against one")
+    ranks: Annotated[int, Field(ge=2, le=MOST_RANKS, strict=True)] | None = Field(
+        None, description="several processes against one"
+    )
     tilt: tuple[Edges] | tuple[Edges, Edges, Edges] | None = Field(
         None, description="by how many whole edges the box is tilted further: xy in 2D; xy, xz and yz in 3D"
     )

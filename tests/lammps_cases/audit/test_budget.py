@@ -27,7 +27,7 @@ from lammps_cases.audit.rerun import closed, deviation
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
-from lammps_cases.engine.ranks import first_pressure
+from lammps_cases.engine.ranks import played
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.records.case_parts import BudgetPart, BudgetRecord, ClosedRecord, SeriesRecord
@@ -363,12 +363,16 @@ def test_pressure_depends_on_ranks_with_newton_off(tmp_path: Path) -> None:
     """Finding virials-cancel; on one rank with newton on, it is the reference's except for the part of the origin."""
     shutil.copy(DECKS / "in.vortices", tmp_path)
     deck = tmp_path / "in.vortices"
-    one, two = (first_pressure(None, deck, count) for count in (1, 2))
+
+    def press(count: int, newton: bool | None = None) -> float:
+        return examples.columns_of(played(None, deck, count, 0, newton))["Press"][0]
+
+    one, two = press(1), press(2)
     assert one != two
     case = audited("vortices")
     right = case.budgets[0].press
     assert right is not None and "virials-cancel" in case.budgets[0].press_findings
-    on = first_pressure(None, deck, 1, newton=True)
+    on = press(1, newton=True)
     assert abs(on - right) < min(abs(one - right), abs(two - right))
 
 

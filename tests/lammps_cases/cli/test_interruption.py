@@ -19,6 +19,7 @@ COMMANDS = {  # the function that works, and its journal
     "validate": ("lammps_cases.studies.flows.run.validate", "runs.jsonl"),
     "chart": ("lammps_cases.studies.chart.collect.collect", "sections.jsonl"),
     "examples": ("lammps_cases.audit.examples.collect", "decks.jsonl"),
+    "logs": ("lammps_cases.audit.logs.collect", "runs.jsonl"),
 }
 
 
@@ -41,7 +42,7 @@ def test_message_states_what_is_kept_and_an_empty_folder_is_removed(
     (tmp_path / "in.flow").touch()
     if existed:
         out.mkdir(parents=True)
-    words = ["--from", tmp_path] if command == "examples" else []
+    words = ["--from", tmp_path] if command in ("examples", "logs") else []
     code, _, err = eos_ref_command(command, *words, "--out", out)
     resumes = f": what is done is in {file}; the same command, without --fresh, resumes"
     assert code == 130

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _ctypes
+import os
 import shutil
 import sys
 from collections.abc import Callable
@@ -242,6 +243,15 @@ def test_given_launcher(monkeypatch: pytest.MonkeyPatch) -> None:
         command, environment = mpi.launcher(Path("nowhere"), 3)
         assert command == [sys.executable, "--ranks=3", "a b"] and environment["OMPI_ALLOW_RUN_AS_ROOT"] == after
         assert not {"PMI_RANK", "OMPI_COMM_WORLD_SIZE"} & environment.keys(), "of the process that loaded MPI"
+
+
+@pytest.mark.parametrize("spare", [-1, 0])
+def test_ranks_beyond_the_cores_give_way(spare: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(mpi.VARIABLE, f"{sys.executable} {{n}}")
+    monkeypatch.setenv("MPIR_CVAR_POLLS_BEFORE_YIELD", "7")
+    _, environment = mpi.launcher(Path("nowhere"), len(os.sched_getaffinity(0)) - spare)
+    assert (mpi.YIELDING.keys() <= environment.keys()) == (spare < 0)
+    assert environment["MPIR_CVAR_POLLS_BEFORE_YIELD"] == "7", "what the user set stays"
 
 
 def test_launcher_next_to_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

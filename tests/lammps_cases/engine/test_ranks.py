@@ -104,6 +104,21 @@ def test_nothing_of_mpich_outlives_its_processes(job: Job) -> None:
         assert all(name.endswith("(deleted)") for name in _names(pid)), _names(pid)
 
 
+@pytest.mark.parametrize("name", [f"ranks.{scene}.one-four" for scene in ("walls", "surface", "heat")])
+def test_cases_move_particles_over_the_corner_of_four(name: str) -> None:
+    """A particle whose process changes along both axes at once; LAMMPS divides the box of these cases in 2 by 2."""
+    (case,) = casefile.select(casefile.load(), (name,))
+    ready = prepared_case.prepare(case)
+    (job,) = (job for job in ready.jobs if job.ranks == 4)
+    answer = ranks.solve(None, job)
+    half_c = (ready.atoms.low_c + ready.atoms.high_c)[:2] / 2
+    sides_nc = [x_nc[:, :2] < half_c for x_nc in (job.x_nc, answer.arrays["x"])]
+    assert (sides_nc[0] != sides_nc[1]).all(axis=1).any()
+    in_place = replace(job, setup=(*job.setup[:3], "processors 2 2 1", *job.setup[3:]))
+    again = ranks.solve(None, in_place)
+    assert all(array.tobytes() == again.arrays[name].tobytes() for name, array in answer.arrays.items())
+
+
 def test_lists_of_all_ranks_are_joined(job: Job) -> None:
     """Every pair is listed once, or for both of its particles if newton is off and two processes share it."""
     for newton, times in ((True, 1), (False, 2)):

@@ -14,7 +14,7 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases.engine.interlude import Interlude
 from lammps_cases.engine.session import RunCommand
-from lammps_cases.findings.neighbour_lists import after_deletion, first_of_last_cycle, recreated
+from lammps_cases.findings.neighbour_lists import NeighbourList, after_deletion, first_of_last_cycle, recreated
 from lammps_cases.findings.walls import WallsSummedAfterSetup
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
@@ -409,6 +409,23 @@ def test_created_with_forces_of_others(lammps: Engine) -> None:
 )
 def test_contents_of_slots_after_a_deletion(order: list[int], gone: list[int], held: list[int]) -> None:
     assert after_deletion(np.array(order), np.isin(np.arange(len(order)), gone)).tolist() == held
+
+
+def test_particle_that_moves_over_a_corner_leaves_its_value_on_the_way() -> None:
+    """Four processes in a square: two particles go from the first to the last by way of the second, the last on top."""
+    low_rc = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
+
+    def listed(*row_rs: list[int]) -> NeighbourList:
+        row_s, rank_s = np.concatenate(row_rs).astype(int), np.repeat(np.arange(4), [len(rows) for rows in row_rs])
+        own_s = np.array([row_s[at] not in row_s[:at] for at in range(len(row_s))])
+        pairs = np.zeros((0, 2), int)
+        return NeighbourList(row_s, np.zeros((len(row_s), 3)), own_s, pairs, rank_s, low_rc, np.array([True, True]))
+
+    old = listed([0, 1], [2, 3], [4, 5], [6, 7])
+    new = listed([], [2, 3, 2, 3, 2], [4, 5], [6, 7, 0, 1])  # the second has three images afterwards
+    held_sc = 10.0 * np.arange(8)[:, None]
+    content_s = old.left_to(new, held_sc, 1.0 + np.arange(8)[:, None])[:, 0]
+    assert content_s.tolist() == [3.0, 4.0, 2.0, 2.0, 0.0, 5.0, 6.0, 7.0, 8.0, 1.0, 2.0]
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,7 @@ COMMON: Mapping[str, float] = {
 CONSISTENT = tuple(name for name, units in UNITS.items() if units.consistent)
 VOLUME = {"sq": 1.0, "hex": math.sqrt(0.75), "sc": 1.0, "bcc": 0.5, "fcc": 0.25}  # of a particle, in cells' edges
 CELLS = {"sq": (3, 9), "hex": (3, 6), "sc": (2, 4), "bcc": (2, 3), "fcc": (2, 2)}
+GRIDS = {2: [[2, 1, 1], [1, 2, 1]], 3: [[3, 1, 1]], 4: [[2, 2, 1], [1, 4, 1]]}  # how processes share a box
 TO_BE_SET = 1.0  # time step, which follows from the scene when it is complete; see `tests.workshop.fuzz.fit`
 RULES: dict[str, Rule] = {
     "dimension": lambda s, part: 3 if s.gives("3D") else 2,
@@ -77,7 +78,7 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(["engine.delay", "twin.rebuild.delay"], lambda s, part: part.get("every", 1) * s.whole(0, 3)),
     "engine.newton": lambda s, part: s.coin(0.3),
     "engine.skin": (0.05, 1.5),
-    "engine.processors": lambda s, part: s.choice([[2, 1, 1], [1, 2, 1]]) if part.get("ranks") == 2 else LEFT_OUT,
+    "engine.processors": lambda s, part: s.choice(GRIDS[part["ranks"]]) if part.get("ranks") in GRIDS else LEFT_OUT,
     # Tiled accepts no periodic box shorter than the cutoff.
     "engine.communication": lambda s, part: "tiled" if not any(around(s)) and s.coin(0.8) else "brick",
     "engine.balance": lambda s, part: s.whole(1, 3) if part.get("communication") == "tiled" else LEFT_OUT,
@@ -85,6 +86,7 @@ RULES: dict[str, Rule] = {
     "twin.boost": lambda s, part: s.vector(3 * speed(s)),
     # Along axes that are not periodic a small one, which the margin has room for.
     "twin.translate": lambda s, part: [s.between(-4, 4) if around_c else s.between(0, 0.3) for around_c in around(s)],
+    "twin.ranks": lambda s, part: s.choice([*GRIDS]),
     "twin.newton": lambda s, part: not s.part("engine").get("newton", True),
     "twin.tilt": lambda s, part: [s.whole(1, 2) * can for can in leaning(s)],
 }
@@ -509,7 +511,7 @@ def compare(s: Drawing, part: Content) -> Any:
 @rule("engine.ranks")
 def ranks(s: Drawing, part: Content) -> int:
     alone = any(stop.get("by") in FOR_EACH_ATOM for stop in s.part("evolve").get("stops", ()))
-    return 2 if not alone and s.coin(0.8) else 1
+    return s.choice([*GRIDS]) if not alone and s.coin(0.8) else 1
 
 
 @rule("engine.boundary")

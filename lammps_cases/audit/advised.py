@@ -18,7 +18,10 @@ from typing import Any
 import numpy as np
 
 from eos_ref.errors import InputError
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.pairs import ROWS, Search
+from eos_ref.kernels import reproducing
+from eos_ref.kernels.styles import KERNELS
 from eos_ref.model.consistent import consistent_model, consistent_state
 from eos_ref.model.state import masses
 from eos_ref.model.units import UNITS
@@ -35,6 +38,7 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import reference_side
+from lammps_cases.studies.stability.advice import MOST, matrices
 from lammps_cases.studies.stability.choice import Choice, FlowScales
 
 
@@ -274,6 +278,7 @@ def scales(sample: ParticleSample, given: Given, timestep: float) -> FlowScales:
         artificial=model.pair.artificial_viscosity > 0,
         surface=flow.surface,
         fewest=_fewest(sample),
+        matrices="" if flow.surface or len(state.x_nc) > MOST else _matrices(sample),
         pressures=units.energy / volume,
         viscous=units.energy * units.density / units.viscosity / volume,
         kernel=model.fix.kernel,
@@ -286,6 +291,16 @@ def scales(sample: ParticleSample, given: Given, timestep: float) -> FlowScales:
 
 def _size(g_c: Any) -> float:
     return float(np.linalg.norm(g_c))
+
+
+def _matrices(sample: ParticleSample) -> str:
+    """Return what the moment matrices of a reproducing kernel are like at the start."""
+    model, state = sample.model, sample.state
+    style = model.fix.kernel if model.corrects_gradients else "RK1"
+    fix = replace(model.fix, kernel=style, zmin=reproducing.basis_size(KERNELS[style].order, model.dimension))
+    evaluator = ArrayEvaluator(replace(model, fix=fix), sample.box, state.type_n, state.solid_n)
+    evaluator.move(state.x_nc)
+    return "".join(f"; {line.text}" for line in matrices(evaluator, np.asarray(state.rho_n, float)))
 
 
 def _fewest(sample: ParticleSample) -> int:

@@ -194,14 +194,15 @@ def _neighbourhoods(model: Model, box: Box, state: State) -> Iterable[Advice]:
         return
     rho_n = np.asarray(state.rho_n, float)
     if model.corrects_gradients:
-        yield from _matrices(evaluator, rho_n)
+        yield from matrices(evaluator, rho_n)
     if surface is not None:
         divr = surface.style == "divergence"
         measure_n = evaluator.surface(state.rho_n)[0].divr_n if divr else evaluator.coordination_n
         yield from _surfaces(np.asarray(measure_n, float)[~state.solid_n], surface)
 
 
-def _matrices(evaluator: ArrayEvaluator, rho_n: FloatArray) -> Iterable[Advice]:
+def matrices(evaluator: ArrayEvaluator, rho_n: FloatArray) -> Iterable[Advice]:
+    """Examine the moment matrices at the positions of an evaluator: those without a factor, the worst condition."""
     m_nbb, definite_n, used_n = moment_matrices(evaluator, rho_n)
     if not used_n.any():
         zmin = evaluator.model.fix.zmin

@@ -43,12 +43,12 @@ class FlowScales:
     speed, because : the fastest of the flow, and where that number comes from
     head, sudden : g H of the weight on axes along which the fluid ends, and whether it begins without its pressure
     gravity : acceleration by all forces
-    sound, stiffest : smallest speed of sound of fix rheo, and the largest of the laws over it; NaN and 1 for a gas
+    sound, stiffest : smallest speed of sound of fix rheo, and the largest of the laws over it; NaN and that of a gas
     nu, heat, smoothing : kinematic viscosity, conductivity/(rho cv), rho/damp
     tension : surface tension over the density
     artificial : whether there is artificial viscosity
     surface : whether fluid lacks neighbours on a side
-    fewest : neighbours of a fluid particle
+    fewest, matrices : neighbours of a fluid particle, and what their moment matrices are like
     pressures, viscous : how many times LAMMPS accelerates too much by pressures and by viscosity
     """
 
@@ -76,6 +76,7 @@ class FlowScales:
     cut: float
     zmin: int
     timestep: float
+    matrices: str = ""
     options: tuple[str, ...] = ()  # of fix rheo that cost time: shift, rho/sum, thermal
 
     @property
@@ -173,7 +174,8 @@ def _sound(of: FlowScales, compressibility: float) -> Chosen:
     each = ", ".join(f"{term}/c^2 = {number(v / c**2, 2)}" for term, v in terms.items() if v > 0)
     why = f"({name} / {compressibility:g})^(1/2): {each}; {of.because}"
     why += "; the weight sets in suddenly, which doubles it" if of.head and of.sudden else ""
-    return Chosen("speed of sound", of.sound, c, f"{why}; now the density varies by {number(largest / of.sound**2, 2)}")
+    why += f"; with the c of the deck the density varies by {number(largest / of.sound**2, 2)}"
+    return Chosen("speed of sound", of.sound, c, why)
 
 
 # --- time step
@@ -202,7 +204,7 @@ def _damping(of: FlowScales, c: float, h: float) -> Chosen:
     if of.surface and of.smoothing < 0.5 * usual and (of.like == "dam-break" or grows):
         why = "0.1 h c, as measured in flow dam-break: else waves of a sudden start add up, and sound grows"
         return Chosen("rho/damp", of.smoothing, float(f"{usual:.3g}"), why)
-    return Chosen("rho/damp", of.smoothing, None, "damps sound; none is needed" if not grows else "kept")
+    return Chosen("rho/damp", of.smoothing, None, "kept" if of.smoothing else "sound needs no damping")
 
 
 def _step(of: FlowScales, c: float, h: float, bounds: dict[str, float], limits: Limits) -> tuple[Chosen, float | None]:
@@ -238,7 +240,7 @@ def lattice_error(dimension: int, cut: float) -> float:
 
 
 def _kernel(of: FlowScales) -> tuple[Chosen, Chosen, Chosen]:
-    ratio, least = of.cut / of.spacing, reproducing.basis_size(1, of.dimension)
+    ratio = of.cut / of.spacing
     keeps = CUTS[0] <= ratio * 1.001 and ratio <= CUTS[1] * 1.001
     cut = of.cut if keeps else float(f"{USUAL_CUT * of.spacing:.2g}")
     miss = brief(abs(lattice_error(of.dimension, cut / of.spacing)))
@@ -257,7 +259,9 @@ def _kernel(of: FlowScales) -> tuple[Chosen, Chosen, Chosen]:
         why = f"there are neighbours on all sides: gradients of {style} are exact, the quintic's at least {miss} off"
         least = reproducing.basis_size(KERNELS[style].order, of.dimension)
         zmin = min(max(of.zmin, least), max(of.fewest, least))
-        why_zmin = f"{style} needs {least} neighbours (map matrices-zmin), the fluid has at least {of.fewest}"
+        why_zmin = (
+            f"{style} needs {least} neighbours (map matrices-zmin), the fluid has at least {of.fewest}{of.matrices}"
+        )
     return (
         Chosen("kernel", of.kernel, style, why),
         Chosen("cut", of.cut, cut, f"{why_cut}; on a lattice the quintic's gradients are {miss} off"),

@@ -161,7 +161,11 @@ CHOSEN: list[tuple[dict[str, Any], str, Any]] = [
     ({"nu": 0.11}, "time step", 0.18),  # 2nu/c^2
     ({"nu": 0.01}, "rho/damp", 0.11),  # 0.1 h c
     ({"nu": 0.01, "artificial": True}, "rho/damp", 0.0),
-    ({"pressures": 100.0, "viscous": 100.0, "nu": 0.02, "artificial": True}, "time step", 0.022),  # LAMMPS' sound is ten times as fast
+    (
+        {"pressures": 100.0, "viscous": 100.0, "nu": 0.02, "artificial": True},
+        "time step",
+        0.022,
+    ),  # LAMMPS' sound is ten times as fast
     ({"pressures": 0.01, "viscous": 0.01}, "time step", 0.22),  # the reference's is the faster one
     ({"kernel": "RK1", "zmin": 8}, "kernel", "quintic"),  # a free surface
     ({"surface": False}, "kernel", "RK1"),

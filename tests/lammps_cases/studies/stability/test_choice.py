@@ -230,3 +230,20 @@ def test_expected_error_is_scaled_by_the_measured_order() -> None:
 
 def test_evidence_is_that_of_the_tables() -> None:
     assert measured_flows.evidence() == evidence()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kernel", "dt"), [("quintic", 0.1), ("quintic", 0.3), ("RK1", 0.1)])
+def test_sound_grows_beyond_the_limit_of_rho_damp(kernel: Any, dt: float) -> None:
+    """The rate over k^2 of a long wave is c^2 dt/4 - (nu + rho/damp)/2; RK1's diffusion leaves long waves alone."""
+    n, damp, amplitude, x_nc = 24, 0.1, 1e-4, rows(0, 8, 24)
+    rho_n = 1 + amplitude * np.cos(2 * np.pi / n * x_nc[:, 0])
+    scene = {"types": [fluid(viscosity=0.0)], "pair": {"rho_damp": damp}}
+    options = Options(kernel=kernel, zmin=0 if kernel == "quintic" else 3)
+    of = start("wave", scene, x_nc, (n, 8), options=options, times=[75.0], timestep=dt, rho_n=rho_n)
+    [last] = by_reference(of).snapshots
+    energy = np.sum(last.v_nc**2) + np.sum((last.rho_n - 1) ** 2)
+    rate = np.log(energy / np.sum((rho_n - 1) ** 2)) / (2 * last.time) / (2 * np.pi / n) ** 2
+    known = dt / 4 - (damp / 2 if kernel == "quintic" else 0.0)
+    assert rate == pytest.approx(known, rel=0.2)
+    assert (rate > 0) == (dt > 2 * damp or kernel == "RK1")

@@ -56,7 +56,8 @@ def scales_of_deck(setups: DeckSetups, given: Given, where: str) -> list[FlowSca
     for run in setups.runs:
         try:
             sample = sample_of(run, setups.start, followed=given.speed is None)
-            sample = replace(sample, model=replace(sample.model, units=run.units))  # type: ignore[arg-type]
+            mass_n = np.full(len(sample.mass_n), np.nan) if run.mass_t is None else sample.mass_n
+            sample = replace(sample, model=replace(sample.model, units=run.units), mass_n=mass_n)  # type: ignore[arg-type]
             found.append(scales(sample, given, run.dt))
         except InputError as error:
             wrong.append(error)
@@ -255,6 +256,8 @@ def scales(sample: ParticleSample, given: Given, timestep: float) -> FlowScales:
         raise InputError("deck", "must hold particles of fluid")
     n_n, full_n = number_density(sample)
     spacing = float(np.nanmedian(n_n)) ** (-1 / model.dimension)
+    filled_n = model.rho0[state.type_n - 1] * spacing**model.dimension  # where particles have masses of their own
+    sample = replace(sample, mass_n=np.where(np.isnan(sample.mass_n), filled_n, sample.mass_n))
     flow = _Flow(sample, given, spacing, bool((np.isfinite(n_n) & ~full_n & ~state.solid_n).any()))
     own = [float(np.median(sample.mass_n[state.type_n == t])) for t in flow.present]
     volume = min(mass / rho for mass, rho in zip(own, flow.rho.values(), strict=True))

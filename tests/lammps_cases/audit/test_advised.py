@@ -150,6 +150,13 @@ def test_flow_of_a_deck(name: str) -> None:
         assert choice.limits["h/4(c+U)"] == pytest.approx(0.1 / 4 / 149, rel=0.02)
 
 
+@pytest.mark.lammps
+def test_particles_with_masses_of_their_own_fill_their_volume(tmp_path: Path) -> None:
+    own = ("mass            * 1.0", "fix m all property/atom rmass ghost yes\nset group all mass 0.7")
+    _, choice = choice_of(saved(tmp_path, edited(own)))
+    assert choice.flow.pressures == pytest.approx(1.0, rel=1e-3)
+
+
 # --- scenes
 
 

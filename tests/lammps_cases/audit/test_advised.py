@@ -58,7 +58,7 @@ def test_advised_deck_changes_its_numbers_alone_and_is_advised_again(tmp_path: P
     """Numbers stand in variables, in lines that go on, and nowhere; several runs have several time steps."""
     text = edited(
         TWO_RUNS,
-        ("interface/reconstruct speed/sound $c $c", "&  # c\n    interface/reconstruct"),
+        ("interface/reconstruct speed/sound $c $c", "&\n    interface/reconstruct  # walls"),
         ("variable        c equal 1.0", "variable        cut equal 5.0"),
         ("pair_style      rheo 3.0", "pair_style      rheo ${cut}"),
         ("all rheo 3.0 RK1", "all rheo ${cut} RK1"),
@@ -71,7 +71,7 @@ def test_advised_deck_changes_its_numbers_alone_and_is_advised_again(tmp_path: P
         ("timestep        0.5", "timestep        0.16"),
         ("timestep 0.3", "timestep 0.16"),
         ("RK1 10", "quintic 0"),
-        ("    interface/reconstruct", "    interface/reconstruct speed/sound 1.55 1.55"),
+        ("reconstruct  # walls", "reconstruct speed/sound 1.55 1.55  # walls"),
         deck=text,
     )
     again = saved(tmp_path, new)
@@ -92,8 +92,8 @@ def test_advised_deck_changes_its_numbers_alone_and_is_advised_again(tmp_path: P
             (),
             "addforce",
         ),
-        (edited(("-fix", "-fix"), deck="-fix"), (), "must reach a run command"),
-        (re.sub("fix .*\n", "", TANK), (), "defines no fix rheo"),
+        (edited(("run             300", "")), (), "must reach a run command"),
+        (re.sub("fix .*\n", "", TANK), (), "Need to define fix rheo"),
         (TANK, ("--compressibility", 0), "compressibility: must lie between 0 and 1"),
         (TANK, ("--length", -1), "length: must be a number from 0 on"),
         (edited(("timestep        0.5", "include step.inc")), ("--write", "new"), "edits lines of in.tank alone"),

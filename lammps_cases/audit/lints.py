@@ -193,19 +193,29 @@ def _speed(t: int, law: EOS, v_nc: Array) -> Iterator[Lint]:
         yield Lint(f"speed {t}", line, speed / law.cs, f"fluid reaches {speed / law.cs:.3g} times the speed of sound")
 
 
+def pulls(sample: ParticleSample, left_out_c: Any) -> Iterator[tuple[BoolArray, Array, float]]:
+    """Yield the fluid that gravity or addforce acts on, (n,), its acceleration (d,) and its height along that.
+
+    ``left_out_c`` are axes along which accelerations do not count.
+    """
+    state = sample.state
+    for action, acts_n in sample.actions:
+        fluid_n = acts_n & ~state.solid_n
+        if action.style == "setforce" or not fluid_n.any():
+            continue
+        vector_c = np.where(left_out_c, 0.0, np.array(action.vector[: sample.model.dimension], float))
+        g_c = vector_c / float(np.median(sample.mass_n[fluid_n])) if action.style == "addforce" else vector_c
+        g = float(np.linalg.norm(g_c))
+        yield fluid_n, g_c, float(np.ptp(state.x_nc[fluid_n] @ g_c)) / g if g > 0 else 0.0
+
+
 def _weight(sample: ParticleSample) -> Iterator[Lint]:
     """Judge the speed of sound by the height of the fluid that is accelerated, but along periodic axes."""
     model, state = sample.model, sample.state
-    for action, acts_n in sample.actions:
-        fluid_n = acts_n & ~state.solid_n
+    for fluid_n, g_c, height in pulls(sample, sample.box.periodic):
         laws = [model.eos[t] for t in np.unique(state.type_n[fluid_n]).tolist()]
-        if action.style == "setforce" or not laws:
-            continue
-        vector_c = np.where(sample.box.periodic, 0.0, np.array(action.vector[: model.dimension], float))
-        g_c = vector_c / float(np.median(sample.mass_n[fluid_n])) if action.style == "addforce" else vector_c
         g = float(np.linalg.norm(g_c))
         c = min((law.cs for law in laws if not law.needs_energy), default=math.inf)
-        height = float(np.ptp(state.x_nc[fluid_n] @ g_c)) / g if g > 0 else 0.0
         fall = math.sqrt(g * height)
         if fall and float(f"{c / fall:.3g}") < SLOW:  # as it is printed
             line = (

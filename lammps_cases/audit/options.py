@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -61,6 +62,21 @@ class DeckLevelOptions(LevelOptions):
         ),
     ] = None  # type: ignore[assignment]  # wider than that of runs
     engine: EngineName = "env"
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a deck cannot say of its flow, in its units; see `lammps_cases.audit.advised`."""
+
+    speed: Annotated[float | None, Option("Largest speed of the flow.", metavar="U")] = None
+    length: Annotated[float | None, Option("Gap, height or box that the flow has.", metavar="L")] = None
+    height: Annotated[float | None, Option("Height of the fluid along gravity.", metavar="H")] = None
+    surface_tension: Annotated[float, Option("Surface tension that other styles of the deck give.", metavar="S")] = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if value is not None and not 0 <= value < math.inf:
+                raise InputError(name, "must be a number from 0 on", value, f"option --{name.replace('_', '-')}")
 
 
 @dataclass(frozen=True)

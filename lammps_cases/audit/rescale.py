@@ -139,7 +139,7 @@ def rescaled(setups: DeckSetups, name: str, target: str) -> RescaledDeck:
         raise InputError("deck", "must have no bonds to be rescaled", deck.bonded[0], name)
     if not np.isfinite([start.x_nc, start.v_nc]).all():
         raise InputError("deck", "must begin with finite positions and velocities to be rescaled", where=name)
-    before = _sample(run, start)
+    before = sample_of(run, start)
     volume = _volume(before, name)
     length = float(f"{volume ** (1 / run.dimension):.15g}")  # a readable number, if any
     scale = Scale(run.dimension, 1 / length)
@@ -149,7 +149,7 @@ def rescaled(setups: DeckSetups, name: str, target: str) -> RescaledDeck:
     other.pair = scaling.words(["pair_style", *deck.pair])[1:]
     start_there = _scaled_start(start, scale)
     stirred = _stirred(start, length, max(law.cs for law in before.model.eos.laws))
-    same = _same(_sample(run, stirred), _sample(replace(run, deck=other), _scaled_start(stirred, scale)), scale)
+    same = _same(sample_of(run, stirred), sample_of(replace(run, deck=other), _scaled_start(stirred, scale)), scale)
     flat = run.dimension == 2 and before.model.fix.interface_reconstruct
     notes = [f"{REPULSION}: relative to other forces it is {1 / length:.6g} times what it was"] if flat else []
     head = [f"# {line}" for line in (*_header(volume, length, scale, name), *notes)]
@@ -170,14 +170,22 @@ def _volume(sample: ParticleSample, name: str) -> float:
     return float(largest)
 
 
-def _sample(run: RunSetup, start: StartState) -> ParticleSample:
+def sample_of(run: RunSetup, start: StartState, followed: bool = True) -> ParticleSample:
+    """Return the particles with which a run would begin, had the runs before it not moved them.
+
+    Raises
+    ------
+    InputError
+        No model that can be followed; if only what is ``followed`` may change forces, a fix that cannot be followed.
+    """
     d, s, model = run.dimension, start, run.model()
     energy_n = s.energy_n if model.thermal is not None else None
     state = State(s.x_nc[:, :d], s.v_nc[:, :d], s.rho_n, s.type_n, s.status_n & SOLID != 0, energy_n)
     low_c, high_c = (tuple(end_c[:d].tolist()) for end_c in s.box_c)
     tilt = tuple(s.tilt_c[: d * (d - 1) // 2].tolist())
     box = Box(low_c, high_c, tuple(s.periodic[:d]), tilt if any(tilt) else ())
-    actions = [(action, s.members[action.group]) for action in run.deck.actions()]
+    acting = run.deck.actions() if followed else run.deck.plain_actions()
+    actions = [(action, s.members[action.group]) for action in acting]
     return ParticleSample(model, box, state, model.mass[s.type_n - 1], actions)
 
 

@@ -20,6 +20,7 @@ FIRST = {
     "Commands": {
         "run": ("run", "Run cases against LAMMPS and write a report: the main job."),
         "audit": ("audit", "Check your input deck, run unmodified, while LAMMPS runs it."),
+        "advise": ("advise", "Choose time step, speed of sound and kernel of your deck, with reasons."),
         "explain": ("explain", "Show the purpose of a case, its laws and bounds, and what it models."),
         "findings": ("findings", "List the findings: where LAMMPS differs from its manual."),
         "report-bug": (

@@ -78,7 +78,7 @@ def time_step(model: Model, step: Numbers, limits: Limits) -> Iterable[Advice]:
     if step.nu > 0:
         limit = "limit of conduction h^2 rho cv/8kappa" if step.conducts else "viscous limit h^2/8nu"
         theory += f", {_share_of(step.viscous)} the {limit}"
-    measured = _nearest(limits, step)
+    measured = nearest(limits, step)
     if measured is not None:
         fraction, text = measured
         yield Advice(
@@ -93,7 +93,7 @@ def time_step(model: Model, step: Numbers, limits: Limits) -> Iterable[Advice]:
     yield from _sound(model, step)
 
 
-def _nearest(limits: Limits, step: Numbers) -> tuple[float, str] | None:
+def nearest(limits: Limits, step: Numbers) -> tuple[float, str] | None:
     """Return the fraction of the stable end of the nearest curve, and which curve it is."""
     curves = list(_of_lammps(limits.curves).values())
     if not curves or not step.fraction > 0:
@@ -114,9 +114,14 @@ def _of_lammps(measured: Iterable[L]) -> dict[tuple[str, str], L]:
     return {(one.map, one.layer): one for one in sorted(measured, key=lambda one: one.engine == "lammps")}
 
 
+def growth_limit(nu: float, c: float) -> float:
+    """Return the time step beyond which long waves of sound grow: c^2 dt/2 k^2, as pressure lags, against nu k^2."""
+    return 2 * nu / c**2 if c > 0 else math.inf
+
+
 def _sound(model: Model, step: Numbers) -> Iterable[Advice]:
-    """Compare the growth rate of a wave, c^2 dt/2 k^2 as pressure lags by half a step, with its damping, nu k^2."""
-    limit = 2 * step.nu / step.c**2 if step.c > 0 else math.inf
+    """Compare the time step with that from which on sound grows."""
+    limit = growth_limit(step.nu, step.c)
     if step.dt <= limit:
         return
     damped = model.pair.artificial_viscosity > 0 or model.pair.rho_damp > 0
@@ -189,14 +194,15 @@ def _neighbourhoods(model: Model, box: Box, state: State) -> Iterable[Advice]:
         return
     rho_n = np.asarray(state.rho_n, float)
     if model.corrects_gradients:
-        yield from _matrices(evaluator, rho_n)
+        yield from matrices(evaluator, rho_n)
     if surface is not None:
         divr = surface.style == "divergence"
         measure_n = evaluator.surface(state.rho_n)[0].divr_n if divr else evaluator.coordination_n
         yield from _surfaces(np.asarray(measure_n, float)[~state.solid_n], surface)
 
 
-def _matrices(evaluator: ArrayEvaluator, rho_n: FloatArray) -> Iterable[Advice]:
+def matrices(evaluator: ArrayEvaluator, rho_n: FloatArray) -> Iterable[Advice]:
+    """Examine the moment matrices at the positions of an evaluator: those without a factor, the worst condition."""
     m_nbb, definite_n, used_n = moment_matrices(evaluator, rho_n)
     if not used_n.any():
         zmin = evaluator.model.fix.zmin

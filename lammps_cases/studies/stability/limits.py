@@ -215,7 +215,7 @@ def _reference(start: Start) -> tuple[Model, State]:
 
 def _same(a: Start, b: Start) -> bool:
     """Return whether two starts have the same materials, methods and particles."""
-    if a.case.scene.types != b.case.scene.types or a.case.scene.rheo != b.case.scene.rheo:
+    if any(getattr(a.case.scene, name) != getattr(b.case.scene, name) for name in ("types", "rheo", "forces")):
         return False
     pairs = [(getattr(a.atoms, name), getattr(b.atoms, name)) for name in ("x_nc", "v_nc", "rho_n", "energy_n")]
     return all(u is w if u is None or w is None else np.array_equal(u, w) for u, w in pairs)

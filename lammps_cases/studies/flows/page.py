@@ -23,7 +23,7 @@ from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.records.journal import Parts
 from lammps_cases.records.wording import brief, number
 from lammps_cases.report.pages import frame
-from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, saved
+from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis, saved
 from lammps_cases.studies.flows.catalogue import COMPARED
 from lammps_cases.studies.flows.known import Curve, Flow, FlowPanel, ReferenceCurve
 from lammps_cases.studies.flows.solve import fit
@@ -313,13 +313,12 @@ def statements(validated: Validated, of: Flow) -> Iterator[tuple[str, str]]:
     yield "order that theory allows", of.expected
     setups = [f"{REFERENCE}, {name}" for name in of.setups]
     for title, sides in (("order reached", [REFERENCE, LAMMPS]), ("in other set-ups", setups)):
-        found = [row for row in rows(validated, of) if row.side in sides and math.isfinite(row.order)]
-        orders = {(row.side, row.name): f"{row.name} {order(row.order)}" for row in found}
-        told = [
-            f"{side}: {', '.join(said for (of_side, _), said in orders.items() if of_side == side)}" for side in sides
-        ]
-        if orders:
-            yield title, "; ".join(told)
+        told: dict[str, list[str]] = {}
+        for row in rows(validated, of):
+            if row.side in sides and math.isfinite(row.order):
+                told.setdefault(row.side, []).append(f"{order(row.order)} ({row.name})")
+        if told:
+            yield title, "; ".join(f"{side}: {', '.join(words)}" for side, words in told.items())
     if of.limits:
         yield "what limits it", of.limits
     n, values = starts(validated, of)
@@ -361,11 +360,13 @@ def convergence(validated: Validated, flows: Sequence[Flow]) -> Figure:
                 label = textwrap.fill(f"{of.title}, {row.side}" if len(flows) > 1 else row.side, 32)
                 axis.loglog(*zip(*sorted(row.values.items()), strict=True), **_style(row.side, mark), label=label)
             if len(flows) == 1 and of.expected[0].isdigit() and every[0].values:
-                n, error = max(every[0].values.items())
-                at = np.array(sorted(every[0].values))
-                guide = error * (n / at) ** int(of.expected[0])
-                axis.loglog(at, guide, color=GREY, lw=0.8, ls=":", label=f"order {of.expected[0]}")
-        axis.set(xlabel="N", ylabel="error")
+                (n, error), ns = max(every[0].values.items()), np.array(sorted(every[0].values))
+                guide = error * (n / ns) ** int(of.expected[0])
+                axis.loglog(ns, guide, color=GREY, lw=0.8, ls=":", label=f"order {of.expected[0]}")
+        at = sorted({n for of in flows for row in rows(validated, of) for n in row.values})
+        axis.set(xlabel="N", ylabel="error", xscale="log", xticks=at, xticklabels=at)
+        axis.minorticks_off()
+        plain_log_axis(axis.yaxis)
         drawn.legend(loc="outside right center", frameon=False, fontsize=7)
         return drawn
 

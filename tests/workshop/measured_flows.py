@@ -13,10 +13,10 @@ from typing import Any
 
 from lammps_cases.records.files import DATA, write_atomically
 from lammps_cases.studies.chart import codes
+from lammps_cases.studies.chart.record import DOCUMENT as CHART
 from lammps_cases.studies.flows import cavity, waves
 from lammps_cases.studies.flows.catalogue import FLOWS
-from lammps_cases.studies.flows.page import DOCUMENT, LAMMPS, REFERENCE
-from lammps_cases.studies.flows.solve import fit
+from lammps_cases.studies.flows.record import DOCUMENT, LAMMPS, REFERENCE, by_side, order
 from lammps_cases.studies.stability.choice import EVIDENCE
 from tests.workshop.tables_validation import MEASURED
 
@@ -63,7 +63,7 @@ def validated() -> dict[str, Any]:
     measured, found = DOCUMENT.read(MEASURED), {}
     for name, measure in VALIDATED.items():
         runs = [measured.of(name, side)[-1] for side in (REFERENCE, LAMMPS)]
-        orders = [measured.order(name, side, measure).order for side in (REFERENCE, LAMMPS)]
+        orders = [order(measured.of(name, side), measure).order for side in (REFERENCE, LAMMPS)]
         errors = (runs[0].errors.get(measure), runs[1].errors.get(measure))
         found[name] = row(measure, runs[0].n, errors, (orders[0], orders[1]), "docs/validation.md")
         found[name]["coarsest"] = measured.of(name, REFERENCE)[0].n
@@ -72,13 +72,13 @@ def validated() -> dict[str, Any]:
 
 def whole_codes() -> dict[str, Any]:
     """Vortices at a Reynolds number of 100."""
-    section = json.loads(MEASURED.with_name("tables_codes.json").read_text(encoding="utf-8"))["sections"][0]
-    sides = {of["engine"]: of for of in section["codes"] if of["flow"] == codes.SWIRL.name}
-    ours, theirs = (sides[side] for side in ("reference", "lammps"))
-    n, errors = ours["resolutions"], [side["errors"]["profile"] for side in (ours, theirs)]
-    orders = [fit(n, of).order for of in errors]
-    made = row("profile", n[-1], (errors[0][-1], errors[1][-1]), (orders[0], orders[1]), "docs/accuracy.md")
-    return {codes.SWIRL.name: made | {"coarsest": n[0]}}
+    section = CHART.read(MEASURED.with_name("tables_codes.json")).sections[0]
+    sides = by_side(section.codes, codes.SWIRL.name)
+    ours, theirs = sides[REFERENCE], sides[LAMMPS]
+    errors = ours[-1].errors["profile"], theirs[-1].errors["profile"]
+    orders = order(ours, "profile").order, order(theirs, "profile").order
+    made = row("profile", ours[-1].n, errors, orders, "docs/accuracy.md")
+    return {codes.SWIRL.name: made | {"coarsest": ours[0].n}}
 
 
 def costs(text: str) -> dict[str, dict[str, float]]:

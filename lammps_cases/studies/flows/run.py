@@ -114,7 +114,7 @@ def _tasks(of: Flow, quick: bool, full: bool, workers: Workers) -> Iterator[Flow
     if not quick:
         for name, options in of.setups.items():
             other = replace(of, options=options)
-            yield from (FlowTask(other, n, f"{REFERENCE}, {name}", by_reference) for n in of.resolutions[:2])
+            yield from (FlowTask(other, n, f"{REFERENCE}, {name}", by_reference) for n in of.resolutions)
         if of.quantities:
             starts = range(1, STARTS + 1)
             yield from (FlowTask(of, resolutions[0], f"{START}{k}", partial(_displaced, k)) for k in starts)

@@ -39,7 +39,7 @@ from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.stability.advice import MOST, matrices
-from lammps_cases.studies.stability.choice import Choice, FlowScales
+from lammps_cases.studies.stability.choice import AdvisedNumbers, FlowScales
 
 
 def scales_of_deck(setups: DeckSetups, given: Given, where: str) -> list[FlowScales]:
@@ -324,7 +324,7 @@ _VARIABLE = re.compile(r"\$\{(\w+)\}|\$(\w)")
 _WORD = re.compile(r"\S+")
 
 
-def advised_deck(deck: Path, setups: DeckSetups, choice: Choice) -> str:
+def advised_deck(deck: Path, setups: DeckSetups, choice: AdvisedNumbers) -> str:
     """Return the text of a deck with the advised numbers in the place of its own; all else stays as it is.
 
     A variable that is a plain number, and stands alone in the place of a number, gets the number itself.
@@ -357,7 +357,7 @@ def advised_deck(deck: Path, setups: DeckSetups, choice: Choice) -> str:
     return "\n".join(lines)
 
 
-def _new_words(values: Sequence[str], choice: Choice, ntypes: int) -> Iterator[tuple[int, str]]:
+def _new_words(values: Sequence[str], choice: AdvisedNumbers, ntypes: int) -> Iterator[tuple[int, str]]:
     """Yield the words of a command that change: their numbers, and the new ones; one behind the last is added."""
     match values:
         case ["timestep", _]:
@@ -379,7 +379,7 @@ def _new_words(values: Sequence[str], choice: Choice, ntypes: int) -> Iterator[t
             yield word, new if isinstance(new, str) else f"{new:.6g}"
 
 
-def _new_speeds(values: Sequence[str], choice: Choice, ntypes: int) -> Iterator[tuple[int, str]]:
+def _new_speeds(values: Sequence[str], choice: AdvisedNumbers, ntypes: int) -> Iterator[tuple[int, str]]:
     sound = choice.line("speed of sound")
     if sound.advised is None or sound.advised == sound.now:
         return
@@ -428,7 +428,7 @@ def _put(lines: list[str], physical: range, word: int, new: str) -> None:
     lines[k] = f"{lines[k][:end]} {new}{lines[k][end:]}"
 
 
-def case_file(case: Case, choice: Choice | None = None) -> str:
+def case_file(case: Case, choice: AdvisedNumbers | None = None) -> str:
     """Return the text of the case file of a scene, with the advised numbers if there are any."""
     content: dict[str, Any] = case.scene.model_dump(mode="json", exclude_unset=True)
     if choice is not None:

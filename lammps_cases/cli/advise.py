@@ -20,7 +20,7 @@ from lammps_cases.records.wording import number
 from lammps_cases.run.options import EngineName, Files, paths
 
 if TYPE_CHECKING:
-    from lammps_cases.studies.stability.choice import Choice
+    from lammps_cases.studies.stability.choice import AdvisedNumbers
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def advise_command(
     return 0
 
 
-def _show(name: str, choice: Choice) -> None:
+def _show(name: str, choice: AdvisedNumbers) -> None:
     of = choice.flow
     scales = {"U": of.speed, "L": of.length, "g H": of.head, "nu": of.nu, "spacing": of.spacing}
     flow = ", ".join(f"{key} {number(value)}" for key, value in scales.items())

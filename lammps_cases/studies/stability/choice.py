@@ -106,7 +106,7 @@ class Chosen:
 
 
 @dataclass(frozen=True)
-class Choice:
+class AdvisedNumbers:
     """All advised numbers of a flow, in the order in which they are chosen.
 
     Attributes
@@ -130,14 +130,14 @@ class Choice:
         return line.now if line.advised is None else line.advised
 
 
-def strictest(flows: Sequence[FlowScales], compressibility: float, limits: Limits) -> Choice:
+def strictest(flows: Sequence[FlowScales], compressibility: float, limits: Limits) -> AdvisedNumbers:
     """Choose for the runs of a deck: the largest speed of sound that one needs, with it the smallest time step."""
     sounds = [_sound(of, compressibility) for of in flows]
     sound = max(sounds, key=lambda each: -1.0 if each.advised is None else float(each.advised))
     return min((choose(of, sound, limits) for of in flows), key=lambda each: float(each.of("time step")))
 
 
-def choose(of: FlowScales, sound: Chosen, limits: Limits) -> Choice:
+def choose(of: FlowScales, sound: Chosen, limits: Limits) -> AdvisedNumbers:
     """Choose the other numbers of a flow with a speed of sound, given the measured limits."""
     c = of.sound if sound.advised is None else float(sound.advised)
     kernel, cut, zmin = _kernel(of)
@@ -148,7 +148,7 @@ def choose(of: FlowScales, sound: Chosen, limits: Limits) -> Choice:
     step, fails = _step(of, c, h, bounds, limits)
     dt, style = float(step.advised or of.timestep), str(kernel.advised or of.kernel)
     chosen = (sound, damping, step, kernel, cut, zmin, *_spacing(of), *_tension(of, c, limits))
-    return Choice(of, (*chosen, *_expected(of, style, dt), *_warned(of, c, h)), bounds, fails)
+    return AdvisedNumbers(of, (*chosen, *_expected(of, style, dt), *_warned(of, c, h)), bounds, fails)
 
 
 # --- speed of sound

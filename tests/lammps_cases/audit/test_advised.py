@@ -19,7 +19,7 @@ from lammps_cases.audit.options import AuditOptions, Given
 from lammps_cases.audit.supervise import described
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
-from lammps_cases.studies.stability.choice import Choice, strictest
+from lammps_cases.studies.stability.choice import AdvisedNumbers, strictest
 from lammps_cases.studies.stability.limits import read
 from tests.support.audited_decks import DECKS
 from tests.support.outcome import Outcome
@@ -42,7 +42,7 @@ def saved(folder: Path, text: str) -> Path:
     return deck
 
 
-def choice_of(deck: Path, **given: float) -> tuple[DeckSetups, Choice]:
+def choice_of(deck: Path, **given: float) -> tuple[DeckSetups, AdvisedNumbers]:
     _, setups = described(deck, AuditOptions())
     return setups, strictest(scales_of_deck(setups, Given(**given), deck.name), 0.01, read())
 

@@ -18,7 +18,7 @@ from lammps_cases.audit.options import Given
 from lammps_cases.engine.session import Session
 from lammps_cases.studies.flows.flow import Options, Start, fluid, forces, rows, start
 from lammps_cases.studies.flows.solve import FlowResult, by_lammps, by_reference
-from lammps_cases.studies.stability.choice import Choice, FlowScales, evidence, lattice_error, strictest
+from lammps_cases.studies.stability.choice import AdvisedNumbers, FlowScales, evidence, lattice_error, strictest
 from lammps_cases.studies.stability.limits import read
 from tests.support.roundings import rounded
 from tests.workshop import measured_flows
@@ -77,12 +77,12 @@ def vortices() -> Start:
     return made("vortices", {"types": [FLUID]}, x_nc, (N, N), v_nc=v_nc)
 
 
-def advised(of: Start) -> Choice:
+def advised(of: Start) -> AdvisedNumbers:
     flow = scales_of_scene(of.case.scene, of.atoms, Given(), of.case.name)
     return strictest([flow], 0.01, read())
 
 
-def with_numbers(of: Start, choice: Choice, times: float = 1.0) -> Start:
+def with_numbers(of: Start, choice: AdvisedNumbers, times: float = 1.0) -> Start:
     """The start with the advised numbers, its time step that often, for `STEPS` steps."""
     scene, dt = of.case.scene, times * choice.of("time step")
     types = tuple(kind.model_copy(update={"cs": choice.of("speed of sound")}) for kind in scene.types)
@@ -138,7 +138,7 @@ SCALES = FlowScales(
 )  # fmt: skip
 
 
-def chosen(compressibility: float = 0.01, **changed: Any) -> Choice:
+def chosen(compressibility: float = 0.01, **changed: Any) -> AdvisedNumbers:
     return strictest([replace(SCALES, **changed)], compressibility, read())
 
 

@@ -115,3 +115,50 @@ def _prose(docstring: str) -> str:
     roles = ROLE.sub(lambda m: f"${m[1]}$" if m[1] else f"<sup>{m[2]}</sup>" if m[2] else f"`{m[3]}`", docstring)
     typed = TYPED.sub(lambda m: f"\n- `{m[1]}`{f' ({m[2]})' if m[2] else ''}:\n", HEADED.sub(r"**\1**\n", roles))
     return ENTRY.sub(lambda m: f"\n- `{m[1]}`:{m[2] or chr(10)}", typed) + "\n"
+
+
+def on_config(config: MkDocsConfig, **_: Any) -> MkDocsConfig:
+    """Let the names of headings begin with a letter, which the theme's script expects."""
+    config.mdx_configs["toc"] = {"slugify": _anchor}
+    return config
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Follow links within the site, and keep formulas from Markdown."""
+    inside = OUTSIDE.sub(r"\1", FINDING.sub("](findings/", markdown))
+    inside = re.sub(r"\]\((\.\./)+(ARCHITECTURE|CHANGELOG|CONTRIBUTING|eos_ref|reports)", r"](\2", inside)
+    inside = inside.replace("](docs/", "](")
+    parts = CODE.split(inside)
+    return "".join(part if part.startswith("`") else _kept(DIGIT.sub(rf"\1{PREFIX}", part)) for part in parts)
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """Set formulas in MathML, and let wide tables scroll."""
+    html = html.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
+    return KEPT.sub(_formula, html)
+
+
+def on_post_build(config: MkDocsConfig, **_: Any) -> None:
+    """Make a script of the index of the search: a page that is a file may read no other."""
+    folder = Path(config.site_dir) / "search"
+    index = (folder / "search_index.json").read_text(encoding="utf-8")
+    (folder / "search_index.js").write_text(f"window.search_index = {index};\n", encoding="utf-8")
+    for name in ("search_index.json", "worker.js"):
+        (folder / name).unlink()
+
+
+def _anchor(heading: str, separator: str) -> str:
+    name = slugify(heading, separator)
+    return PREFIX + name if name[:1].isdigit() else name
+
+
+def _kept(text: str) -> str:
+    """Put the letters of formulas out of reach of Markdown, which would take some for a list, a table or HTML."""
+    return FORMULA.sub(lambda m: "\ue000" + (m[1] or m[2]).encode().hex() + ("\ue001" if m[1] else "\ue002"), text)
+
+
+def _formula(kept: re.Match[str]) -> str:
+    tex = bytes.fromhex(kept[1]).decode()
+    if kept[2] == "\ue001":
+        return f'<span class="formula">{convert(tex, display="block")}</span>'
+    return str(convert(tex))

@@ -124,7 +124,8 @@ fuzz-nightly: $(READY) ## every reader of files under atheris, 1.4 million input
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[fuzz]'
 	$(BIN)/python -m tests.workshop.fuzz_nightly $(FUZZED) 3e5
 
-pictures: $(READY) ## the pictures of a report, a case and a comparison in the documents (needs chromium)
+pictures: $(READY) ## the pictures of flows, a report, a case and a comparison in the documents (needs chromium)
+	$(BIN)/python -m tests.workshop.pictures
 	$(BIN)/eos-ref run walls-moving thermal forces.all cross-type surfaces refused near-rho0 runs --out reports/pictures
 	$(BIN)/eos-ref compare pypi:2025.7.22.1.0 pypi:2025.7.22.2.0 walls thermal forces.all refused --no-timing --fail-on new --out reports/versions
 	$(call picture,report,1280$(,)1010,pictures/report.html)

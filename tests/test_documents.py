@@ -9,7 +9,10 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from check_jsonschema import main as check_jsonschema
+from click.testing import CliRunner
 
+from lammps_cases.findings import LEDGER
 from lammps_cases.findings.document import FOLDER
 from lammps_cases.scene import casefile
 
@@ -17,8 +20,9 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("eos_ref", "lammps_cases")
 PAGES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md"))
 ROOM = "tests/workshop/README.md"
-DOCUMENTS = ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "eos_ref/NUMERICS.md", ROOM, *PAGES)
+DOCUMENTS = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "eos_ref/NUMERICS.md", ROOM, *PAGES)
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+FORMS = ROOT / ".github" / "ISSUE_TEMPLATE"
 FOREIGN = ("np", "numpy", "math", "pow", "llvmlite", "numba", "scipy", "pytest", "pandas")
 
 
@@ -139,6 +143,49 @@ def test_every_page_is_linked() -> None:
     assert findings == {path.relative_to(ROOT).as_posix() for path in FOLDER.glob("*.md")}
     linked = set(re.findall(r"\]\((docs/[\w-]+\.md)\)", text)) | {"docs/index.md"}
     assert linked == set(PAGES)
+
+
+def test_pages_for_users_are_short() -> None:
+    """Together they have 6000 words at most, without the tables that are generated."""
+    pages = ("tutorial", "audit", "verdicts", "cases", "ci", "versions", "findings", "faq", "python")
+    texts = ((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in pages)
+    words = [re.sub(r"<!-- (\w+):begin.*?\1:end -->", "", text, flags=re.DOTALL).split() for text in texts]
+    assert sum(map(len, words)) <= 6000
+
+
+def test_first_pages_quote_the_tutorial() -> None:
+    """Headline and deck are those of the tutorial, whose output is tested; the number of findings is the ledger's."""
+    tutorial = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    assert (ROOT / "docs" / "decks" / "in.tank").read_text(encoding="utf-8") in tutorial
+    for document in ("README.md", "docs/index.md"):
+        text = (ROOT / document).read_text(encoding="utf-8")
+        (quoted,) = re.findall(r"(?:^> .*\n)+", text, flags=re.MULTILINE)
+        assert " ".join(quoted.replace("> ", "").split()) in " ".join(tutorial.split()), document
+        assert re.search(rf"\b{len(LEDGER)} (?:differences|bugs)", text), document
+
+
+def test_evidence_has_one_heading_in_the_navigation() -> None:
+    """A page under docs is in the navigation, except those of findings."""
+    navigation = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")[2]
+    (evidence,) = re.findall(r"- Evidence: \[(.*)\]", navigation)
+    assert {"trust.md", "validation.md", "accuracy.md", "capacity.md"} <= set(evidence.split(", "))
+    assert set(PAGES) <= {f"docs/{name}" for name in re.findall(r"[\w-]+\.md", navigation)}
+
+
+@pytest.mark.parametrize("form", sorted(path.name for path in FORMS.glob("*.yml") if path.name != "config.yml"))
+def test_issue_templates_are_valid(form: str) -> None:
+    arguments = ["--builtin-schema", "vendor.github-issue-forms", str(FORMS / form)]
+    done = CliRunner().invoke(check_jsonschema, arguments)
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize(("file", "schema"), [("audit.yml", "github-workflows"), ("gitlab.yml", "gitlab-ci")])
+def test_documented_jobs_are_valid(file: str, schema: str, tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "ci.md").read_text(encoding="utf-8")
+    (block,) = re.findall(rf"Save\s+this as `{file}`.*?^```yaml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    (tmp_path / file).write_text(block)
+    done = CliRunner().invoke(check_jsonschema, ["--builtin-schema", f"vendor.{schema}", str(tmp_path / file)])
+    assert done.exit_code == 0, done.output
 
 
 def test_readme_is_short() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,10 @@ from types import ModuleType
 
 import pytest
 
+import eos_ref
+import lammps_cases
+from lammps_cases.cli.main import COMMANDS
+from lammps_cases.findings import LEDGER
 from tests.support.browser import browser
 
 pytestmark = pytest.mark.browser  # and what builds the site: make browser
@@ -65,6 +70,22 @@ def test_links_to_headings_starting_with_a_digit(hooks: ModuleType) -> None:
     names = [hooks._anchor(heading, "-") for heading in ("1. A deck", "5. Terms of a pair", "Why")]
     assert all(f"#{name})" in link for name in names) and all(name[0].isalpha() for name in names)
     assert link.endswith("`[d](#1)`")
+
+
+def test_references_hold_every_command_and_every_exported_name(hooks: ModuleType) -> None:
+    commands, api = hooks.commands(), hooks.api()
+    assert re.findall(r"^### eos-ref (\S+)$", commands, re.MULTILINE) == list(COMMANDS)
+    assert all(
+        f"### {package.__name__}.{name}\n" in api for package in (lammps_cases, eos_ref) for name in package.__all__
+    )
+    assert "\n- `rho0` (float):\n" in api and "$A_3$" in api and ":math:" not in api
+    assert "calculate_numerical_forces" not in api, "inherited from a library"
+
+
+def test_formulas_of_findings_are_set(hooks: ModuleType, site: Path) -> None:
+    for entry in (entry for entry in LEDGER if entry.formulas):
+        html = (site / "findings" / f"{entry.id}.html").read_text(encoding="utf-8")
+        assert html.count("<math") >= len(entry.formulas) and "$" not in html.partition('role="main"')[2], entry.id
 
 
 def test_no_page_complains_or_scrolls_sideways(site: Path, tmp_path: Path) -> None:

@@ -45,6 +45,7 @@ class FindingText:
     upstream : its status at LAMMPS: unreported, the address of an issue, or "fixed in VERSION"
     scene : the smallest scene that shows it
     numbers : the numbers of the text by their names, as they are printed
+    formulas : what the site sets as a formula: LaTeX by the words of the text
     """
 
     id: str
@@ -60,9 +61,11 @@ class FindingText:
     upstream: str = "unreported"
     scene: str = ""
     numbers: Mapping[str, str] = field(default_factory=dict, hash=False)
+    formulas: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
-_KEYS = {each.name: each.default is MISSING and each.name != "numbers" for each in fields(FindingText)}
+_TABLES = ("numbers", "formulas")
+_KEYS = {each.name: each.default is MISSING and each.name not in _TABLES for each in fields(FindingText)}
 
 
 def document(name: str, folder: Path = FOLDER) -> dict[str, Any]:
@@ -103,15 +106,16 @@ def _check(data: Mapping[str, Any], name: str, path: Path) -> None:
     for key, value in data.items():
         if key not in _KEYS:
             raise InputError(key, f"is no key of a finding; these are {', '.join(_KEYS)}", where=str(path))
-        kind = {"number": int, "numbers": dict}.get(key, str)
+        kind = dict if key in _TABLES else int if key == "number" else str
         if type(value) is not kind or not value:
             raise InputError(key, "must be a whole number" if kind is int else "must be text", value, str(path))
     missing = [key for key, needed in _KEYS.items() if needed and key not in data]
     if missing:
         raise InputError(missing[0], "is missing", where=str(path))
-    for key, value in data.get("numbers", {}).items():
-        if not (isinstance(key, str) and isinstance(value, str)):
-            raise InputError(f"numbers.{key}", "must be a name and text in quotes, as it is printed", value, str(path))
+    for table in _TABLES:
+        for key, value in data.get(table, {}).items():
+            if not (isinstance(key, str) and isinstance(value, str)):
+                raise InputError(f"{table}.{key}", "must be a name and text in quotes", value, str(path))
     if data["severity"] not in SEVERITIES:
         raise InputError("severity", f"must be {', '.join(SEVERITIES)}", data["severity"], str(path))
     if data["id"] != name:

@@ -1,7 +1,8 @@
 """Evidence of the findings in the accepted runs: ``python -m lammps_cases.versions.evidence`` writes it.
 
 ``findings/shown_by.json`` holds the cases that show each finding, ``findings/engines.json`` the versions it was seen
-on, ``docs/findings.md`` a table of all findings. `eos-ref accept` and `eos-ref adopt` write them again after they have
+on, ``docs/findings.md`` a table of all findings, ``docs/versions.md`` and ``README.md`` one of the severe findings by
+version. `eos-ref accept` and `eos-ref adopt` write them again after they have
 changed the baselines of this repository.
 """
 
@@ -26,7 +27,8 @@ ROOT = Path(__file__).parents[2]
 BASELINES = ROOT / "reports" / "accepted"
 TABLE = ROOT / "docs" / "findings.md"
 SOURCES = "../lammps_cases/data/findings"  # of the texts, as docs/findings.md links them
-BEGIN, END = "<!-- findings:begin -->\n", "<!-- findings:end -->\n"
+VERSIONS = (ROOT / "docs" / "versions.md", ROOT / "README.md")
+BEGIN, END = "<!-- {}:begin -->\n", "<!-- {}:end -->\n"  # of a table that is generated
 
 
 @dataclass(frozen=True)
@@ -79,12 +81,33 @@ def table(evidence: AcceptedEvidence, ledger: Sequence[Finding] = LEDGER) -> str
     lines = ["| cause | severity | finding | versions | cases |\n", "|---|---|---|---|---|\n"]
     for entry in by_cause(evidence.cases, ledger):
         seen_on = evidence.seen_on[entry.id]
-        some = ", ".join(engine.removeprefix("2025.7.22") for engine in seen_on)
-        versions = "all" if seen_on == evidence.engines else some
+        versions = "all" if seen_on == evidence.engines else ", ".join(map(_short, seen_on))
         count = len(evidence.cases[entry.id])
         link = f"[`{entry.id}`]({SOURCES}/{entry.id}.md)"
         lines.append(f"| {entry.cause} | {entry.severity} | {entry.title} ({link}) | {versions} | {count} |\n")
     return "".join(lines)
+
+
+def severe(evidence: AcceptedEvidence, ledger: Sequence[Finding] = LEDGER) -> str:
+    """Return the severe findings as a table in Markdown: a column for all versions that have the same of them."""
+    high = [entry for entry in ledger if entry.severity == "high"]
+    groups: dict[tuple[bool, ...], list[str]] = defaultdict(list)
+    for engine in evidence.engines:
+        groups[tuple(engine in evidence.seen_on[entry.id] for entry in high)].append(engine)
+    everywhere = [entry for entry in high if evidence.seen_on[entry.id] == evidence.engines]
+    head = ["severe finding", *(", ".join([names[0], *map(_short, names[1:])]) for names in groups.values())]
+    rows = [
+        [f"{entry.effect} (`{entry.id}`)", *("**yes**" if has[at] else "no" for has in groups)]
+        for at, entry in enumerate(high)
+        if entry not in everywhere
+    ]
+    rows.append([f"{len(everywhere)} findings of every version", *("**yes**" for _ in groups)])
+    rows.append(["in all", *(str(sum(has)) for has in groups)])
+    return "".join(f"| {' | '.join(row)} |\n" for row in (head, ["---"] * len(head), *rows))
+
+
+def _short(version: str) -> str:
+    return version.removeprefix("2025.7.22")
 
 
 def page(entry: Finding, evidence: AcceptedEvidence) -> str:
@@ -111,13 +134,19 @@ def _versions(seen_on: Sequence[str], tried: Sequence[str]) -> str:
 def documents(baselines: Path = BASELINES, ledger: Sequence[Finding] = LEDGER) -> dict[Path, str]:
     """Return the files that follow from the ledger and the accepted runs, with their content."""
     evidence = collect(baselines, ledger)
-    head, _, rest = TABLE.read_text(encoding="utf-8").partition(BEGIN)
-    tail = rest.partition(END)[2]
     return {
         SHOWN_BY: _shown(evidence.cases),
         engines.FILE: engines.document(evidence.engines, evidence.seen_on),
-        TABLE: f"{head}{BEGIN}{table(evidence, ledger)}{END}{tail}",
+        TABLE: _with("findings", table(evidence, ledger), TABLE),
+        **{path: _with("versions", severe(evidence, ledger), path) for path in VERSIONS},
     }
+
+
+def _with(name: str, content: str, path: Path) -> str:
+    """Return a document in which the table of a name is replaced."""
+    begin, end = BEGIN.format(name), END.format(name)
+    head, _, rest = path.read_text(encoding="utf-8").partition(begin)
+    return f"{head}{begin}{content}{end}{rest.partition(end)[2]}"
 
 
 def _shown(cases: Mapping[str, Mapping[str, Sequence[str]]]) -> str:

@@ -97,7 +97,7 @@ def test_every_fault_costs_its_own_case(
 
 
 def test_documented_table_of_faults_is_true() -> None:
-    table = (ROOT / "docs" / "verdicts.md").read_text().partition("| what LAMMPS does |")[2].splitlines()[2:]
+    table = (ROOT / "docs" / "isolation.md").read_text().partition("| what LAMMPS does |")[2].splitlines()[2:]
     rows = [line.split("|") for line in table if line.startswith("|")]
     stated = {(row[3].strip().strip("`"), row[2].strip().strip("`")) for row in rows if row[3].strip()}
     assert stated == {(label, verdict) for label, (_, verdict, _) in FAULTS.items() if not label.startswith("good")}

@@ -62,7 +62,7 @@ class Departure:
 
 
 @dataclass(frozen=True)
-class Row:
+class LogRow:
     """Two runs of a deck compared, on one engine; a message if one of them is missing."""
 
     deck: str
@@ -78,7 +78,7 @@ class Logs:
 
     command: str
     steps: int
-    rows: tuple[Row, ...]
+    rows: tuple[LogRow, ...]
     schema: str = SCHEMAS["logs"]
 
 
@@ -138,7 +138,7 @@ def collect(
     """
     if ranks < 2:
         raise InputError("ranks", "must be 2 or more, as one is always run", ranks, "option --ranks")
-    kept, rows = runs(folder), list[Row]()
+    kept, rows = runs(folder), list[LogRow]()
     made = dict[str, dict[tuple[str, int, float], Played]]()
     for at, engine in enumerate(engines):
         forms = [(1, 0.0), (ranks, 0.0), *([(1, ULP)] if at == 0 else [])]
@@ -162,7 +162,7 @@ def collect(
 
 def _rows(
     deck: str, logs: Sequence[ShippedLog], runs: Mapping[tuple[str, int, float], Played], ranks: int
-) -> Iterator[Row]:
+) -> Iterator[LogRow]:
     names = list(dict.fromkeys(name for name, _, _ in runs))
     for name in names:
         alone = runs[name, 1, 0.0]
@@ -177,10 +177,10 @@ def _rows(
             yield _row(deck, f"1 rank, {names[0]}", alone, runs[names[0], 1, 0.0].columns)
 
 
-def _row(deck: str, what: str, run: Played, other: Columns, digits: int | None = None) -> Row:
+def _row(deck: str, what: str, run: Played, other: Columns, digits: int | None = None) -> LogRow:
     usable = run.columns and other
     found = departures(other, run.columns, digits) if usable else ()
-    return Row(deck, what, run.engine, found, "" if usable else run.message or "no run to compare with")
+    return LogRow(deck, what, run.engine, found, "" if usable else run.message or "no run to compare with")
 
 
 def table(logs: Logs) -> Iterator[str]:
@@ -193,7 +193,7 @@ def table(logs: Logs) -> Iterator[str]:
         yield f"| {deck} | {what} | {' | '.join(cells.get((deck, what, name), '') for name in names)} |"
 
 
-def _cell(row: Row) -> str:
+def _cell(row: LogRow) -> str:
     parts = [
         f"{each.column} {each.first}: {number(each.there, 2)}, {each.last}: {number(each.then, 2)}"
         for each in row.departures

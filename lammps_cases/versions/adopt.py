@@ -32,7 +32,7 @@ from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
 from lammps_cases.report.pages import blocks
-from lammps_cases.report.pages.blocks import Block, Bullets, Paragraph, Section, Table
+from lammps_cases.report.pages.blocks import Block, Bullets, PageSection, PageTable, Paragraph
 from lammps_cases.run import campaign, provenance
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
@@ -342,14 +342,14 @@ def render(adoption: Adoption) -> str:
         f"LAMMPS {of.distribution}",
         [Paragraph(f"{line}.", "warning") for line in wording.lacks(adoption.faults)],
         [
-            Section("unexplained", f"Unexplained ({len(adoption.unexplained)})", _unexplained(adoption)),
-            Section("new", f"New against the nearest engine ({len(new)})", [_findings(new, "Nothing.")]),
-            Section("gone", f"Gone ({len(gone)})", [_findings(gone, "Nothing.")]),
-            Section("times", "Times", _spent(adoption)),
-            Section("nearest", "Nearest engine", _nearest(adoption)),
-            Section("findings", f"All findings ({len(rows)})", [_findings(rows)]),
-            Section("claims", "Claims that do not hold", [_claims(adoption)]),
-            Section("inputs", "Bad input", _inputs(adoption)),
+            PageSection("unexplained", f"Unexplained ({len(adoption.unexplained)})", _unexplained(adoption)),
+            PageSection("new", f"New against the nearest engine ({len(new)})", [_findings(new, "Nothing.")]),
+            PageSection("gone", f"Gone ({len(gone)})", [_findings(gone, "Nothing.")]),
+            PageSection("times", "Times", _spent(adoption)),
+            PageSection("nearest", "Nearest engine", _nearest(adoption)),
+            PageSection("findings", f"All findings ({len(rows)})", [_findings(rows)]),
+            PageSection("claims", "Claims that do not hold", [_claims(adoption)]),
+            PageSection("inputs", "Bad input", _inputs(adoption)),
         ],
         engine=of.label,
         command=adoption.command,
@@ -365,9 +365,8 @@ def _counted(of: Mapping[str, int]) -> str:
 def _unexplained(adoption: Adoption) -> list[Block]:
     found: list[Block] = [Paragraph(f"Cases: {_counted(adoption.counts)}.")]
     if adoption.unexplained:
-        found.append(
-            Table(["case", "verdict", "what"], [(row.case, row.verdict, row.message) for row in adoption.unexplained])
-        )
+        every = [(row.case, row.verdict, row.message) for row in adoption.unexplained]
+        found.append(PageTable(["case", "verdict", "what"], every))
     else:
         found.append(Paragraph("Nothing: every difference is reproduced by findings, on every atom."))
     if adoption.hypotheses:
@@ -382,7 +381,7 @@ def _findings(rows: Sequence[FindingRow], none: str = "") -> Block:
     if not rows:
         return Paragraph(none)
     columns = ["finding", "what", "severity", "here", "on this version", "on the nearest", "#cases", "#gone in"]
-    return Table(
+    return PageTable(
         columns,
         [
             (
@@ -411,7 +410,7 @@ def _nearest(adoption: Adoption) -> list[Block]:
 
 
 def _claims(adoption: Adoption) -> Block:
-    return Table(
+    return PageTable(
         ["claim", "statement", "verdict", "findings"],
         [
             (row.id, row.text, row.verdict, ", ".join(row.findings) or ("unexplained" if row.unexplained else ""))
@@ -427,4 +426,4 @@ def _inputs(adoption: Adoption) -> list[Block]:
         for row in adoption.inputs
         if row.reaction != "clear error"
     ]
-    return [Paragraph(f"{_counted(reactions)}."), Table(["input", "in a deck", "LAMMPS", "text", "finding"], rows)]
+    return [Paragraph(f"{_counted(reactions)}."), PageTable(["input", "in a deck", "LAMMPS", "text", "finding"], rows)]

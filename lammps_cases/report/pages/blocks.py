@@ -30,7 +30,7 @@ class Bullets:
 
 
 @dataclass(frozen=True)
-class Terms:
+class Definitions:
     """Names with what they are."""
 
     kind: ClassVar = "terms"
@@ -46,7 +46,7 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Row:
+class PageRow:
     """A row of a table."""
 
     cells: Sequence[object]
@@ -55,12 +55,12 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """A table; the title of a column of numbers begins with a #. ``label`` describes it to a screen reader."""
 
     kind: ClassVar = "table"
     columns: Sequence[str]
-    rows: Sequence[Row | Sequence[object]]
+    rows: Sequence[PageRow | Sequence[object]]
     label: str = ""
     css: str = "points"
 
@@ -91,11 +91,11 @@ class Abreast:
     groups: Sequence[Sequence[Block]]
 
 
-Block = Paragraph | Bullets | Terms | Picture | Table | Details | Heading | Abreast
+Block = Paragraph | Bullets | Definitions | Picture | PageTable | Details | Heading | Abreast
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """A part of the page that the navigation leads to; ``again``: the command that repeats it."""
 
     id: str
@@ -119,7 +119,7 @@ def page(
     title: str,
     sentence: str,
     lead: Sequence[Block],
-    sections: Sequence[Section],
+    sections: Sequence[PageSection],
     *,
     engine: str,
     command: str,

@@ -18,7 +18,7 @@ from lammps_cases.engine.session import Session
 from lammps_cases.records import measure
 from lammps_cases.records.measure import ROUNDS, Timing
 from lammps_cases.studies.chart.kernels import opened
-from lammps_cases.studies.chart.record import LAMMPS, ONE_PER_CENT, Panel, measured
+from lammps_cases.studies.chart.record import LAMMPS, ONE_PER_CENT, MethodPanel, measured
 from lammps_cases.studies.flows.catalogue import FLOWS
 from lammps_cases.studies.flows.flow import Options, Snapshot, Start, relative
 from lammps_cases.studies.flows.known import Flow
@@ -40,7 +40,7 @@ KERNEL_RESOLUTION = 32
 SHOWN = ("taylor-green", "sound-wave-tait-water")
 
 
-def kernel_panels(quick: bool, session: Session) -> Iterator[Panel]:
+def kernel_panels(quick: bool, session: Session) -> Iterator[MethodPanel]:
     """Yield the error of the headline against time per particle and step, for kernels and cutoffs."""
     for name in SHOWN[:1] if quick else SHOWN:
         yield _panel(FLOWS[name], STYLES[:2] if quick else STYLES, CUTS[1:2] if quick else CUTS, quick, session)
@@ -48,7 +48,7 @@ def kernel_panels(quick: bool, session: Session) -> Iterator[Panel]:
 
 def _panel(
     flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...], quick: bool, session: Session
-) -> Panel:
+) -> MethodPanel:
     n = 16 if quick else KERNEL_RESOLUTION
     regime, rounds = f"{n} particles per wavelength", 3 if quick else ROUNDS
     options = {
@@ -71,7 +71,7 @@ def _panel(
         headline, errors[name] = next(iter(flow.measures(n, chosen, last.snapshots).items()))
         timings[name] = Timing(tuple(result.seconds / (last.n * last.steps) for result in results[name]), 1, 0.0)
     reasons = dict.fromkeys(errors, "the kernel and its cutoff in spacings")
-    return Panel(
+    return MethodPanel(
         id=f"flow-{flow.name}-options",
         title=f"{flow.name}: kernel and cutoff",
         about=f"{flow.about} {last.n:,} particles, {rounds} runs of each.",
@@ -165,7 +165,7 @@ def order(solved: Sequence[Solved]) -> Fit:
     return fit([s.start.steps[-1] for s in solved[:-1]], changes)
 
 
-def _wave_panels(wave: Wave, quick: bool, session: Session | None) -> Iterator[Panel]:
+def _wave_panels(wave: Wave, quick: bool, session: Session | None) -> Iterator[MethodPanel]:
     n, flow = QUICK_RESOLUTION if quick else RESOLUTION, wave.flow
     with ExitStack() as stack:
         solved = {"": solve(wave, n, FRACTIONS, FINE, [None] * (len(FRACTIONS) + 1))}
@@ -193,7 +193,7 @@ def _wave_panels(wave: Wave, quick: bool, session: Session | None) -> Iterator[P
         against = "" if error == "total" else f" Order of the temporal error in the step: {orders}."
         reasons = {name: f"a time step of {name.split()[-1]} min(h/4c, h^2/8nu)" for name in of_name}
         regime = f"{n} spacings per wavelength"
-        yield Panel(
+        yield MethodPanel(
             f"timestep-{flow.name}{kind}",
             f"Time step of the {flow.name.replace('-', ' ')}, against the {what}",
             f"Steps in units of min(h/4c, h^2/8nu). {len(any_start.atoms)} particles; time is in units of spacing over "
@@ -205,7 +205,7 @@ def _wave_panels(wave: Wave, quick: bool, session: Session | None) -> Iterator[P
         )
 
 
-def step_panels(quick: bool, session: Session | None) -> Iterator[Panel]:
+def step_panels(quick: bool, session: Session | None) -> Iterator[MethodPanel]:
     """Yield time steps of two waves, each against the closed solution and a short step."""
     for wave in waves()[: 1 if quick else None]:
         yield from _wave_panels(wave, quick, session)

@@ -28,7 +28,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.chart.record import ONE_PER_CENT, Map, MethodPoint, Panel, measured
+from lammps_cases.studies.chart.record import ONE_PER_CENT, Map, MethodPanel, MethodPoint, measured
 from lammps_cases.studies.flows.flow import relative
 
 STILL = 1e-12  # time step in which particles hardly move
@@ -241,7 +241,7 @@ def _points(
     return points[relative], points[worst]
 
 
-def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
+def panels(quick: bool, session: Session | None) -> Iterator[MethodPanel]:
     """Yield gradients, summed densities, and densities of a deformed fluid; with ``session`` also those of LAMMPS.
 
     More instances of LAMMPS are opened, one per method of a regime, and closed again.
@@ -249,7 +249,7 @@ def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
     cuts, particles = QUICK_CUTS if quick else CUTS, f"{(QUICK_EDGE if quick else EDGE) ** 2:,} particles"
     about = f"{particles} of known density in 2D, field of wavelength 16 spacings. {_EVALUATION}"
     mean, largest = _points("velocity gradient", gradients, cuts, lambda x_nc: (gradient(x_nc),) * 2, quick, session)
-    yield Panel(
+    yield MethodPanel(
         "kernels-gradient",
         "Kernels and cutoffs: gradients",
         about,
@@ -257,7 +257,7 @@ def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
         "particle and evaluation",
         mean,
     )
-    yield Panel(
+    yield MethodPanel(
         "kernels-gradient-worst",
         "Kernels and cutoffs: worst gradients",
         about,
@@ -265,7 +265,7 @@ def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
         "particle and evaluation",
         largest,
     )
-    yield Panel(
+    yield MethodPanel(
         "kernels-density",
         "Cutoffs: density by summation",
         f"{particles} in 2D, one per unit area. Sums take the plain quintic whatever the kernel. {_EVALUATION}",
@@ -278,7 +278,7 @@ def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
         rho_n = exact_density(x_nc)
         return rho_n, rho_n - 1
 
-    yield Panel(
+    yield MethodPanel(
         "kernels-deformation",
         "Density of a deformed fluid: summation against continuity",
         f"{particles} fly freely for {STEPS} steps with a diverging velocity of wavelength 16 spacings, "

@@ -38,7 +38,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.particles import entries
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.chart.record import Map, MethodPoint, Panel, measured
+from lammps_cases.studies.chart.record import Map, MethodPanel, MethodPoint, measured
 
 # Gamma 4 represents whole exponents of tait/general.
 LAWS: tuple[EOS, ...] = (
@@ -59,13 +59,13 @@ def name(law: EOS) -> str:
     return f"{law.style}{parameter}" + (" + background" if law.background else "")
 
 
-def panels(quick: bool, session: Session | None) -> Iterator[Panel]:
+def panels(quick: bool, session: Session | None) -> Iterator[MethodPanel]:
     """Yield one panel per law."""
     for law in LAWS[1:4] if quick else LAWS:
         yield _panel(law, REGIMES[1::2] if quick else REGIMES, QUICK_STATES if quick else STATES, session)
 
 
-def _panel(law: EOS, regimes: Sequence[Regime], n: int, session: Session | None) -> Panel:
+def _panel(law: EOS, regimes: Sequence[Regime], n: int, session: Session | None) -> MethodPanel:
     methods = methods_of(law)
     reasons = {m.name: m.reason for m in methods}
     reasons[OUTPUT] = "LAMMPS' own output, less what an output costs that needs no law"
@@ -80,7 +80,7 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, session: Session | None)
         for point in measured(f"pressure of {name(law)}", str(regime), errors, took, n, reasons):
             found = worst[point.method]
             points.append(replace(point, median=found.median, p99=found.p99, worst_at=f"rho = {found.rho!r}"))
-    return Panel(
+    return MethodPanel(
         id="law-" + re.sub("[^a-z0-9.]+", "-", name(law)),
         title=f"Pressure of {name(law)}",
         about=f"{n:,} states in float64, shuffled; rho0 {law.rho0!r}, cs {law.cs!r}, background {law.background!r}"

@@ -18,19 +18,29 @@ from lammps_cases.report.pages.blocks import (
     Abreast,
     Block,
     Bullets,
+    Definitions,
     Details,
     Heading,
+    PageRow,
+    PageTable,
     Paragraph,
     Picture,
-    Row,
-    Table,
-    Terms,
 )
 from lammps_cases.report.pages.figures import BLUE, GREY, RED, STYLE, saved
 from lammps_cases.studies import draw
 from lammps_cases.studies.chart import codes
 from lammps_cases.studies.chart.recommend import recommendation
-from lammps_cases.studies.chart.record import DIGITS, LAMMPS, Chart, Map, MethodPoint, Panel, Section, digits, frontier
+from lammps_cases.studies.chart.record import (
+    DIGITS,
+    LAMMPS,
+    Chart,
+    Map,
+    MethodPanel,
+    MethodPoint,
+    Section,
+    digits,
+    frontier,
+)
 from lammps_cases.studies.draw import Curve
 from lammps_cases.studies.flows.record import REFERENCE, FlowRecord
 
@@ -50,6 +60,7 @@ rounding that differ by less than a factor of two count as the same, errors of d
 thin line leads from the largest error to the median, where both are known."""
 
 Marks = dict[str, tuple[str, str]]  # colour and shape of a method
+Others = Sequence[tuple[str, MethodPanel]]  # the same panel of other engines, by their versions
 
 
 def write(chart: Chart, folder: Path, others: Sequence[Chart] = ()) -> None:
@@ -63,7 +74,7 @@ def write(chart: Chart, folder: Path, others: Sequence[Chart] = ()) -> None:
         "speed against accuracy",
         [Paragraph(ABOUT, "about"), *busy, Paragraph(TIMES)],
         [
-            blocks.Section(section.name, section.title, list(_section(section, chart, others, figures)))
+            blocks.PageSection(section.name, section.title, list(_section(section, chart, others, figures)))
             for section in chart.sections
         ],
         engine=chart.label,
@@ -98,7 +109,7 @@ def _busy(chart: Chart) -> str:
 def _section(section: Section, chart: Chart, others: Sequence[Chart], figures: Path) -> Iterator[Block]:
     yield Paragraph(section.about, "about")
     if section.panels:
-        yield Terms({"; ".join(names): what for names, what in methods(section)})
+        yield Definitions({"; ".join(names): what for names, what in methods(section)})
     marks = marks_of([point for panel in section.panels for point in panel.points])
     for panel in section.panels:
         yield from _panel(panel, _of_others(panel, others), marks, figures)
@@ -111,35 +122,29 @@ def _section(section: Section, chart: Chart, others: Sequence[Chart], figures: P
 # --- methods
 
 
-def _panel(panel: Panel, others: Sequence[tuple[str, Panel]], marks: Marks, figures: Path) -> Iterator[Block]:
+def _panel(
+    panel: MethodPanel, others: Sequence[tuple[str, MethodPanel]], marks: Marks, figures: Path
+) -> Iterator[Block]:
     roofline = f" Moving the arrays alone takes {number(panel.roofline_ns)} ns." if panel.roofline_ns else ""
     yield Heading(panel.title, panel.id)
     yield Paragraph(f"{panel.about} Error: {panel.error_of}.{roofline}")
     yield Paragraph(recommendation(panel), "about")
     yield Picture(saved(panel_figure(panel, others, marks), figures, panel.id))
-    if panel.crossings:
-        yield Bullets(
-            [
-                f"{of.criterion.capitalize()}: “{of.methods[0]}” below and “{of.methods[1]}” above {of.variable} = "
-                f"{number(of.at.median)} ({number(of.at.low)} to {number(of.at.high)})"
-                for of in panel.crossings
-            ]
-        )
     numbers: list[Block] = []
     for regime in panel.regimes:
         numbers += [Paragraph(f"{regime}: {sentence(panel, regime)}"), _points(panel, regime)]
     yield Details("numbers", numbers)
 
 
-def _points(panel: Panel, regime: str) -> Table:
+def _points(panel: MethodPanel, regime: str) -> PageTable:
     """Return the table of a regime, from the fastest method on; those off the frontier are faint."""
     points, best = sorted(panel.of(regime), key=lambda p: p.ns.median), frontier(panel.of(regime))
     spread = any(p.worst_at for p in points)
     columns = ["method", "#largest error", *(["#99 % below", "#median", "largest at"] if spread else []), "#digits"]
-    return Table(
+    return PageTable(
         [*columns, f"#ns per {panel.unit}", "#95 %", "beaten by", "indistinguishable from"],
         [
-            Row(
+            PageRow(
                 [
                     *(p.method, error(p.error), *([error(p.p99), error(p.median), p.worst_at] if spread else [])),
                     *(f"{p.digits:.1f}", number(p.ns.median), f"{number(p.ns.low)} to {number(p.ns.high)}"),
@@ -171,7 +176,7 @@ def methods(section: Section) -> list[tuple[list[str], str]]:
     return [(list(names), reason) for reason, names in by_reason.items()]
 
 
-def sentence(panel: Panel, regime: str) -> str:
+def sentence(panel: MethodPanel, regime: str) -> str:
     """Return the frontier in words."""
     best = frontier(panel.of(regime))
     if not best:
@@ -180,7 +185,7 @@ def sentence(panel: Panel, regime: str) -> str:
     return "frontier: " + ", then ".join(parts)
 
 
-def _of_others(panel: Panel, others: Sequence[Chart]) -> list[tuple[str, Panel]]:
+def _of_others(panel: MethodPanel, others: Sequence[Chart]) -> list[tuple[str, MethodPanel]]:
     """Return the same panel of other engines, by their versions."""
     return [(chart.label, theirs) for chart in others for theirs in chart.panels if theirs.id == panel.id]
 
@@ -194,7 +199,9 @@ def marks_of(points: Sequence[MethodPoint]) -> Marks:
     return marks | {m: (RED, marks[own[m]][1] if own[m] in marks else "*") for m in theirs}
 
 
-def panel_figure(panel: Panel, others: Sequence[tuple[str, Panel]] = (), marks: Marks | None = None) -> Figure:
+def panel_figure(
+    panel: MethodPanel, others: Sequence[tuple[str, MethodPanel]] = (), marks: Marks | None = None
+) -> Figure:
     """Draw correct digits against time, one plot per regime: the frontier drawn, dominated methods hollow.
 
     ``marks`` may have more methods than the panel. ``others`` are the same panel measured with other engines, by their
@@ -287,7 +294,7 @@ def _codes(section: Section, without: str, figures: Path) -> Iterator[Block]:
         yield Paragraph(without)
     about = [Paragraph(f"{case.flow.title}: {case.about}") for case, _ in codes.compared(section.codes)]
     columns = ["flow", "error of", "code", "#N", "#particles", "#steps", "#seconds", "#error"]
-    table = Table(columns, list(codes.rows(section.codes)), "Whole codes")
+    table = PageTable(columns, list(codes.rows(section.codes)), "Whole codes")
     yield Details("what each code solves, all numbers", [*about, table])
 
 

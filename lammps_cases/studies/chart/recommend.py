@@ -6,14 +6,14 @@ import math
 from collections.abc import Mapping
 
 from lammps_cases.records.wording import brief, times
-from lammps_cases.studies.chart.record import LAMMPS, ONE_BIT, MethodPoint, Panel
+from lammps_cases.studies.chart.record import LAMMPS, ONE_BIT, MethodPanel, MethodPoint
 
 NOTICEABLE = 1.1  # factor between times from which another method is worth a condition
 ROUNDED = 8 * 2.0**-53  # errors below are those of the last few operations: all the same
 Points = Mapping[str, MethodPoint]  # of a regime, by method
 
 
-def recommendation(panel: Panel) -> str:
+def recommendation(panel: MethodPanel) -> str:
     """Return the method to use everywhere, better ones for some regimes, and what LAMMPS loses against it.
 
     A method will do in a regime if its error is at most twice the least one there, or `ROUNDED`. Of those that will do

@@ -1,4 +1,4 @@
-"""A chart: points of error against time, their frontier, crossings between methods; its tables and its document.
+"""A chart: points of error against time, their frontier; its tables and its document.
 
 On disk a chart is ``chart.json``, tables as CSV, pictures and a page.
 """
@@ -6,8 +6,8 @@ On disk a chart is ``chart.json``, tables as CSV, pictures and a page.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -74,18 +74,7 @@ class MethodPoint:
 
 
 @dataclass(frozen=True)
-class Crossing:
-    """Interval of a variable in which the better of two methods changes: the one below it, then the one above."""
-
-    quantity: str
-    methods: tuple[str, str]
-    variable: str
-    criterion: str
-    at: ConfidenceInterval
-
-
-@dataclass(frozen=True)
-class Panel:
+class MethodPanel:
     """The points of one quantity, all measured in the same rounds.
 
     Attributes
@@ -102,7 +91,6 @@ class Panel:
     unit: str
     points: tuple[MethodPoint, ...]
     roofline_ns: float | None = None
-    crossings: tuple[Crossing, ...] = field(default=())
 
     @property
     def regimes(self) -> list[str]:
@@ -126,24 +114,6 @@ class Map:
     y: tuple[float, ...]
     value: tuple[tuple[float, ...], ...]
     unit: str
-
-
-def bisected(below: Callable[[float], bool], low: float, high: float, ratio: float) -> ConfidenceInterval:
-    """Return the number at which a condition ends, found by bisecting its logarithm.
-
-    Parameters
-    ----------
-    below : function
-        Returns whether a number lies below the wanted one.
-    low, high : float
-        Positive numbers around it.
-    ratio : float
-        Ratio of the ends at which the bisection stops.
-    """
-    while high / low > ratio:
-        middle = math.sqrt(low * high)
-        low, high = (middle, high) if below(middle) else (low, middle)
-    return ConfidenceInterval(math.sqrt(low * high), low, high)
 
 
 def point(
@@ -214,7 +184,7 @@ class Section:
     title: str
     about: str
     seconds: float
-    panels: tuple[Panel, ...] = ()
+    panels: tuple[MethodPanel, ...] = ()
     maps: tuple[Map, ...] = ()
     codes: tuple[FlowRecord, ...] = ()
 
@@ -227,7 +197,7 @@ class Chart(Study):
     schema: str = SCHEMAS["chart"]
 
     @property
-    def panels(self) -> list[Panel]:
+    def panels(self) -> list[MethodPanel]:
         """Panels of all sections."""
         return [panel for section in self.sections for panel in section.panels]
 

@@ -17,7 +17,16 @@ from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.wording import brief, number
 from lammps_cases.report.pages import blocks
-from lammps_cases.report.pages.blocks import Block, Bullets, Details, Heading, Paragraph, Picture, Section, Table
+from lammps_cases.report.pages.blocks import (
+    Block,
+    Bullets,
+    Details,
+    Heading,
+    PageSection,
+    PageTable,
+    Paragraph,
+    Picture,
+)
 from lammps_cases.report.pages.figures import BLUE, GREY, RED, saved
 from lammps_cases.studies import draw
 from lammps_cases.studies.flows.catalogue import COMPARED
@@ -79,7 +88,7 @@ def write(validated: Validated, folder: Path) -> None:
         [Paragraph(ABOUT, "about"), _summary(validated, groups), Paragraph(LEGEND), *another],
         [
             *(_section(validated, name, flows, figures) for name, flows in groups.items()),
-            Section("bugs", "Bugs of LAMMPS named here", [Bullets(_bugs(validated, every))]),
+            PageSection("bugs", "Bugs of LAMMPS named here", [Bullets(_bugs(validated, every))]),
         ],
         engine=validated.engine.get("distribution", ""),
         command=validated.command,
@@ -88,7 +97,7 @@ def write(validated: Validated, folder: Path) -> None:
     write_atomically(folder / "report.html", html)
 
 
-def _summary(validated: Validated, groups: Mapping[str, Sequence[Flow]]) -> Table:
+def _summary(validated: Validated, groups: Mapping[str, Sequence[Flow]]) -> PageTable:
     columns = ["flow", "what it validates", "number", "#known", "#N", "#reference", "#error", "#LAMMPS", "#order"]
     found = []
     for name, flows in groups.items():
@@ -105,7 +114,7 @@ def _summary(validated: Validated, groups: Mapping[str, Sequence[Flow]]) -> Tabl
                     *(order(ours.order), _linked(spoils(validated, of)) or _no_bug(validated, of)),
                 )
             )
-    return Table([*columns, "LAMMPS' bug that spoils it"], found, "Summary")
+    return PageTable([*columns, "LAMMPS' bug that spoils it"], found, "Summary")
 
 
 def _no_bug(validated: Validated, of: Flow) -> str:
@@ -124,7 +133,7 @@ def _bugs(validated: Validated, flows: Iterable[Flow]) -> list[str]:
     return [text.format(bug, BUGS[bug].title) for bug in sorted({b for of in flows for b in spoils(validated, of)})]
 
 
-def _section(validated: Validated, name: str, flows: Sequence[Flow], figures: Path) -> Section:
+def _section(validated: Validated, name: str, flows: Sequence[Flow], figures: Path) -> PageSection:
     """Return a flow, or a benchmark of the paper: what is known, all numbers, pictures, and how its error falls."""
     parts: list[Block] = []
     several = len(flows) > 1
@@ -142,7 +151,7 @@ def _section(validated: Validated, name: str, flows: Sequence[Flow], figures: Pa
         parts.append(Picture(saved(convergence(validated, flows), figures, f"{_file(name)}-order")))
     parts += [_details(validated, of) for of in flows]
     title = COMPARED[name].heading if name in COMPARED else f"Benchmark {name}"
-    return Section(_file(name), title, parts)
+    return PageSection(_file(name), title, parts)
 
 
 def _described(validated: Validated, of: Flow) -> Iterator[Block]:
@@ -153,7 +162,7 @@ def _described(validated: Validated, of: Flow) -> Iterator[Block]:
     yield from (Paragraph(f"{words}.", "warning") for words in stops(validated, of))
 
 
-def _numbers(validated: Validated, flows: Sequence[Flow]) -> Table:
+def _numbers(validated: Validated, flows: Sequence[Flow]) -> PageTable:
     """Return all numbers and errors by N, with what is known, the order, and for a benchmark the one printed."""
     every = [row for of in flows for row in rows(validated, of) if row.values and not row.side.startswith(START)]
     columns, several = sorted({n for row in every for n in row.values}), len(flows) > 1
@@ -170,7 +179,7 @@ def _numbers(validated: Validated, flows: Sequence[Flow]) -> Table:
         )
     head = [*["flow"] * several, "number", "run", *(f"#N = {n}" for n in columns), "#known", "#order"]
     title = f"Numbers of {' and '.join(of.heading for of in flows)}"
-    return Table([*head, *["#printed"] * several], found, title)
+    return PageTable([*head, *["#printed"] * several], found, title)
 
 
 def _details(validated: Validated, of: Flow) -> Details:
@@ -188,7 +197,7 @@ def _details(validated: Validated, of: Flow) -> Details:
         if run.flow == of.name
     ]
     columns = ["run", "#N", "#particles", "#steps", "#seconds", "message"]
-    table = Table(columns, runs, f"Runs of {of.heading}")
+    table = PageTable(columns, runs, f"Runs of {of.heading}")
     return Details(f"{of.heading}: sources and runs", [Bullets(sources), table] if sources else [table])
 
 
@@ -196,7 +205,7 @@ def _details(validated: Validated, of: Flow) -> Details:
 
 
 @dataclass(frozen=True)
-class Row:
+class FlowNumber:
     """A number or an error of one side by N.
 
     Attributes
@@ -242,7 +251,7 @@ class Row:
         return "" if self.is_error else change(self.values.get(self.finest, math.nan), known)
 
 
-def rows(validated: Validated, of: Flow) -> list[Row]:
+def rows(validated: Validated, of: Flow) -> list[FlowNumber]:
     """Return the numbers that a user reads off a flow, then its errors; of all sides, and those published."""
     runs = [run for run in validated.runs if run.flow == of.name]
     sides = validated.sides(of.name)
@@ -251,20 +260,20 @@ def rows(validated: Validated, of: Flow) -> list[Row]:
         return {run.n: getattr(run, kind)[name] for run in runs if run.side == side and name in getattr(run, kind)}
 
     found = [
-        Row(of.heading, each.name, side, by_n(side, each.name, "quantities"), each.published, absent=each.absent)
+        FlowNumber(of.heading, each.name, side, by_n(side, each.name, "quantities"), each.published, absent=each.absent)
         for each in of.quantities
         for side in sides
     ]
     measures = list(dict.fromkeys(name for run in runs for name in run.errors)) or [panel.name for panel in of.panels]
     for k, name in enumerate(measures or ["the flow"]):
-        found += [Row(of.heading, f"error of {name}", side, by_n(side, name, "errors"), 0.0) for side in sides]
+        found += [FlowNumber(of.heading, f"error of {name}", side, by_n(side, name, "errors"), 0.0) for side in sides]
         if of.published and of.published.errors and not k:
             published = dict(of.published.errors)
-            found.append(Row(of.heading, f"error of {name}", PUBLISHED, published, 0.0, of.published.order))
+            found.append(FlowNumber(of.heading, f"error of {name}", PUBLISHED, published, 0.0, of.published.order))
     return found
 
 
-def first_rows(validated: Validated, of: Flow) -> dict[str, Row]:
+def first_rows(validated: Validated, of: Flow) -> dict[str, FlowNumber]:
     """Return the rows of the first number of a flow, or of its first error, by side."""
     every = rows(validated, of)
     return {row.side: row for row in every if row.name == every[0].name}

@@ -17,13 +17,13 @@ from eos_ref.model.parameters import Model
 from eos_ref.model.state import State
 from eos_ref.syntax.fixes import SurfaceDetection
 from lammps_cases.studies.stability.kinds import moment_matrices
-from lammps_cases.studies.stability.limits import Curve, Limits, Numbers, Tension, numbers, pressures, read
+from lammps_cases.studies.stability.limits import LimitCurve, Limits, Numbers, Tension, numbers, pressures, read
 
 NEAR = 0.8  # of a limit, from which on it is a warning
 MARGIN = 0.05  # of a threshold of surface/detection within which a class is uncertain
 DIGITS = 1e12  # condition number that leaves fewer than four digits of a double
 MOST = 20_000  # particles up to which matrices and surfaces are examined
-L = TypeVar("L", Curve, Tension)
+L = TypeVar("L", LimitCurve, Tension)
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ class LimitPoint:
 
 
 @dataclass(frozen=True)
-class Curve:
+class LimitCurve:
     """Limits of one layer of a map on one engine, in the order of their ratio; ``above``: the failure beyond."""
 
     map: str
@@ -134,7 +134,7 @@ class Limits:
     """Limits of time step and tension of an atlas, and the LAMMPS that it was measured on."""
 
     engine: str
-    curves: tuple[Curve, ...]
+    curves: tuple[LimitCurve, ...]
     tensions: tuple[Tension, ...] = ()
     schema: str = SCHEMAS["stability-limits"]
 
@@ -148,7 +148,7 @@ def measured(boundaries: Iterable[Boundary], maps: Mapping[str, StabilityMap], e
     return Limits(engine, _curves(boundaries, maps), _tensions(boundaries, maps))
 
 
-def _curves(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) -> tuple[Curve, ...]:
+def _curves(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) -> tuple[LimitCurve, ...]:
     by_layer: dict[tuple[str, str, Engine], list[tuple[LimitPoint, Kind]]] = defaultdict(list)
     for b in boundaries:
         point = _point(*_ends(b, maps)) if b.below == "stable" and b.above != "stable" else None
@@ -162,7 +162,7 @@ def _curves(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) ->
             lowest.setdefault(float(f"{point.ratio:.4g}"), (point, kind))
         chosen = sorted(lowest.values(), key=lambda pair: pair[0].ratio)
         above = mode(kind for _, kind in chosen)
-        curves.append(Curve(*layer, above, tuple(point for point, _ in chosen)))
+        curves.append(LimitCurve(*layer, above, tuple(point for point, _ in chosen)))
     return tuple(curves)
 
 

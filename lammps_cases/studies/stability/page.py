@@ -18,7 +18,7 @@ from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.wording import number
 from lammps_cases.report.pages import blocks, frame
-from lammps_cases.report.pages.blocks import Block, Details, Paragraph, Picture, Row, Section, Table
+from lammps_cases.report.pages.blocks import Block, Details, PageRow, PageSection, PageTable, Paragraph, Picture
 from lammps_cases.report.pages.figures import saved
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.deck import until_first_run
@@ -46,15 +46,15 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap]) -> None:
     """
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     columns = ["map", "#cells", "#runs", "how they end (LAMMPS / reference)", "agreement", "#seconds"]
-    overview = Table(columns, [_ends(record) for record in atlas.maps])
+    overview = PageTable(columns, [_ends(record) for record in atlas.maps])
     html = blocks.page(
         "stability",
         "Where methods fail: LAMMPS and the reference",
         "where methods fail",
         [Paragraph(ABOUT, "about")],
         [
-            Section("overview", "Maps", [overview]),
-            Section("disagreements", "Where LAMMPS and the reference differ", [_disagreements(atlas)]),
+            PageSection("overview", "Maps", [overview]),
+            PageSection("disagreements", "Where LAMMPS and the reference differ", [_disagreements(atlas)]),
             *(_section(record, maps.get(record.id), folder) for record in atlas.maps),
         ],
         engine=atlas.label,
@@ -96,10 +96,11 @@ def _disagreements(atlas: Atlas) -> Block:
                 along(line.lammps, line.boundaries[1], record),
             )
             why = f"{reason.finding or 'not a defect'}: {reason.why}" if reason else "none known"
-            rows.append(Row([where, f"{record.y.name} = {line.y:.5g}", theirs, ours, why], "" if reason else "open"))
+            cells = [where, f"{record.y.name} = {line.y:.5g}", theirs, ours, why]
+            rows.append(PageRow(cells, "" if reason else "open"))
     if not rows:
         return Paragraph("Nowhere: all boundaries agree within their uncertainty.")
-    return Table(["map", "line", "LAMMPS", "reference", "finding"], rows, css="points wide-table")
+    return PageTable(["map", "line", "LAMMPS", "reference", "finding"], rows, css="points wide-table")
 
 
 def along(kinds: Sequence[model.Kind], boundaries: Sequence[model.Boundary], record: MapRecord) -> str:
@@ -108,12 +109,12 @@ def along(kinds: Sequence[model.Kind], boundaries: Sequence[model.Boundary], rec
     return ", ".join([kinds[0] if kinds else "nothing", *changes])
 
 
-def _section(record: MapRecord, of: StabilityMap | None, folder: Path) -> Section:
+def _section(record: MapRecord, of: StabilityMap | None, folder: Path) -> PageSection:
     figure = draw.map_figure(record, of.theory if of else (), lambda cell: f"#{cell.anchor}")
     informative = informative_cells(record)
     decks = {cell: path for cell in informative if of and (path := write_deck(of, cell, folder))}
     edges = [
-        Row(
+        PageRow(
             [
                 *(b.layer, number(b.y, 5), WHO[b.engine], f"{number(b.low, 5)} to {number(b.high, 5)}"),
                 *(_badge(b.below), _badge(b.above)),
@@ -124,17 +125,17 @@ def _section(record: MapRecord, of: StabilityMap | None, folder: Path) -> Sectio
     ]
     cells = [_cell(cell, ends, record, folder, decks, informative) for cell, ends in outcomes(record).items()]
     x, y = f"#{record.x.name}", f"#{record.y.name}"
-    return Section(
+    return PageSection(
         f"map-{record.id}",
         record.title,
         [
             Paragraph(record.about, "about"),
             Picture(saved(figure, folder / "figures", record.id)),
-            Details(f"boundaries ({len(edges)})", [Table(["layer", y, "engine", x, "below", "above"], edges)]),
+            Details(f"boundaries ({len(edges)})", [PageTable(["layer", y, "engine", x, "below", "above"], edges)]),
             Details(
                 f"cells ({len(cells)})",
                 [
-                    Table(
+                    PageTable(
                         ["layer", x, y, "LAMMPS", "reference", "before the failure", "run again"],
                         cells,
                         css="points cells",
@@ -172,12 +173,12 @@ def _cell(
     folder: Path,
     decks: Mapping[MapCell, str],
     shown: Container[MapCell],
-) -> Row:
+) -> PageRow:
     """Return the row of a cell; with the particles before a failure if it is among those shown."""
     states = {side: model.read_state(folder, cell, side) for side in WHO if cell in shown}
     thumbnails = Markup("").join(_shot(state, WHO[side]) for side, state in states.items() if state is not None)
     deck = Markup(" ") + blocks.link(decks[cell], "deck") if cell in decks else ""
-    return Row(
+    return PageRow(
         [
             *(cell.layer, number(cell.x, 5), number(cell.y, 5)),
             *(_outcome(ends.get("lammps")), _outcome(ends.get("reference"))),

@@ -29,8 +29,8 @@ from lammps_cases.studies.chart.record import (
     DIGITS,
     Chart,
     Map,
+    MethodPanel,
     MethodPoint,
-    Panel,
     Section,
     compared,
     frontier,
@@ -46,7 +46,7 @@ Run = Callable[..., Outcome]
 ROUNDS = 11
 
 
-def made_panel() -> Panel:
+def made_panel() -> MethodPanel:
     timings = {
         "fast": Timing((1e-6, 1.1e-6, 0.9e-6) * 4, 10, 1e-3),
         "exact": Timing((5e-6, 5.1e-6, 4.9e-6) * 4, 10, 1e-3),
@@ -56,7 +56,7 @@ def made_panel() -> Panel:
     errors = {"fast": 1e-4, "exact": 1e-15, "bad": math.inf, "LAMMPS exact": 1e-8}
     points = compared([point("q", "near <&> far", m, errors[m], timings[m], 10.0, "why") for m in timings], timings)
     spread = replace(points[0], median=1e-9, p99=1e-6, worst_at="rho = 1.5")
-    return Panel("p", "A panel", "About it.", "error of it", "state", (spread, *points[1:]), roofline_ns=20.0)
+    return MethodPanel("p", "A panel", "About it.", "error of it", "state", (spread, *points[1:]), roofline_ns=20.0)
 
 
 def made_chart(version: str = "1", **more: Any) -> Chart:
@@ -222,7 +222,7 @@ def test_legend_has_every_method_and_lammps_shares_its_shape() -> None:
         for k, name in enumerate(names)
         for prefix in ("", "LAMMPS ")
     ]
-    figure = page.panel_figure(Panel("p", "t", "a", "e", "u", tuple(points)))
+    figure = page.panel_figure(MethodPanel("p", "t", "a", "e", "u", tuple(points)))
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert texts == ["frontier", *sorted(names), "LAMMPS: same shape, red"]
     marks = page.marks_of(points)
@@ -235,13 +235,13 @@ def test_methods_have_one_explanation_and_one_mark_per_section(tmp_path: Path, m
     named = {"one": "the first way", "two": "the second way", "two again": "the second way", "LAMMPS": "its output"}
     points = [MethodPoint("q", "r", name, 1e-9, interval, reason=reason) for name, reason in named.items()]
     points.append(MethodPoint("q", "r", "LAMMPS two", 1e-9, interval, reason="not listed: that of two"))
-    both = [Panel(f"p{k}", "t", "a", "e", "u", tuple(points[k:])) for k in range(2)]
+    both = [MethodPanel(f"p{k}", "t", "a", "e", "u", tuple(points[k:])) for k in range(2)]
     section = Section("laws", "Laws", "about", 1.0, tuple(both))
     listed = [(["one"], named["one"]), (["two", "two again"], named["two"]), (["LAMMPS"], named["LAMMPS"])]
     assert page.methods(section) == listed
     drawn: list[page.Marks] = []
 
-    def drawing(panel: Panel, others: object, marks: page.Marks) -> Figure:
+    def drawing(panel: MethodPanel, others: object, marks: page.Marks) -> Figure:
         drawn.append(marks)
         return Figure()
 
@@ -252,11 +252,11 @@ def test_methods_have_one_explanation_and_one_mark_per_section(tmp_path: Path, m
 
 
 def test_other_engine_is_drawn_over_the_first_and_named(tmp_path: Path) -> None:
-    def of(ns: float) -> Panel:
+    def of(ns: float) -> MethodPanel:
         """One method on both sides; LAMMPS takes ``ns``."""
         times = {"plain": 3.0, "LAMMPS": ns}
         points = [MethodPoint("p", "near", m, 1e-9, ConfidenceInterval(t, 0.9 * t, 1.1 * t)) for m, t in times.items()]
-        return Panel("p", "P", "about", "of p", "particle", tuple(points))
+        return MethodPanel("p", "P", "about", "of p", "particle", tuple(points))
 
     alone, both = page.panel_figure(of(9.0)), page.panel_figure(of(9.0), [("2026.7.4", of(5.0))])
     lines = [[tuple(line.get_xdata()) for line in figure.axes[0].lines] for figure in (alone, both)]

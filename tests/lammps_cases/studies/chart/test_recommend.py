@@ -8,7 +8,7 @@ import pytest
 
 from lammps_cases.records.measure import ConfidenceInterval
 from lammps_cases.studies.chart.recommend import recommendation
-from lammps_cases.studies.chart.record import MethodPoint, Panel
+from lammps_cases.studies.chart.record import MethodPanel, MethodPoint
 
 Given = dict[str, dict[str, tuple[float, float]]]  # error and time of a method in a regime
 
@@ -19,7 +19,7 @@ def sentence(given: Given) -> str:
         for regime, methods in given.items()
         for method, (error, ns) in methods.items()
     ]
-    return recommendation(Panel("p", "t", "a", "e", "state", tuple(points)))
+    return recommendation(MethodPanel("p", "t", "a", "e", "state", tuple(points)))
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Options, Start, rows, start
 from lammps_cases.studies.stability.advice import advice, judge
 from lammps_cases.studies.stability.limits import (
-    Curve,
+    LimitCurve,
     LimitPoint,
     Limits,
     Numbers,
@@ -63,11 +63,11 @@ RATIO = NU / (CS * 0.9)  # below 1/2: sound limits the step
 LIMITS = Limits(
     "1",
     (
-        Curve(
+        LimitCurve(
             "step", "", "lammps", "energy growth", (LimitPoint(RATIO / 10, 2.0, 2.1), LimitPoint(RATIO * 10, 0.5, 0.6))
         ),
-        Curve("step", "", "reference", "energy growth", (LimitPoint(RATIO, 0.01, 0.02),)),
-        Curve("other", "shift", "reference", "clumping", (LimitPoint(RATIO, 1.5, 1.6),)),
+        LimitCurve("step", "", "reference", "energy growth", (LimitPoint(RATIO, 0.01, 0.02),)),
+        LimitCurve("other", "shift", "reference", "clumping", (LimitPoint(RATIO, 1.5, 1.6),)),
     ),
 )
 

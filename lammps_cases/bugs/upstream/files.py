@@ -23,6 +23,7 @@ from lammps_cases.bugs import deck
 from lammps_cases.bugs.deck import BugDeck, Check
 from lammps_cases.bugs.upstream.force_tests import (
     COEFFICIENTS,
+    OWN,
     TEMPLATE,
     Expected,
     ForceTest,
@@ -45,7 +46,7 @@ from lammps_cases.verdict.problems import problem_of
 TESTS = "unittest/force-styles/tests"  # in LAMMPS' tree
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 CASES = DATA / "upstream" / "examples.yaml"
-FOLDER = "examples/rheo/reference"  # in LAMMPS' tree
+FOLDER = f"examples/rheo/{OWN}"  # in LAMMPS' tree
 THERMO = 20  # steps between lines of the log
 
 

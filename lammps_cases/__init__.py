@@ -33,3 +33,7 @@ def __getattr__(name: str) -> Any:
     if name in ("audit", "run"):
         return import_module(f"lammps_cases.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -91,7 +91,9 @@ def flat(function: Callable[..., R]) -> Callable[..., R]:
     described = [f"{each.name} :\n    {option.text}" for each in own if (option := option_of(each.annotation))]
     call.__doc__ = (inspect.getdoc(function) or "").replace("(options)", "\n".join(described))
     call.__annotations__ = {each.name: each.annotation for each in own} | {"return": signature.return_annotation}
-    call.__signature__ = signature  # type: ignore[attr-defined]
+    types = get_type_hints(call)  # for people: without options and rules
+    shown = [each.replace(annotation=types[each.name]) for each in own]
+    call.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
     return call
 
 

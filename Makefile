@@ -63,7 +63,7 @@ fast: $(TEST) ## the tests that need neither LAMMPS nor patience
 lowest: ## the quick cases and the fast tests, each library in the lowest version of pyproject.toml, in build/lowest
 	mkdir -p $(LOWEST)
 	grep -oE '"[A-Za-z][A-Za-z0-9_-]*(\[[a-z]+\])?>=[0-9.]+' pyproject.toml | sed -E 's/"([^[>]+)(\[.*\])?>=/\1==/' > $(LOWEST)/versions.txt
-	PIP_CONSTRAINT=$(CURDIR)/$(LOWEST)/versions.txt $(MAKE) VENV=$(LOWEST) quick fast
+	PIP_CONSTRAINT=$(CURDIR)/$(LOWEST)/versions.txt PYTEST_ADDOPTS='-W ignore::DeprecationWarning' $(MAKE) VENV=$(LOWEST) quick fast
 
 browser: $(TEST) $(VENV)/.docs ## the tests that draw a report and the site in chromium
 	$(BIN)/python -m pytest -m browser tests/lammps_cases/report tests/test_site.py

@@ -3,6 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+TEST := $(VENV)/.test
+# Compiled are only the modules that may run: 0.1 GB less.
+INSTALL := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check
 # Tests wait for the processes they start: one more at a time than there are cores.
 SIDE_BY_SIDE = $$(( $$(getconf _NPROCESSORS_ONLN) + 1 ))
 TWINS ?= --tag quick
@@ -13,71 +16,83 @@ MACHINE ?= 200
 MACHINED ?= $(or $(TMPDIR),/tmp)/eos-ref-binary
 ANSWERING ?= env pypi:2025.7.22.1.0
 FUZZ ?= --seconds 600 --seed 1
+LOWEST := build/lowest
 ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 
 , := ,
 picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
   --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
 
-.PHONY: help setup validate campaign quick fast test browser kills large soak environment slurm unittest workshop check bench claims docs versions engines power binary judge fuzz fuzz-nightly pictures clean
+.PHONY: help setup validate campaign quick fast test lowest browser kills large soak environment slurm unittest workshop check bench claims docs versions engines power binary judge fuzz fuzz-nightly pictures clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version.split()[0]; sys.exit(sys.version_info < (3, 11) and f"eos-ref needs Python 3.11 or later, {sys.executable} is {v}: make PYTHON=...")'
-	@echo 'setting up $(VENV) (a minute or two) ...'
+	@echo 'setting up $(VENV): 0.3 GB to download, 1 GB on disk (a minute or two) ...'
 	@$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,check]'
+	$(INSTALL) -e '.[engine]'
+	@$(BIN)/python -m compileall -q -j 0 -x '/(tests?|pip|setuptools|ase)/' $(VENV)/lib || true
 	@touch $@
 
-setup: $(READY) ## create the environment in .venv and install everything into it
+# What only the makers need, by the extra of pyproject.toml, is added to the same environment by the first target that needs it.
+$(VENV)/.%: $(READY)
+	@echo 'adding the packages of the extra $* ...'
+	$(INSTALL) -e '.[$*]'
+	@touch $@
+
+setup: $(READY) ## create the environment in .venv and install what the commands need into it
 
 validate: $(READY) ## set up, run every case against real LAMMPS, say where the report lies
 	$(BIN)/eos-ref run
 	@echo 'all reports: reports/index.html; the commands are in $(BIN): source $(BIN)/activate'
 
-campaign: $(READY) ## the report of `make validate`: every case as expected, scenes that tell formulas apart
+campaign: $(TEST) ## the report of `make validate`: every case as expected, scenes that tell formulas apart
 	$(BIN)/python -m pytest -m campaign tests/lammps_cases/run
 
 quick: $(READY) ## the cases that take a few seconds, against the accepted baseline
 	$(BIN)/eos-ref run --tag quick --baseline reports/accepted
 
-test: $(READY) ## set up and run the tests
+test: $(TEST) ## set up and run the tests
 	$(BIN)/python -m pytest -n $(SIDE_BY_SIDE) --maxprocesses 4 --dist loadfile --no-loadscope-reorder --durations=15
 
-fast: $(READY) ## the tests that need neither LAMMPS nor patience
+fast: $(TEST) ## the tests that need neither LAMMPS nor patience
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 -m "not lammps and not slow"
 
-browser: $(READY) ## the tests that draw a report and the site in chromium
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+lowest: ## the quick cases and the fast tests, each library in the lowest version of pyproject.toml, in build/lowest
+	mkdir -p $(LOWEST)
+	grep -oE '"[A-Za-z][A-Za-z0-9_-]*(\[[a-z]+\])?>=[0-9.]+' pyproject.toml | sed -E 's/"([^[>]+)(\[.*\])?>=/\1==/' > $(LOWEST)/versions.txt
+	PIP_CONSTRAINT=$(CURDIR)/$(LOWEST)/versions.txt PYTEST_ADDOPTS='-W ignore::DeprecationWarning' $(MAKE) VENV=$(LOWEST) quick fast
+
+browser: $(TEST) $(VENV)/.docs ## the tests that draw a report and the site in chromium
 	$(BIN)/python -m pytest -m browser tests/lammps_cases/report tests/test_site.py
 
-slurm: $(READY) ## the tests of the kit for Slurm, on a Slurm started for them (needs slurmctld, slurmd, munge)
+slurm: $(TEST) ## the tests of the kit for Slurm, on a Slurm started for them (needs slurmctld, slurmd, munge)
 	$(BIN)/python -m pytest -m slurm tests/workshop
 
-unittest: $(READY) ## LAMMPS' own test programs on the kit for them; LAMMPS=TREE, with a serial build in its folder build
+unittest: $(TEST) ## LAMMPS' own test programs on the kit for them; LAMMPS=TREE, with a serial build in its folder build
 	EOS_REF_TREE='$(LAMMPS)' $(BIN)/python -m pytest -m unittest tests/lammps_cases/bugs/upstream
 
-workshop: $(READY) ## the tests of what only the makers run, tests/workshop (half an hour)
+workshop: $(TEST) ## the tests of what only the makers run, tests/workshop (half an hour)
 	$(BIN)/python -m pytest -m workshop tests/workshop
 
-check: $(READY) ## lint, format, types, direction of imports
+check: $(TEST) $(VENV)/.check ## lint, format, types, direction of imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-kills: $(READY) ## kill runs at random moments and resume them, 300 times here, 100 on a Dask cluster (over an hour)
+kills: $(TEST) ## kill runs at random moments and resume them, 300 times here, 100 on a Dask cluster (over an hour)
 	$(BIN)/python -m pytest -s -m kills tests/workshop
 
-large: $(READY) ## a million particles, every one judged, on one rank and on two, in 4 GB (some minutes); LARGE=large.four-million
+large: $(TEST) ## a million particles, every one judged, on one rank and on two, in 4 GB (some minutes); LARGE=large.four-million
 	$(BIN)/python -m tests.workshop.large $(LARGE)
 
-soak: $(READY) ## 20 000 cases in one campaign, here and through Dask (an hour); SOAK=2000 for fewer
+soak: $(TEST) ## 20 000 cases in one campaign, here and through Dask (an hour); SOAK=2000 for fewer
 	EOS_REF_SOAK='$(SOAK)' $(BIN)/python -m pytest -s -m soak tests/workshop --basetemp '$(SOAKED)'
 
-environment: $(READY) ## the tests of full disks, which need root
+environment: $(TEST) ## the tests of full disks, which need root
 	$(BIN)/python -m pytest -m root tests/lammps_cases/run
 
 bench: $(READY) ## speed against peers, in one run, as ratios
@@ -86,15 +101,14 @@ bench: $(READY) ## speed against peers, in one run, as ratios
 claims: $(READY) ## every statement of the manual: does it hold
 	$(BIN)/eos-ref claims
 
-docs: $(READY) ## build the pages of docs/ as a site in reports/site, to read offline
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+docs: $(VENV)/.docs ## build the pages of docs/ as a site in reports/site, to read offline
 	$(BIN)/mkdocs build --strict --quiet
 	@echo 'reports/site/index.html'
 
 versions: $(READY) ## every LAMMPS with RHEO against every other (some minutes)
 	$(BIN)/eos-ref compare $(ENGINES)
 
-engines: $(READY) ## every LAMMPS with RHEO, or ENGINES='path:BUILD ...': baselines, decks of the findings (some minutes)
+engines: $(TEST) ## every LAMMPS with RHEO, or ENGINES='path:BUILD ...': baselines, decks of the findings (some minutes)
 	@for engine in $(ENGINES); do echo "$$engine"; \
 	  $(BIN)/eos-ref run --tag quick --engine "$$engine" --baseline reports/accepted --out reports/engines || exit; done
 	EOS_REF_ENGINES='$(ENGINES)' $(BIN)/python -m pytest tests/lammps_cases/bugs
@@ -105,23 +119,21 @@ twins: $(READY) ## the same LAMMPS twice, memory filled with other bytes, TWINS=
 	$(BIN)/eos-ref compare reports/twins/85 reports/twins/170 --strict --out reports/twins/memory
 	$(BIN)/eos-ref compare reports/twins/85 reports/twins/threads --strict --out reports/twins/of-threads
 
-power: $(READY) ## plant faults, measure what goes unseen, look for false alarms (long); POWER='faults --quick-only'
+power: $(TEST) ## plant faults, measure what goes unseen, look for false alarms (long); POWER='faults --quick-only'
 	$(BIN)/python -m tests.workshop.power $(POWER)
 
-binary: $(READY) ## plant faults in LAMMPS' own machine code (x86-64), MACHINE='COUNT [ENGINE]' (a minute or more each)
+binary: $(TEST) ## plant faults in LAMMPS' own machine code (x86-64), MACHINE='COUNT [ENGINE]' (a minute or more each)
 	$(BIN)/python -m tests.workshop.machine_code '$(MACHINED)' $(MACHINE)
 
-judge: $(READY) ## mutate the code that judges; its tests, or answers of ANSWERING, have to notice (hours)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[judge]'
+judge: $(TEST) $(VENV)/.judge ## mutate the code that judges; its tests, or answers of ANSWERING, have to notice (hours)
 	$(BIN)/mutmut run --max-children 2
 	$(BIN)/python -m tests.workshop.recorded_answers $(ANSWERING)
 	$(BIN)/python -m tests.workshop.judge
 
-fuzz: $(READY) ## ten minutes of random scenes; FUZZ='--seconds 3600 --seed 2' for an hour of others
+fuzz: $(TEST) ## ten minutes of random scenes; FUZZ='--seconds 3600 --seed 2' for an hour of others
 	$(BIN)/python -m tests.workshop.fuzz $(FUZZ)
 
-fuzz-nightly: $(READY) ## every reader of files under atheris, 1.4 million inputs (long; needs a Python that atheris has wheels for)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[fuzz]'
+fuzz-nightly: $(TEST) $(VENV)/.fuzz ## every reader of files under atheris, 1.4 million inputs (long; needs a Python that atheris has wheels for)
 	$(BIN)/python -m tests.workshop.fuzz_nightly $(FUZZED) 3e5
 
 pictures: $(READY) ## the pictures of flows, a report, a case and a comparison in the documents (needs chromium)

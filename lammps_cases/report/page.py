@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import itertools
 import json
 import math
@@ -19,7 +18,6 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
 from lammps_cases.comparison.compare import excess, worst_component
 from lammps_cases.records import case_wording, deck_wording, wording
@@ -260,7 +258,7 @@ class RunPage:
         if lacking:
             cases = sorted({case for fault in lacking for case in fault.cases})
             run.faults.append(lacking[0].model_copy(update={"cases": cases}))
-        plotly = _plotly().read_text(encoding="utf-8")
+        plotly = (ASSETS / "plotly.min.js").read_text(encoding="utf-8")
         tags = Counter(tag for case in run.cases for tag in set(case.tags))
         return frame.page(
             ASSETS,
@@ -392,11 +390,3 @@ def _sortable(value: float | None) -> str:
 
 
 FILTERS: Mapping[str, Callable[..., object]] = {"shade": shade, "sortable": _sortable}
-
-
-def _plotly() -> Path:
-    """Find Plotly's script inside its Python package, without importing the package (0.3 s)."""
-    spec = importlib.util.find_spec("plotly")
-    if spec is None or not spec.submodule_search_locations:
-        raise InputError("plotly", "must be installed: its script draws the plots of report.html")
-    return Path(spec.submodule_search_locations[0]) / "package_data" / "plotly.min.js"

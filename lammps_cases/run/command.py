@@ -13,6 +13,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from markupsafe import escape
+
 from eos_ref.errors import InputError, unknown
 from lammps_cases.comparison.store import open_store
 from lammps_cases.engine import forkserver, installations
@@ -86,6 +88,10 @@ class Result:
         """Return the table of findings; see `lammps_cases.run.tables.findings`."""
         return tables.findings(self.record)
 
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the run as one table, `fields`; the others are `cases`, `findings`, `values` and `particles`."""
+        return self.fields
+
     def values(self, select: str | Iterable[str] = "*") -> pd.DataFrame:
         """Return the table of values; see `lammps_cases.run.tables.values`."""
         return tables.values(self.folder, select)
@@ -112,6 +118,18 @@ class Result:
 
     def __repr__(self) -> str:
         return f"<{self.headline}>"
+
+    def _repr_html_(self) -> str:
+        return html(self.headline, self.findings.drop(columns="cases"))
+
+
+def html(headline: Headline, findings: pd.DataFrame) -> str:
+    """Return a headline, and the findings below it, as a notebook shows them."""
+    import pandas as pd
+
+    with pd.option_context("display.max_colwidth", None):
+        table = "" if findings.empty else findings.to_html(index=False)
+    return f"<p><b>{headline.state}</b>: {escape(headline.sentence)}</p>{table}"
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from lammps_cases.records.progress import SILENT
 from lammps_cases.records.wording import GIVEN, parted
 from lammps_cases.report.pages import frame
 from lammps_cases.report.pages.frame import TableCell, TableRow
-from lammps_cases.run.command import Result, remove_with, report_folder
+from lammps_cases.run.command import Result, html, remove_with, report_folder
 from lammps_cases.run.options import CompareOptions, Names, several
 from lammps_cases.scene.fields import place
 from lammps_cases.versions import pairs, sources
@@ -92,6 +92,10 @@ class ComparisonResult:
         rows = [pairs.row(change) for change in self.comparison.pairs[0].changes.fields]
         return pd.json_normalize(rows, sep="_")
 
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the comparison as one table, `fields`."""
+        return self.fields
+
     @property
     def findings(self) -> pd.DataFrame:
         """The findings that came or went, the most severe first: id and severity."""
@@ -102,6 +106,9 @@ class ComparisonResult:
 
     def __repr__(self) -> str:
         return f"<{self.headline}>"
+
+    def _repr_html_(self) -> str:
+        return html(self.headline, self.findings)
 
 
 @checked

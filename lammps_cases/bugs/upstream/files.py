@@ -23,6 +23,7 @@ from lammps_cases.bugs import deck
 from lammps_cases.bugs.deck import BugDeck, Check
 from lammps_cases.bugs.upstream.force_tests import (
     COEFFICIENTS,
+    OWN,
     TEMPLATE,
     Expected,
     ForceTest,
@@ -46,7 +47,7 @@ TESTS = "unittest/force-styles/tests"  # in LAMMPS' tree
 TAIT = "unittest/python/python-rheo-tait.py"  # of a form of Tait's law that keeps its digits, docs/tait.md
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 CASES = DATA / "upstream" / "examples.yaml"
-FOLDER = "examples/rheo/reference"  # in LAMMPS' tree
+FOLDER = f"examples/rheo/{OWN}"  # in LAMMPS' tree
 THERMO = 20  # steps between lines of the log
 
 

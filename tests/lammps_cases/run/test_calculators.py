@@ -12,8 +12,7 @@ import pytest
 from ase.calculators.calculator import CalculationFailed
 from ase.md.verlet import VelocityVerlet
 
-from eos_ref import InputError
-from lammps_cases import EosRefCalculator, LammpsRheoCalculator, run
+from eos_ref import EosRefCalculator, InputError, LammpsRheoCalculator, run
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.run.calculators import RheoCalculator, particles, scene_of
 from lammps_cases.run.command import Result

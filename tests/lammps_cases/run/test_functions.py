@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import html
 import inspect
 import json
+import pydoc
 import re
 import shutil
 import subprocess
@@ -20,9 +22,7 @@ import pandas as pd
 import pytest
 
 import eos_ref
-import lammps_cases
-from eos_ref import EOS, EOSTable, InputError
-from lammps_cases import audit, compare, run
+from eos_ref import EOS, EOSTable, InputError, audit, compare, run
 from lammps_cases.engine import forkserver
 from lammps_cases.records.files import arrays_files, read_arrays
 from lammps_cases.records.run_record import read_run
@@ -68,18 +68,17 @@ def tilted() -> Result:
 # --- arguments
 
 
-def test_package_is_imported_at_once_and_without_numpy() -> None:
-    heavy = "import sys, lammps_cases; print({'numpy', 'pandas', 'pydantic', 'ase', 'eos_ref'} & {*sys.modules})"
+def test_package_is_imported_without_the_harness() -> None:
+    heavy = "import sys, eos_ref; print({'lammps_cases', 'pandas', 'pydantic', 'ase', 'numba'} & {*sys.modules})"
     assert subprocess.run([sys.executable, "-c", heavy], check=True, capture_output=True, text=True).stdout == "set()\n"
-    assert list(inspect.signature(run).parameters)[:3] == ["names", "tag", "cases"]
-    for package in (lammps_cases, eos_ref):
-        with pytest.raises(AttributeError, match="no attribute 'models'"):
-            package.models  # noqa: B018
+    with pytest.raises(AttributeError, match="no attribute 'models'"):
+        eos_ref.models  # noqa: B018
 
 
 def test_documented_names_are_in_the_package() -> None:
-    """Every name of `eos_ref.__all__` can be imported, and documents import from the package only."""
+    """Every name of `__all__` can be imported and completed, and documents import from the package only."""
     assert all(getattr(eos_ref, name) is not None for name in eos_ref.__all__)
+    assert {*eos_ref.__all__} <= {*dir(eos_ref)}
     assert {"ArrayEvaluator", "Box", "CompiledEvaluator", "Model", "Simulation", "State"} <= set(eos_ref.__all__)
     for page in ("docs/python.md", "README.md", "eos_ref/NUMERICS.md"):
         text = (ROOT / page).read_text()
@@ -88,11 +87,27 @@ def test_documented_names_are_in_the_package() -> None:
         assert not re.findall(r"^from eos_ref\.", text, flags=re.MULTILINE)
 
 
+@pytest.mark.parametrize(
+    ("function", "parameters"),
+    [
+        (run, "names: str | collections.abc.Sequence[str] = (), *, tag: str | None = None, cases: "),
+        (audit, "deck: str | pathlib.Path, *, dump: pathlib.Path | None = None, restart: "),
+        (compare, "a: str | pathlib.Path | lammps_cases.run.command.Result, b: "),
+    ],
+)
+def test_functions_are_plain_with_signature_and_help(function: Callable[..., Any], parameters: str) -> None:
+    signature, shown = inspect.signature(function), pydoc.plain(pydoc.render_doc(function))
+    assert inspect.isfunction(function) and str(signature).startswith(f"({parameters}") and "Annotated" not in shown
+    described = (inspect.getdoc(function) or "").partition("Raises")[0]
+    assert all(re.search(rf"^(\w+, )*{name}(, \w+)* :", described, re.MULTILINE) for name in signature.parameters)
+    assert f"{function.__name__}({parameters}" in shown and described.splitlines()[0] in shown
+
+
 def test_script_needs_no_guard(tmp_path: Path) -> None:
     """Workers and the process of an audit do not import the user's script, which would start them again."""
     script = tmp_path / "script.py"
     script.write_text(
-        "import sys\nfrom lammps_cases import audit, run\nprint('once', file=sys.stderr)\n"
+        "import sys\nfrom eos_ref import audit, run\nprint('once', file=sys.stderr)\n"
         f"print(run('near-rho0.linear.2d', jobs=1).verdicts, audit({str(DECK)!r}).exit_code)\n"
     )
     done = subprocess.run([sys.executable, script], check=True, capture_output=True, text=True)
@@ -112,7 +127,7 @@ def test_arguments_become_the_equivalent_command(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(forkserver, "start_for_judging", lambda: None)
     monkeypatch.setattr(campaign, "run_cases", run_cases)
     with pytest.raises(InputError, match="are not run here"):
-        lammps_cases.run(CASES[1], jobs=3, fail_on="high", allow="support-unit", out=tmp_path / "out")
+        run(CASES[1], jobs=3, fail_on="high", allow="support-unit", out=tmp_path / "out")
     line = f"eos-ref run {CASES[1]} --allow support-unit"
     assert given == [[CASES[1]], 3, tmp_path / "out", line, "high", ["support-unit"]]
 
@@ -174,6 +189,14 @@ def test_run_equals_that_of_the_command(
     assert other.counts["new case"] == 1 and set(other.fields.change) == set(other.counts)
 
 
+def test_results_show_headline_and_bugs_in_a_notebook(ran: Result) -> None:
+    shown, both = ran._repr_html_(), compare(ran, ran)
+    assert shown.startswith(f"<p><b>KNOWN BUGS</b>: {html.escape(ran.headline.sentence)}</p><table")
+    assert all(html.escape(ran.findings[column][0]) in shown for column in ("id", "severity", "title", "workaround"))
+    assert both._repr_html_() == f"<p><b>PASS</b>: {html.escape(both.headline.sentence)}</p>"
+    pd.testing.assert_frame_equal(both.to_pandas(), both.fields)
+
+
 def test_temporary_report_is_deleted_with_its_result(ran: Result, tmp_path: Path) -> None:
     assert ran.temporary and ran.folder.is_dir()
     result = Result(ran.record, Path(shutil.copytree(ran.folder, tmp_path / "made" / "report")), temporary=True)
@@ -218,6 +241,7 @@ def test_tables_of_a_run(ran: Result, others: Result) -> None:
     textbook = others.fields[(others.fields.field == "pressure") & (others.fields.case == "near-rho0.tait-water.2d")]
     assert (textbook.max_over_bound <= 1).all()
     assert (textbook.digits_lost_lammps > 10).all(), "the textbook form cancels at 1e-12 compression"
+    pd.testing.assert_frame_equal(ran.to_pandas(), ran.fields)
     law = ran.particles(CASES[1])
     assert list(law.id) == list(range(1, len(law) + 1))
     assert (law["pressure.lammps"] == law["pressure.reference"]).all()

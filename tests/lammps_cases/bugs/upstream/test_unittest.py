@@ -24,7 +24,10 @@ from eos_ref.model.quantities import needed_to_step
 from lammps_cases.bugs.upstream import files, programs
 from lammps_cases.bugs.upstream.files import TESTS, kit_files, write_folder, yaml_text
 from lammps_cases.bugs.upstream.force_tests import (
+    COEFFICIENTS,
+    OWN,
     STAGES,
+    TEMPLATE,
     WRITE_DATA,
     Expected,
     error,
@@ -170,7 +173,7 @@ def test_particles_of_tests_named_phases_melt_and_freeze() -> None:
 @pytest.mark.lammps
 def test_walls_are_read_back_as_written(tmp_path: Path, workers: Workers) -> None:
     test = ALL["reconstructed_unit_2d"]
-    (tmp_path / "in.rheo").write_text(template())
+    (tmp_path / TEMPLATE).write_text(template())
     (tmp_path / test.data_name).write_text(test.data)
     given = Commands.of(test)
     plain = replace(given, before=tuple(line for line in given.before if WRITE_DATA not in line))
@@ -263,6 +266,14 @@ def test_error_above_epsilon_is_detected(folder: Path, workers: Workers, predict
 # --- what was measured, and the command
 
 
+def test_no_file_can_have_a_name_of_lammps() -> None:
+    """Of the names in names.txt: those of our kinds in the tests of 4 Jul 2026, and those added in October 2026."""
+    theirs = (Path(__file__).parent / "names.txt").read_text().split()
+    ours = {TEMPLATE, COEFFICIENTS, *(of for test in shipped() for of in (test.data_name, f"{test.name}.yaml"))}
+    assert {"in.rheo", "data.rheo", "atomic-pair-rheo_solid.yaml", "fix-timestep-nve.yaml"} < {*theirs}
+    assert not any(OWN in name for name in theirs) and all(OWN in name for name in ours)
+
+
 def test_page_shows_the_measurement_of_every_test() -> None:
     result = programs.measured()
     assert set(result.tests) == {test.name for test in shipped()}
@@ -281,9 +292,10 @@ def test_kit_follows_the_layout_of_the_lammps_tree(
     done = eos_ref_command("kit", "unittest", "--repository", "me/eos-ref", "--out", tmp_path)
     assert done.code == 0, done.err
     names = {path.name for path in (tmp_path / TESTS).iterdir()}
-    shared = {"in.rheo", "coeffs.rheo", *(test.data_name for test in few)}
+    shared = {TEMPLATE, COEFFICIENTS, *(test.data_name for test in few)}
     assert names == {f"{test.name}.yaml" for test in few} | shared
-    assert "me/eos-ref" in (tmp_path / "unittest" / "force-styles" / "README.rheo.md").read_text()
+    assert all(OWN in str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file())
+    assert "me/eos-ref" in (tmp_path / "unittest" / "force-styles" / "README.eosref.md").read_text()
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     again = eos_ref_command("kit", "unittest", "--repository", "me/eos-ref", "--out", tmp_path)
     assert again.code == 0, again.err

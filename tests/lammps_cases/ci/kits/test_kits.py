@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import re
@@ -17,6 +18,7 @@ import pytest
 import yaml
 from check_jsonschema import main as check_jsonschema
 from click.testing import CliRunner
+from packaging.requirements import Requirement
 
 from lammps_cases.ci.kits import KITS, TEMPLATES, in_repository, in_shards, kit
 from lammps_cases.engine import session
@@ -127,6 +129,30 @@ def test_matrix_of_engines_is_that_of_the_ledger() -> None:
     assert {each["engine"] for each in workflow["jobs"]["quick"]["strategy"]["matrix"]["include"]} == engines
     pipeline = yaml.safe_load((ROOT / ".gitlab-ci.yml").read_text())
     assert set(pipeline["quick"]["parallel"]["matrix"][0]["ENGINE"]) == engines
+
+
+EXTRAS = {"validate": "engine", "test": "engine test", "check": "engine test check", "lowest": "engine test"}
+
+
+@pytest.mark.parametrize("target", EXTRAS)
+def test_make_installs_what_a_target_needs(target: str, tmp_path: Path) -> None:
+    command = ["make", "--dry-run", f"VENV={tmp_path / 'venv'}", f"LOWEST={tmp_path / 'lowest'}", target]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert re.findall(r"pip install .*'\.\[(\w+)\]'", done.stdout) == EXTRAS[target].split()
+
+
+def test_every_imported_library_is_a_dependency_and_the_other_way_round() -> None:
+    modules = {"python-flint": "flint", "pyyaml": "yaml", "annotated-types": "annotated_types"}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    needed = {modules.get(name, name) for name in (Requirement(each).name for each in project["dependencies"])}
+    files = [path for package in ("eos_ref", "lammps_cases") for path in (ROOT / package).rglob("*.py")]
+    nodes = [node for path in files for node in ast.walk(ast.parse(path.read_text()))]
+    found = [name.name for node in nodes if isinstance(node, ast.Import) for name in node.names]
+    found += [str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)]
+    imported = {name.partition(".")[0] for name in found} - sys.stdlib_module_names
+    optional = {"dask", "distributed", "lammps", "pysph", "pytest", "_pytest"}  # by extras, or used where they are
+    assert imported - needed == optional | {"eos_ref", "lammps_cases", "pydantic_core"}
+    assert needed <= imported
 
 
 def test_make_targets_of_ci_exist() -> None:

@@ -77,7 +77,7 @@ def test_of(report: Report, predictor: Predictor | None = None) -> FindingTest |
         test = force_test(entry, scene, report)
         numbers = expected(test, predictor := predictor or Predictor())
     except InputError as refused:
-        return str(refused)
+        return f"the {refused.what} {refused.rule}"
     if shows(test, numbers, predictor, entry) is False:
         return "its numbers after the steps of the test programs are right"
     if others := acting(test, numbers, predictor, entry):

@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +66,7 @@ class FindingTest:
 
 def test_of(report: Report, predictor: Predictor | None = None) -> FindingTest | str:
     """Return the test of a report's finding, or why LAMMPS' forms of tests cannot show it."""
-    entry = report.finding
+    entry, predictor = report.finding, predictor or Predictor()
     if entry is None:
         return "no finding explains it"
     scene = demonstrations().get(entry.id)
@@ -75,7 +76,7 @@ def test_of(report: Report, predictor: Predictor | None = None) -> FindingTest |
         if scene is None or scene.number is None:
             return of_commands(report, entry)
         test = force_test(entry, scene, report)
-        numbers = expected(test, predictor := predictor or Predictor())
+        numbers = expected(test, predictor)
     except InputError as refused:
         return f"the {refused.what} {refused.rule}"
     if shows(test, numbers, predictor, entry) is False:
@@ -99,15 +100,14 @@ def force_test(entry: Finding, made: Demonstration, report: Report) -> ForceTest
         raise InputError("finding", f"must contradict the manual of LAMMPS' tree, {MANUALS[-1]}")
     if made.other:
         raise InputError("finding", "must show in one scene, not in two")
-    scene, field = {**made.scene}, made.number.field
-    column = bool(FIELDS[field].column)
+    field, changes = made.number.field, dict[str, Any]()
     if field in VIRIALS:
-        changes = {"compare": ["f", "virial"], "evolve": OF_PAIR}
+        changes |= {"compare": ["f", "virial"], "evolve": OF_PAIR}
     else:
-        changes = {"compare": ["x", "v", *[field] * column], "evolve": OF_FIX}
-    if column and "forces" not in scene:
-        changes["forces"] = [{"style": "setforce", "vector": [0.0] * scene["dimension"]}]
-    case = case_of(entry.id, entry.title, casefile.merge(casefile.merge(scene, changes), made.test))
+        changes |= {"compare": ["x", "v", *[field] * bool(FIELDS[field].column)], "evolve": OF_FIX}
+    if FIELDS[field].column and "forces" not in made.scene:
+        changes["forces"] = [{"style": "setforce", "vector": [0.0] * made.scene["dimension"]}]
+    case = case_of(entry.id, entry.title, casefile.merge(casefile.merge(made.scene, changes), made.test))
     if case.scene.mass:
         raise InputError("finding", "must show without per-particle masses, which the programs set")
     label = "pair" if field in VIRIALS else "property" if case.scene.compare[2:] else "rheo"
@@ -136,9 +136,10 @@ def acting(test: ForceTest, numbers: Expected, predictor: Predictor, entry: Find
 def shows(test: ForceTest, numbers: Expected, predictor: Predictor, entry: Finding) -> bool | None:
     """Return whether a finding makes a test red; None if only LAMMPS' neighbour lists decide."""
     variant = entry.model_variant
-    answers = []
-    for stage in STAGES[test.program] if variant else ():
-        assert variant is not None
+    answers: list[bool | None] = []
+    if variant is None:
+        return False
+    for stage in STAGES[test.program]:
         of = problem(test, stage)
         if stage.name == "rmass":  # the masses of types, as each particle's own
             of = replace(of, state=replace(of.state, mass_n=masses(of.model, of.state)))

@@ -5,16 +5,19 @@ from __future__ import annotations
 import platform
 import re
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
 
 from lammps_cases.bugs.deck import DATA, DECK, Ending
 from lammps_cases.bugs.report import Report
+from lammps_cases.bugs.upstream.finding_tests import FindingTest
 from lammps_cases.comparison.pair_sums import ParticleValues, Sum
 from lammps_cases.findings import KNOWN, Finding
 from lammps_cases.records.wording import counted
 
 
-def text(report: Report, ending: Ending, versions: Sequence[str] = KNOWN) -> str:
-    """Return the text of a report, with LAMMPS' result for its deck."""
+def text(report: Report, ending: Ending, test: FindingTest | str = "", versions: Sequence[str] = KNOWN) -> str:
+    """Return the text of a report, with LAMMPS' result for its deck, and the test of its finding or why it has none."""
     sections = {
         "Summary": _summary(report),
         "LAMMPS Version and Platform": _versions(report.finding, ending, versions),
@@ -22,6 +25,7 @@ def text(report: Report, ending: Ending, versions: Sequence[str] = KNOWN) -> str
         "Actual Behavior": _actual(report, ending),
         "Steps to Reproduce": _steps(report, ending),
         "Workaround": [report.finding.workaround if report.finding else "None is known."],
+        "Further Information, Files, and Links": _further(report, ending, test),
     }
     blocks = [f"# [BUG] {report.title}"]
     for heading, lines in sections.items():
@@ -127,6 +131,23 @@ def _steps(report: Report, ending: Ending) -> Iterable[str]:
     yield "```"
     yield ""
     yield f"It ends with {ending.verdict(report.deck)}."
+
+
+def _further(report: Report, ending: Ending, test: FindingTest | str) -> Iterable[str]:
+    if report.finding:
+        yield f"Remedy: {report.finding.remedy}"
+        yield ""
+    if isinstance(test, FindingTest):
+        files = ", ".join(f"`{name}`" for name in test.files)
+        yield f"Test for LAMMPS' own tree, red until this is fixed: {files} (attached) in `{test.folder}`; after CMake:"
+        yield f"`{test.ctest}`."
+        yield ""
+    elif test:
+        yield f"There is no test for LAMMPS' own tree: {test}."
+        yield ""
+    yield f"Made by eos-ref {version('eos-ref')} on {datetime.now(UTC):%Y-%m-%d} with LAMMPS ({ending.version})."
+    yield "Expected numbers are those of an independent reference that follows the manual and the papers it cites; none"
+    yield "was taken from a LAMMPS."
 
 
 def _table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterable[str]:

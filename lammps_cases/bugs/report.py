@@ -128,6 +128,7 @@ class Demonstration(OfManual, BaseModel):
     smaller : changes of the case that the finding applies to
     recomputed : named numbers of the text, as expressions of what the scene gives
     decks : decks with the words of the text
+    test : changes of the scene with which LAMMPS' test programs show the finding alone
     workaround : what runs lines of the workaround, by their number
     """
 
@@ -141,6 +142,7 @@ class Demonstration(OfManual, BaseModel):
     smaller: dict[str, Any] = {}
     recomputed: dict[str, str] = {}
     decks: tuple[EditedDeck, ...] = ()
+    test: dict[str, Any] = {}
     workaround: dict[int, Workaround] = {}
 
 

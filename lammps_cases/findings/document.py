@@ -38,6 +38,8 @@ class FindingText:
     ----------
     number : place in the ledger; variants are tried and named in the order in which they were added
     effect : what it does to a user, in one line
+    remedy : what LAMMPS would have to compute, check or say instead, as a formula or in one sentence;
+        begins with "Words only:" where only the manual has to change
     cause : what several findings have in common, by which a list groups them
     documented, observed : what the manual says (with its place), what LAMMPS does
     argument : why the documented behaviour is the right one
@@ -53,6 +55,7 @@ class FindingText:
     title: str
     severity: Severity
     effect: str
+    remedy: str
     documented: str
     observed: str
     argument: str

@@ -63,6 +63,8 @@ def data_file(job: Job, mass_t: Sequence[float] = (), solid_n: Sequence[int] = (
     (types,) = (line.split()[1] for line in job.setup if line.startswith("create_box"))
     lines = ["particles of the deck", "", f"{len(job.id_n)} atoms", f"{types} atom types", ""]
     lines += [f"{box[2 * a]} {box[2 * a + 1]} {axis}lo {axis}hi" for a, axis in enumerate("xyz")]
+    if len(box) == 9:
+        lines.append(f"{' '.join(box[6:])} xy xz yz")
     if mass_t:
         lines += ["", "Masses", "", *(f"{t} {mass!r}" for t, mass in enumerate(mass_t, 1))]
     lines += ["", f"Atoms # {style}", ""]

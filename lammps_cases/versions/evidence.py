@@ -1,16 +1,16 @@
 """Evidence of the findings in the accepted runs: ``python -m lammps_cases.versions.evidence`` writes it.
 
 ``findings/shown_by.json`` holds the cases that show each finding, ``findings/engines.json`` the versions it was seen
-on, ``docs/findings.md`` a table of all findings, ``docs/versions.md`` and ``README.md`` one of the severe findings by
-version. `eos-ref accept` and `eos-ref adopt` write them again after they have
-changed the baselines of this repository.
+on, ``docs/findings.md`` a table of all findings and the order in which to fix them, ``docs/versions.md`` and
+``README.md`` one of the severe findings by version. `eos-ref accept` and `eos-ref adopt` write them again after they
+have changed the baselines of this repository.
 """
 
 from __future__ import annotations
 
 import json
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,11 +40,13 @@ class AcceptedEvidence:
     engines : versions of LAMMPS that are known, oldest first
     cases : by finding, the cases that show it, each with the engines that have the finding but do not show it there
     seen_on : by finding, the engines that it was seen on; for one that only probes show, also by an earlier adoption
+    newest : by case, the findings that explain it on the newest engine with an accepted run
     """
 
     engines: tuple[str, ...]
     cases: dict[str, dict[str, list[str]]]
     seen_on: dict[str, tuple[str, ...]]
+    newest: dict[str, frozenset[str]]
 
 
 def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> AcceptedEvidence:
@@ -58,13 +60,15 @@ def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> AcceptedEvid
     cases: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     seen_on: dict[str, set[str]] = defaultdict(set, {entry.id: set(entry.engines) for entry in ledger})
     versions = set(KNOWN)
+    explained: dict[str, dict[str, frozenset[str]]] = defaultdict(dict)
     for identity in sorted(baselines.glob(f"[!.]*/{baseline.IDENTITY}")):
         side = baseline.read(identity.parent)
         version = side.engine.distribution
         versions |= {version} - {""}
         for case in side.cases.values():
             of_fields = (finding for field in case.fields.values() for finding in field.explained_by)
-            for finding in (*case.explained_by, *of_fields):
+            explained[version][case.case] = frozenset((*case.explained_by, *of_fields))
+            for finding in explained[version][case.case]:
                 cases[finding][case.case].add(version)
                 seen_on[finding] |= {version} - {""}
     order = tuple(sorted(versions, key=Version))
@@ -73,7 +77,8 @@ def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> AcceptedEvid
         name: {case: [engine for engine in engines if engine not in cases[name][case]] for case in sorted(cases[name])}
         for name, engines in having.items()
     }
-    return AcceptedEvidence(order, shown, having)
+    newest = next((explained[version] for version in reversed(order) if version in explained), {})
+    return AcceptedEvidence(order, shown, having, newest)
 
 
 def table(evidence: AcceptedEvidence, ledger: Sequence[Finding] = LEDGER) -> str:
@@ -110,15 +115,54 @@ def _short(version: str) -> str:
     return version.removeprefix("2025.7.22")
 
 
+@dataclass(frozen=True)
+class Fix:
+    """A finding in the order of fixing: the cases that its fix turns green alone, and that the fixes up to it do."""
+
+    finding: str
+    alone: int
+    so_far: int
+
+
+def order_of_fixes(explained: Collection[frozenset[str]]) -> list[Fix]:
+    """Return the findings that explain cases, each the one that turns most of the remaining cases green.
+
+    A case is green if all findings that explain it are fixed. Among findings that turn equally many green the one
+    that is in most of the remaining cases comes first.
+    """
+    alone = Counter(name for names in explained if len(names) == 1 for name in names)
+    left, fixes = [names for names in explained if names], list[Fix]()
+    red = len(left)
+    while left:
+        shown = Counter(name for names in left for name in names)
+        last = Counter(name for names in left if len(names) == 1 for name in names)
+        best = min(shown, key=lambda name: (-last[name], -shown[name], name))
+        left = [rest for names in left if (rest := names - {best})]
+        fixes.append(Fix(best, alone[best], red - len(left)))
+    return fixes
+
+
+def fixes_table(evidence: AcceptedEvidence, ledger: Sequence[Finding] = LEDGER) -> str:
+    """Return the order of fixing on the newest engine as a table in Markdown, with the remedies."""
+    entries = {entry.id: entry for entry in ledger}
+    lines = ["| finding | cause | remedy | alone | so far |\n", "|---|---|---|---|---|\n"]
+    for fix in order_of_fixes(evidence.newest.values()):
+        entry = entries[fix.finding]
+        lines.append(f"| `{entry.id}` | {entry.cause} | {text(entry.remedy)} | {fix.alone} | {fix.so_far} |\n")
+    return "".join(lines)
+
+
 def page(entry: Finding, evidence: AcceptedEvidence) -> str:
     """Return the page of a finding in Markdown: its text, with the versions and cases that show it."""
     cases = evidence.cases[entry.id]
     parts = [
         f"# {text(entry.title)}\n\n`{entry.id}`, severity {entry.severity}\n\n**Effect:** {text(entry.effect)}.\n",
         *(f"## {heading}\n\n{text(getattr(entry, part))}\n" for part, heading in SECTIONS.items()),
+        f"## Remedy\n\n{text(entry.remedy)}\n",
         f"## Versions\n\n{_versions(evidence.seen_on[entry.id], evidence.engines)}\n",
         "## Show it\n",
-        f"`eos-ref report-bug {entry.id}` writes an input deck for LAMMPS alone and the text of an issue.\n",
+        f"`eos-ref report-bug {entry.id}` writes an input deck for LAMMPS alone, the text of an issue, and a test for",
+        "LAMMPS' own tree, or why its forms of tests cannot show it.\n",
         *([f"Shown by {text(by_file(list(cases)))}.\n"] if cases else []),
     ]
     return "\n".join(parts)
@@ -137,16 +181,19 @@ def documents(baselines: Path = BASELINES, ledger: Sequence[Finding] = LEDGER) -
     return {
         SHOWN_BY: _shown(evidence.cases),
         engines.FILE: engines.document(evidence.engines, evidence.seen_on),
-        TABLE: _with("findings", table(evidence, ledger), TABLE),
-        **{path: _with("versions", severe(evidence, ledger), path) for path in VERSIONS},
+        TABLE: _with(TABLE, findings=table(evidence, ledger), fixes=fixes_table(evidence, ledger)),
+        **{path: _with(path, versions=severe(evidence, ledger)) for path in VERSIONS},
     }
 
 
-def _with(name: str, content: str, path: Path) -> str:
-    """Return a document in which the table of a name is replaced."""
-    begin, end = BEGIN.format(name), END.format(name)
-    head, _, rest = path.read_text(encoding="utf-8").partition(begin)
-    return f"{head}{begin}{content}{end}{rest.partition(end)[2]}"
+def _with(path: Path, **tables: str) -> str:
+    """Return a document in which the tables of some names are replaced."""
+    document = path.read_text(encoding="utf-8")
+    for name, content in tables.items():
+        begin, end = BEGIN.format(name), END.format(name)
+        head, _, rest = document.partition(begin)
+        document = f"{head}{begin}{content}{end}{rest.partition(end)[2]}"
+    return document
 
 
 def _shown(cases: Mapping[str, Mapping[str, Sequence[str]]]) -> str:

@@ -8,7 +8,9 @@ from lammps_cases.findings.entry import Finding, Law, LawFinding, ModelFinding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.levels import Severity
 
-TEXTS: dict[str, Any] = dict.fromkeys(("title", "effect", "documented", "observed", "argument", "workaround"), "")
+TEXTS: dict[str, Any] = dict.fromkeys(
+    ("title", "effect", "remedy", "documented", "observed", "argument", "workaround"), ""
+)
 
 
 def finding(

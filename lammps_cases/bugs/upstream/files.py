@@ -82,7 +82,7 @@ def yaml_text(test: ForceTest, numbers: Expected) -> str:
     """Return a YAML file in the form written by the test programs."""
     lines = [
         "---",
-        f"# {test.case.about}",
+        *(f"# {line}" for line in test.case.about.splitlines()),
         "# The numbers are those of an independent reference that follows the manual, not of a LAMMPS (eos-ref).",
         f"# epsilon: {numbers.why}",
         f"lammps_version: {date(MANUALS[-1])}",

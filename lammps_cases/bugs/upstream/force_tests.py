@@ -97,6 +97,7 @@ class ForceTest:
         """Return the variables of the template that it sets."""
         given = {words[0]: " ".join(words[1:]) for words in map(str.split, self.job.setup)}
         own = {name: given[name] for name in ("units", "dimension", "boundary", "atom_style")}
+        own |= dict(zip(("newton_pair", "newton_bond"), given.get("newton", "").split(), strict=False))
         own["data_file"] = "${input_dir}/" + self.data_name
         return {name: text for name, text in own.items() if VARIABLES[name] != text}
 
@@ -118,7 +119,8 @@ class ForceTest:
     @property
     def post_commands(self) -> tuple[str, ...]:
         """Return the commands before a run: settings that a restart file does not keep, the time step, the fixes."""
-        neighbours = [line for line in self.job.setup if line.startswith(("comm_modify", "neighbor"))]
+        kept = ("comm_modify", "neighbor", "neigh_modify", "atom_modify sort")
+        neighbours = [line for line in self.job.setup if line.startswith(kept)]
         left_out = ["mass ", "set "]  # these are in the data file
         if self.program == "test_pair_style":  # which has separate keys for the pair style
             lines = [line for line in self.job.commands if not line.startswith((*left_out, "pair_"))]

@@ -234,9 +234,9 @@ def test_text_contains_the_ledger_entry(name: str) -> None:
         report_of(name), Ending(0, "LAMMPS (22 Jul 2025)\nobtained 1.5\nexpected 2.5 within 1e-9\nFAIL\n")
     )
     headings = ["Summary", "LAMMPS Version and Platform", "Expected Behavior", "Actual Behavior"]
-    headings += ["Steps to Reproduce", "Workaround"]
+    headings += ["Steps to Reproduce", "Workaround", "Further Information, Files, and Links"]
     assert re.findall(r"^\*\*(.+)\*\*$", text, re.M) == headings
-    for known in (entry.title, entry.documented, entry.observed, entry.argument, entry.workaround):
+    for known in (entry.title, entry.documented, entry.observed, entry.argument, entry.workaround, entry.remedy):
         assert known in text
     assert report_of(name).deck.text in text
     assert entry.engines[0] in text
@@ -272,8 +272,11 @@ def test_report_of_a_finding(eos_ref_command: Run, tmp_path: Path) -> None:
     assert code == 0, err
     verdict = "FAIL" if finding_of("wall-velocity-lost").listed(version_of("env")) else "PASS"
     assert out.startswith(verdict)
-    assert sorted(path.name for path in (tmp_path / "bug").iterdir()) == [deck.DECK, "issue.md"]
-    assert "grad W" in (tmp_path / "bug" / "issue.md").read_text()
+    assert sorted(path.name for path in (tmp_path / "bug").iterdir()) == [deck.DECK, "issue.md", "test"]
+    text = (tmp_path / "bug" / "issue.md").read_text()
+    assert "grad W" in text
+    (test,) = (tmp_path / "bug" / "test").glob("*.yaml")
+    assert f"`{test.name}`" in text and f"written: {test}" in out
 
 
 @pytest.mark.lammps

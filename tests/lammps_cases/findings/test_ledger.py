@@ -32,6 +32,7 @@ from lammps_cases.records.case_parts import Mismatch
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.records.wording import by_file
 from lammps_cases.report import findings as reported
+from lammps_cases.report import markdown
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import particle_model
@@ -224,6 +225,23 @@ def test_findings_are_sorted_by_how_many_cases_show_their_cause() -> None:
     assert [entry.id for entry in by_cause(shown, made)] == ["c", "b", "d", "a"]
 
 
+def test_fix_that_turns_most_remaining_cases_green_comes_first() -> None:
+    """By hand: b alone turns one green, then a two more, then c the last one; d explains nothing."""
+    cases = [frozenset(names) for names in ("b", "ab", "ab", "abc", "")]
+    assert evidence.order_of_fixes(cases) == [evidence.Fix("b", 1, 1), evidence.Fix("a", 0, 3), evidence.Fix("c", 0, 4)]
+    # Where no fix turns a case green, the one in most of them comes first.
+    assert [fix.finding for fix in evidence.order_of_fixes([frozenset("ac"), frozenset("bc")])] == ["c", "a", "b"]
+
+
+def test_order_of_fixes_ends_with_every_explained_case_green() -> None:
+    explained = [names for names in accepted().newest.values() if names]
+    fixes = evidence.order_of_fixes(explained)
+    assert fixes[-1].so_far == len(explained) and {fix.finding for fix in fixes} == set().union(*explained)
+    rows = evidence.fixes_table(accepted()).splitlines()[2:]
+    assert [row.split("`")[1] for row in rows] == [fix.finding for fix in fixes]
+    assert all(markdown.text(BY_ID[fix.finding].remedy) in row for fix, row in zip(fixes, rows, strict=True))
+
+
 # --- documents
 
 NAME = "cubic-unit"
@@ -286,6 +304,7 @@ number: {len(LEDGER) + 1}
 title: Forces are halved
 severity: low
 effect: Everything is half as fast
+remedy: Use the whole volume.
 numbers:
   right: "0.0932"
   half: "0.0466"

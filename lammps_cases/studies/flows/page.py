@@ -230,7 +230,7 @@ class FlowNumber:
         return fit(list(self.values), [abs(value - known) for value in self.values.values()]).order
 
     def said(self, n: int) -> str:
-        """Return the value at a resolution in words; empty if there is none."""
+        """Return the value at a resolution in words; empty without one."""
         value = self.values.get(n)
         return "" if value is None else self.absent if math.isnan(value) else number(value)
 
@@ -347,7 +347,7 @@ def stopped(validated: Validated, flow: str, side: str) -> str:
 
 
 def statements(validated: Validated, of: Flow) -> Iterator[tuple[str, str]]:
-    """Yield what is said of a flow, each with its title; numbers are those of the runs."""
+    """Yield the statements about a flow, each with its title; numbers are those of the runs."""
     yield "order that theory allows", of.expected
     setups = [f"{REFERENCE}, {name}" for name in of.setups]
     for title, sides in (("order reached", [REFERENCE, LAMMPS]), ("in other set-ups", setups)):

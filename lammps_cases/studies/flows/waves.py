@@ -251,7 +251,7 @@ DAM = Flow(
     "dam-break",
     f"A column of width a, twice as high, collapses along a floor; c = {DAM_SOUND / FASTEST:g} times the fastest "
     f"fluid, artificial viscosity {ARTIFICIAL:g}, rho/damp {DAM_DAMPING:g} h c, no viscosity: walls do not drag, and "
-    "the energy is kept but for what falls with the spacing.",
+    "the energy is kept except for a loss that falls with the spacing.",
     (12, 16, 24),
     "1 for the energy: artificial viscosity falls with the spacing; none for the front: an experiment has no error "
     "that falls with it",
@@ -273,7 +273,7 @@ DAM = Flow(
     limits="A viscosity that does not fall with the spacing takes energy at walls without slip, more as the layer "
     "there is resolved; but without any a particle may slip through a wall, as one does at N = 32. The experiment has "
     "its zero of time where the front was first seen, and a wall that takes time to go: the front runs ahead of it. "
-    "But for a zero of time it misses the points by about as much as two readings of the same series differ.",
+    "Apart from a zero of time it misses the points by about as much as two readings of the same series differ.",
 )
 
 VALIDATIONS = (DAM, WAVE)

@@ -52,7 +52,7 @@ def solved(text: str) -> dict[str, Any]:
     for line in text.splitlines():
         cells = [cell.strip().strip("*") for cell in line.strip("|").split("|")]
         for name in SOLVED.get(cells[0], ()):
-            numbers = [float(re.match(r"[-\d.e]+", cell)[0]) for cell in cells[2:]]  # type: ignore[index]
+            numbers = [float(re.match(r"[-\d.e]+", cell)[0]) for cell in cells[2:]]
             n = FLOWS[name].resolutions[-1]
             found[name] = row(cells[1], n, (numbers[0], numbers[1]), (numbers[2], numbers[3]), "docs/accuracy.md")
     return found

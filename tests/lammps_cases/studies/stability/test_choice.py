@@ -87,7 +87,7 @@ def with_numbers(of: Start, choice: AdvisedNumbers, times: float = 1.0) -> Start
     scene, dt = of.case.scene, times * choice.of("time step")
     types = tuple(kind.model_copy(update={"cs": choice.of("speed of sound")}) for kind in scene.types)
     rheo = scene.rheo.model_copy(update={name: choice.of(name) for name in ("kernel", "cut", "zmin")})
-    evolve = scene.evolve.model_copy(update={"timestep": dt, "steps": STEPS})  # type: ignore[union-attr]
+    evolve = scene.evolve.model_copy(update={"timestep": dt, "steps": STEPS})
     pair = scene.pair.model_copy(update={"rho_damp": choice.of("rho/damp")})
     changed = scene.model_copy(update={"types": types, "rheo": rheo, "evolve": evolve, "pair": pair})
     return replace(of, case=replace(of.case, scene=changed), steps=(100, 200, STEPS), timestep=dt)

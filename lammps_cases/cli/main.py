@@ -20,7 +20,6 @@ FIRST = {
     "Commands": {
         "run": ("run", "Run cases against LAMMPS and write a report: the main job."),
         "audit": ("audit", "Check your input deck, run unmodified, while LAMMPS runs it."),
-        "advise": ("advise", "Choose time step, speed of sound and kernel of your deck, with reasons."),
         "explain": ("explain", "Show the purpose of a case, its laws and bounds, and what it models."),
         "findings": ("findings", "List the findings: where LAMMPS differs from its manual."),
         "report-bug": (
@@ -49,6 +48,7 @@ DEV = {
     },
     "Research": {
         "validate": ("studies", "Run flows with experimental, numerical or analytic reference data."),
+        "advise": ("advise", "Choose time step, speed of sound and kernel of your deck, with reasons."),
         "stability": ("studies", "Map where methods fail, in LAMMPS and in the reference."),
         "examples": ("studies", "Judge LAMMPS' own RHEO examples, and break down their errors."),
         "logs": ("studies", "Compare runs of LAMMPS' own RHEO examples with the logs shipped with them."),

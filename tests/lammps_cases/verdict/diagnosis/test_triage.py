@@ -64,7 +64,7 @@ class OwnVolumeInGradients(ArrayEvaluator):
 
 class OwnMassesSummed(ArrayEvaluator):
     def kernel_sum(self, weight_n: Array | None = None) -> Array:
-        return self.total(self.mass_n[self.i] * self.w)  # type: ignore[no-any-return]
+        return self.total(self.mass_n[self.i] * self.w)
 
 
 class DiffusionWithoutOtherTypes(ArrayEvaluator):

@@ -64,6 +64,7 @@ class FindingTest:
     ctest: str
 
 
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")  # in scenes whose steps rounding decides
 def test_of(report: Report, predictor: Predictor | None = None) -> FindingTest | str:
     """Return the test of a report's finding, or why LAMMPS' forms of tests cannot show it."""
     entry, predictor = report.finding, predictor or Predictor()

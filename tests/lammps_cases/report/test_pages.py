@@ -94,7 +94,7 @@ class OfCode(dict[str, Any]):
 
 def test_all_pages_are_known() -> None:
     names = {path.name.partition(".")[0] for path in PAGES}
-    assert names >= {"report", "compare", "history", "claims", "chart", "stability", "inputs", "index"}
+    assert names >= {"report", "compare", "history", "claims", "study", "inputs", "index"}
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)

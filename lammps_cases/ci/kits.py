@@ -63,6 +63,11 @@ KITS = (
         {"verdict.sh": "tools/eos-ref/eos-ref.sh", "lammps.yml": ".github/workflows/eos-ref.yml"},
     ),
     Kit(
+        "nightly",
+        "LAMMPS' develop branch built and run every night; one issue, only if something changed",
+        {"nightly.yml": ".github/workflows/eos-ref-nightly.yml"},
+    ),
+    Kit(
         "decks",
         "your own input decks as a regression test, in GitHub Actions and GitLab CI",
         {"decks.yml": ".github/workflows/eos-ref-decks.yml", "decks-gitlab.yml": "eos-ref-decks.gitlab-ci.yml"},

@@ -106,7 +106,34 @@ def test_workflows_pass_no_untrusted_text_to_a_shell_and_request_no_rights(unpac
         if ".github/workflows" in path.as_posix():
             assert document["permissions"] == {"contents": "read"}, path
             assert all(job["timeout-minutes"] for job in document["jobs"].values()), path
+            rights = [job["permissions"] for job in document["jobs"].values() if "permissions" in job]
+            assert rights == [{"contents": "read", "issues": "write"}] * ("nightly" in path.name), path
         assert not any("${{" in text for text in _commands(document)), path
+
+
+def test_nightly_opens_one_issue_only_if_something_changed(tmp_path: Path) -> None:
+    """The last step, on five nights, with a gh that notes how it is called and has the issue once it was created."""
+    (file,) = kit("nightly").filled(VALUES)
+    (step,) = (s for s in yaml.safe_load(file.content)["jobs"]["adopt"]["steps"] if s.get("name") == "issue")
+    gh = tmp_path / "bin" / "gh"
+    gh.parent.mkdir()
+    gh.write_text(
+        f"""#!/bin/sh
+case "$2" in
+  list) test -e {tmp_path}/created && echo 7 ;;
+  *) echo "$2" >> {tmp_path}/calls; touch {tmp_path}/created ;;
+esac
+exit 0
+"""
+    )
+    gh.chmod(0o755)
+    for night in ("one finding", "one finding", "two findings", "two findings", "none"):
+        (tmp_path / "tonight.txt").write_text(f"{night}\n")
+        environment = os.environ | {"PATH": f"{gh.parent}:{os.environ['PATH']}"}
+        subprocess.run(["bash", "-e", "-c", step["run"]], check=True, cwd=tmp_path, env=environment)
+    assert (tmp_path / "calls").read_text().split() == ["create", "comment"]
+    assert (tmp_path / "body.txt").read_text().startswith("```diff\n")
+    assert "-two findings\n+none\n" in (tmp_path / "body.txt").read_text()
 
 
 def test_workflows_use_only_existing_inputs_of_the_action(unpacked: list[Path]) -> None:

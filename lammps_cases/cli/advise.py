@@ -61,7 +61,7 @@ def advise_command(
               eos-ref advise fluids.unit --json
     """
     from eos_ref.errors import InputError
-    from lammps_cases.audit import advised
+    from lammps_cases.audit import advised, flow_scales
     from lammps_cases.audit.supervise import described
     from lammps_cases.audit.text import LARGEST_SCRIPT
     from lammps_cases.engine import installations
@@ -79,14 +79,14 @@ def advise_command(
         site = installations.resolve(engine).site
         how = AuditOptions(trust=deck.trust, root=deck.root, var=deck.var, package=deck.package, engine=site)
         _, setups = described(place, how)
-        choice = strictest(advised.scales_of_deck(setups, given, name), compressibility, read())
+        choice = strictest(flow_scales.scales_of_deck(setups, given, name), compressibility, read())
         before, made = read_text(place, "deck", LARGEST_SCRIPT), partial(advised.advised_deck, place, setups)
     else:
         if place.parts[1:] and not place.exists():
             raise InputError("deck", "no such file", where=name)
         cases = casefile.load([place] if place.is_file() else paths(files))
         case = cases[0] if place.is_file() and len(cases) == 1 else casefile.only(cases, name)
-        of = advised.scales_of_scene(case.scene, prepare(case).atoms, given, case.name)
+        of = flow_scales.scales_of_scene(case.scene, prepare(case).atoms, given, case.name)
         choice = strictest([of], compressibility, read())
         before, made = advised.case_file(case), partial(advised.case_file, case)
     if write is not None:

@@ -13,7 +13,8 @@ import pytest
 
 from eos_ref import InputError
 from eos_ref.model.units import UNITS
-from lammps_cases.audit.advised import advised_deck, case_file, scales_of_deck, scales_of_scene
+from lammps_cases.audit.advised import advised_deck, case_file
+from lammps_cases.audit.flow_scales import scales_of_deck, scales_of_scene
 from lammps_cases.audit.messages import DeckSetups
 from lammps_cases.audit.options import AuditOptions, Given
 from lammps_cases.audit.supervise import described

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis.strategies import floats
 
 from eos_ref import InputError
-from lammps_cases.audit.advised import scales_of_scene
+from lammps_cases.audit.flow_scales import scales_of_scene
 from lammps_cases.audit.options import Given
 from lammps_cases.engine.session import Session
 from lammps_cases.studies.flows.flow import Options, Start, fluid, forces, rows, start

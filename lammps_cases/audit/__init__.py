@@ -11,5 +11,6 @@ that its commands define), `fields` (those that can be checked), `follow` (the f
 (questionable set-ups), `share` (a second deck for the forces of pair_style rheo alone), `child`, `messages` and
 `supervise` (the process), `verdict` (the record), `command` (what writes the report). Finished output: `dumps` (columns
 and snapshots), `finished` (their audit). In another unit of length: `scaling` (the commands), `rescale` (the deck).
-`examples`: the decks that LAMMPS ships. `flow_scales`: the scales of a deck's flow. `advised`: the deck with advised numbers.
+`examples`: the decks that LAMMPS ships. `flow_scales`: the scales of a deck's flow; `advised`: the deck with other
+numbers.
 """

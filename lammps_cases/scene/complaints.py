@@ -36,6 +36,7 @@ RULES = {
     "greater_than_equal": ("must be", "at least {ge:g}"),
     "int_from_float": ("must be", "a whole number"),
     "int_parsing": ("must be", "a whole number"),
+    "int_parsing_size": ("must be", "a whole number of at most 18 digits"),
     "int_type": ("must be", "a whole number"),
     "less_than": ("must be", "less than {lt:g}"),
     "less_than_equal": ("must be", "at most {le:g}"),

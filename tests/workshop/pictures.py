@@ -19,7 +19,7 @@ OLDER = "pypi:2025.7.22.1.0"
 FLOWS = {
     "tank": [("in.tank", "pressure", "Pa", "env", 3), ("in.tank", "pressure", "Pa", OLDER, 2000)],
     "dam": [("in.dam", "speed", "", "env", 4000)],
-    "vortices": [("in.vortices", "speed", "", "env", 1000)],
+    "vortices": [("in.taylor_green", "speed", "", "env", 1000)],
     "channel": [("in.channel", "speed", "", "env", 3000)],
     "couette": [("in.couette", "speed", "", "env", 3000)],
     "heat": [("in.heat", "temperature", "", "env", 500)],

@@ -44,7 +44,7 @@ from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.problems import problem_of
 
 TESTS = "unittest/force-styles/tests"  # in LAMMPS' tree
-TAIT = "unittest/python/python-rheo-tait.py"  # of a form of Tait's law that keeps its digits, docs/tait.md
+TAIT = "unittest/python/python-eosref-tait.py"  # of a form of Tait's law that keeps its digits, docs/tait.md
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 CASES = DATA / "upstream" / "examples.yaml"
 FOLDER = f"examples/rheo/{OWN}"  # in LAMMPS' tree
@@ -67,7 +67,8 @@ def kit_files(predictor: Predictor | None = None, chosen: Sequence[ForceTest] | 
     if any(name.startswith("fix-") for name in contents):
         contents[COEFFICIENTS] = "pair_coeff       * *\n"
     paths = {f"{TESTS}/{name}": content for name, content in contents.items()}
-    paths[TAIT] = (DATA / "upstream" / Path(TAIT).name).read_text(encoding="utf-8")
+    if chosen is None:
+        paths[TAIT] = (DATA / "upstream" / Path(TAIT).name).read_text(encoding="utf-8")
     return [KitFile(path, content, executable=False) for path, content in paths.items()]
 
 

@@ -43,7 +43,7 @@ NOT_FOR_LAMMPS = {
         "nothing-to-compare field-twice expectation-that-fits-any-error steps-out-of-order "
         "forces-in-real-units-of-a-plane steps-beyond-the-end nothing-to-compare-at"
     ),
-    "limits of the harness": "time-limit 65-ranks",
+    "limits of the harness": "time-limit 65-ranks cells-beyond-any-number",
     "LAMMPS' velocities always have three components": "velocity-of-a-type",
     "LAMMPS has more forces than the reference": "unknown-force",
     "particles are given to LAMMPS one by one": (

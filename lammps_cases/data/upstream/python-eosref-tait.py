@@ -1,4 +1,4 @@
-"""Fix rheo/pressure keeps the digits of Tait's law near the equilibrium density: python python-rheo-tait.py.
+"""Fix rheo/pressure keeps the digits of Tait's law near the equilibrium density: python python-eosref-tait.py.
 
 Every pressure is compared with the manual's formula, evaluated with 60 digits for the same double precision density.
 """

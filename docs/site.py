@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import click
@@ -16,6 +14,7 @@ from markdown.extensions.toc import slugify
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+import eos_ref
 from lammps_cases.cli.main import DEV, FIRST, group
 from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.report.markdown import text
@@ -72,22 +71,11 @@ def commands() -> str:
 
 
 def api() -> str:
-    """Return the reference of what both packages export: signatures and docstrings."""
-    parts = ["# Python API\n", "Everything that the two packages export. [Python](python.md) has examples.\n"]
-    for package in ("lammps_cases", "eos_ref"):
-        module = importlib.import_module(package)
-        parts.append(f"## {package}\n")
-        for name in module.__all__:
-            parts += _documented(f"{package}.{name}", _exported(module, name))
+    """Return the reference of what `eos_ref` exports: signatures and docstrings."""
+    parts = ["# Python API\n", "Everything that `eos_ref` exports. [Python](python.md) has examples.\n"]
+    for name in eos_ref.__all__:
+        parts += _documented(f"eos_ref.{name}", getattr(eos_ref, name))
     return "\n".join(parts)
-
-
-def _exported(package: ModuleType, name: str) -> Any:
-    """Return what a package exports; for a package that is callable the function behind it."""
-    found = getattr(package, name)
-    return (
-        getattr(importlib.import_module(f"{found.__name__}.command"), name) if isinstance(found, ModuleType) else found
-    )
 
 
 def _documented(name: str, of: Any) -> Iterator[str]:

@@ -143,7 +143,7 @@ def _show_flows(validated: Any, out: Path) -> None:
             if row.side in (REFERENCE, LAMMPS, page.PUBLISHED):
                 rate = f", order {row.order:5.2f}" if math.isfinite(row.order) else ""
                 stop = "" if row.values else page.stopped(validated, name, row.side)
-                by_number.setdefault(row.name, []).append(f"{row.side} {stop or row.said(row.finest) + rate}")
+                by_number.setdefault(row.name, []).append(f"{row.side} {stop or row.shown(row.finest) + rate}")
         for number, parts in by_number.items():
             click.echo(f"{name:18s} {number:14s} {'; '.join(parts)}")
     click.echo(f"report: {out / 'report.html'}")

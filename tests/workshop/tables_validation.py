@@ -48,7 +48,7 @@ def _rows(validated: Validated, of: Flow) -> Iterable[str]:
     sides = (REFERENCE, LAMMPS, *(f"{REFERENCE}, {name}" for name in of.setups))
     for row in page.rows(validated, of):
         if row.side in sides:
-            ns, values = (", ".join(words) or "stopped" for words in (map(str, row.values), map(row.said, row.values)))
+            ns, values = (", ".join(words) or "stopped" for words in (map(str, row.values), map(row.shown, row.values)))
             known = "" if row.is_error else number(row.known)
             yield f"| {' | '.join((of.name, row.name, row.side, ns, values, known, page.order(row.order)))} |"
 

@@ -121,8 +121,8 @@ CAVITY = Flow(
     validates="moving walls, viscosity, shift",
     setups={"no artificial viscosity": Options(extra={"artificial": 0.0})},
     limits="Speed is missing, as if the fluid were more viscous, by what falls with the spacing. Artificial viscosity "
-    "is not the reason: without any, curves are noisier and the extremes no nearer. Noise of particles in disorder, "
-    "of which few readings are a mean, keeps errors of the curves from falling as evenly as the extremes.",
+    "is not the reason: without any, curves are noisier and the extremes no nearer. The curves are means of few "
+    "readings of particles in disorder; their errors fall less evenly than those of the extremes.",
 )
 STORED = replace(
     CAVITY,

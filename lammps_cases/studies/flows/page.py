@@ -109,8 +109,8 @@ def _summary(validated: Validated, groups: Mapping[str, Sequence[Flow]]) -> Page
                 (
                     *(blocks.link(f"#{_file(name)}", of.heading), of.validates, ours.name),
                     *("" if ours.is_error else number(ours.known), ours.finest),
-                    *(ours.said(ours.finest) + (f" ± {spread}" if spread else ""), ours.missed),
-                    theirs.said(theirs.finest) + at if theirs.values else "stopped",
+                    *(ours.shown(ours.finest) + (f" ± {spread}" if spread else ""), ours.missed),
+                    theirs.shown(theirs.finest) + at if theirs.values else "stopped",
                     *(order(ours.order), _linked(spoils(validated, of)) or _no_bug(validated, of)),
                 )
             )
@@ -156,9 +156,11 @@ def _section(validated: Validated, name: str, flows: Sequence[Flow], figures: Pa
 
 def _described(validated: Validated, of: Flow) -> Iterator[Block]:
     yield Paragraph(Markup("{} Again: <code>eos-ref validate {}</code>").format(of.about, of.name))
-    said = [Markup("<b>{}:</b> {}").format(*pair) for pair in statements(validated, of)]
+    described = [Markup("<b>{}:</b> {}").format(*pair) for pair in statements(validated, of)]
     bugs = spoils(validated, of).items()
-    yield Bullets([*said, *(Markup("<b>spoiled in LAMMPS by</b> {}: {}").format(_linked([b]), w) for b, w in bugs)])
+    yield Bullets(
+        [*described, *(Markup("<b>spoiled in LAMMPS by</b> {}: {}").format(_linked([b]), w) for b, w in bugs)]
+    )
     yield from (Paragraph(f"{words}.", "warning") for words in stops(validated, of))
 
 
@@ -172,7 +174,7 @@ def _numbers(validated: Validated, flows: Sequence[Flow]) -> PageTable:
         found.append(
             (
                 *([row.of] if several else []),
-                *(name, called(row.side), *(row.said(n) for n in columns)),
+                *(name, called(row.side), *(row.shown(n) for n in columns)),
                 *("" if row.is_error else number(row.known), order(row.order)),
                 *([order(row.printed)] if several else []),
             )
@@ -229,7 +231,7 @@ class FlowNumber:
         known = math.nan if self.known is None else self.known
         return fit(list(self.values), [abs(value - known) for value in self.values.values()]).order
 
-    def said(self, n: int) -> str:
+    def shown(self, n: int) -> str:
         """Return the value at a resolution in words; empty without one."""
         value = self.values.get(n)
         return "" if value is None else self.absent if math.isnan(value) else number(value)
@@ -351,12 +353,12 @@ def statements(validated: Validated, of: Flow) -> Iterator[tuple[str, str]]:
     yield "order that theory allows", of.expected
     setups = [f"{REFERENCE}, {name}" for name in of.setups]
     for title, sides in (("order reached", [REFERENCE, LAMMPS]), ("in other set-ups", setups)):
-        told: dict[str, list[str]] = {}
+        orders: dict[str, list[str]] = {}
         for row in rows(validated, of):
             if row.side in sides and math.isfinite(row.order):
-                told.setdefault(row.side, []).append(f"{order(row.order)} ({row.name})")
-        if told:
-            yield title, "; ".join(f"{side}: {', '.join(words)}" for side, words in told.items())
+                orders.setdefault(row.side, []).append(f"{order(row.order)} ({row.name})")
+        if orders:
+            yield title, "; ".join(f"{side}: {', '.join(words)}" for side, words in orders.items())
     if of.limits:
         yield "what limits it", of.limits
     n, values = starts(validated, of)

@@ -308,15 +308,15 @@ def _expected(of: FlowScales, kernel: str, dt: float) -> Iterator[Chosen]:
     measured = evidence()
     known, n = measured["flows"][of.like], of.resolution
     sides = {"reference": ("reference", "order"), "LAMMPS": ("lammps", "order of lammps")}
-    said = []
+    errors = []
     for side, (error, order) in sides.items():
         if known[error] is None:
-            said.append(f"{side} stops")
+            errors.append(f"{side} stops")
         else:
             grows = (known["n"] / n) ** max(known[order] or 0.0, 0.0)
-            said.append(f"{brief(known[error] * grows)} {side}")
+            errors.append(f"{brief(known[error] * grows)} {side}")
     how = f"error of the {known['of']} of flow {of.like}, N = {known['n']}, order {number(known['order'])}"
-    yield Chosen("error", None, ", ".join(said), f"{how}, scaled to L/dx = {number(n)} ({known['page']})")
+    yield Chosen("error", None, ", ".join(errors), f"{how}, scaled to L/dx = {number(n)} ({known['page']})")
     cost = measured["steps"][str(of.dimension)]
     each = cost.get(kernel, cost["quintic"]) + sum(cost[option] - cost["quintic"] for option in of.options)
     unit = 0.1 * each / dt

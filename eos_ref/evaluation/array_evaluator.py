@@ -16,7 +16,7 @@ from eos_ref.eos import rounded_eos
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.evaluator import Evaluator, PairInput
-from eos_ref.evaluation.pairs import ROWS, Candidates, candidates, directed_pairs
+from eos_ref.evaluation.pairs import ROWS, Candidates, apart, candidates, directed_pairs
 from eos_ref.kernels.reproducing import basis
 from eos_ref.model import interactions
 from eos_ref.model.box import BoolArray
@@ -67,7 +67,7 @@ class ArrayEvaluator(Evaluator):
         if self.loops and self.loops.set_kernel_values(self, x_nc):
             return
         model, kernel = self.model, self.model.kernel
-        self.x = [self._apart(x_n, self.shift_pc[:, a]) for a, x_n in enumerate(axes(x_nc))]
+        self.x = [apart(x_n, self.i, self.j, self.shift_pc[:, a]) for a, x_n in enumerate(axes(x_nc))]
         self.rr = dot(self.x, self.x)
         self.r = sqrt(self.rr)
         sigma = self.constant(kernel.normalisation(model.dimension, model.cut))
@@ -75,19 +75,6 @@ class ArrayEvaluator(Evaluator):
         self.w = sigma * kernel.shape(q)
         slope = sigma / model.h * kernel.slope(q)
         self.gradw = [slope * x_p / self.r for x_p in self.x]
-
-    def _apart(self, x_n: Array, shift_p: Array) -> Array:
-        """Return the distance along an axis from j, or its image, to i, (p,); of equal coordinates 0 without error.
-
-        The other side may take the image of i instead, whose place rounds by its own size: that of the box.
-        """
-        apart = x_n[self.i] - (x_n[self.j] + shift_p)
-        if not isinstance(apart, Rounded):
-            return apart
-        image_p = np.where(shift_p != 0, ROUNDING * np.abs(value(x_n)[self.i] - shift_p), 0.0)
-        apart.error = apart.error + image_p
-        same = (value(apart) == 0) & (error(x_n)[self.i] == 0) & (error(x_n)[self.j] == 0) & (shift_p == 0)
-        return Rounded(apart.value, np.where(same, 0.0, apart.error))
 
     def velocities_met(self, v_nc: Array) -> Iterator[tuple[Array, Array]]:
         """Yield the components of the velocities of both particles of every pair, (p,), of j that of its image."""

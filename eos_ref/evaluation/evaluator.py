@@ -23,6 +23,7 @@ from eos_ref.eos import rounded_eos
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.model import interactions, per_atom
+from eos_ref.model.bonds import BondLaw
 from eos_ref.model.box import BoolArray, Box
 from eos_ref.model.parameters import IntArray, Model
 from eos_ref.model.state import Gradients, PairTerms, State, Surface
@@ -83,6 +84,7 @@ class Evaluator(ABC):
     image_rounding_cc : (d, d) how far that may lie apart in two codes, where images move
     mass_n, rho0_n, cs_n : (n,) mass, equilibrium density and speed of sound of every particle
     coordination_n : (n,) number of neighbours, from `move` on
+    shelled_n : (n,) whether a particle is in a bond of fix rheo/oxidation; None: without that fix
     corrected_n : (n,) whether a particle has the gradients of a reproducing kernel, from `correct` on
     """
 
@@ -97,6 +99,7 @@ class Evaluator(ABC):
     cs_n: FloatArray = field(init=False)
     coordination_n: Array = field(init=False)
     corrected_n: BoolArray = field(init=False)
+    shelled_n: BoolArray | None = field(default=None, init=False)
     _pressures: tuple[Any, Any, Any] | None = field(default=None, init=False)  # the last ones, with what they are of
 
     def __post_init__(self) -> None:
@@ -196,6 +199,10 @@ class Evaluator(ABC):
     def eos_pressure(self, rho_n: Array, e_n: Array | None) -> Array:
         """Return the pressure of every particle by the law of its type, from density and energy per mass, all (n,)."""
 
+    def bond_force(self, law: BondLaw, r0: Any, r: Any, closing: Any) -> Any:
+        """Return the forces of bonds on one of their particles, along the line from the other one, (b,)."""
+        return law.force(r, r0, closing)
+
     # --- density by summation
 
     def density_sum(self) -> Array:
@@ -262,12 +269,16 @@ class Evaluator(ABC):
             shift = self._cross_type(shift, rho_n, *setting.scale_cross_type)
         return joined(shift)
 
+    def unshelled(self) -> Any:
+        """Return which particles may shift, being in no bond of fix rheo/oxidation, (n,); see Howto rheo."""
+        return True if self.shelled_n is None else ~self.shelled_n
+
     def raw_shift(self, v: Axes, rho_n: Array) -> Axes:
         """Return the components of the shifting velocity before any scaling."""
         model = self.model
         w_h = self.constant(model.kernel.normalisation(model.dimension, model.cut)) * float(model.kernel.shape(1.0))
         scale = -2 * model.h * sqrt(dot(v, v))
-        moves = ~self.solid_n & self.of_type(model.shifted_t)
+        moves = ~self.solid_n & self.of_type(model.shifted_t) & self.unshelled()
         return [where(moves, scale * sum_n, 0.0) for sum_n in self.shift_sums(self.volume_of_wall(rho_n), w_h)]
 
     def _cross_type(self, shift: Axes, rho_n: Array, keep: float, cmin: float, wmin: float) -> Axes:

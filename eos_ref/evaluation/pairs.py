@@ -20,6 +20,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.model.box import BoolArray, Box
 from eos_ref.model.parameters import IntArray
+from eos_ref.numbers.rounded import ROUNDING, Rounded, error, value
 
 ROWS = 4096  # particles whose pairs are found at a time: what these take stays in the cache
 ROOM = 1 + 1e-9  # of the reach: what rounding moves must not lose a pair
@@ -92,6 +93,20 @@ def separations(x_nc: FloatArray, i_p: IntArray, j_p: IntArray, shift_pc: FloatA
         x_n = np.ascontiguousarray(x_n)
         rr += (x_n[i_p] - (x_n[j_p] + shift_p)) ** 2
     return np.sqrt(rr)
+
+
+def apart(x_n: Any, i_p: IntArray, j_p: IntArray, shift_p: FloatArray) -> Any:
+    """Return the distances along an axis from j, or its image, to i, (p,); of equal coordinates 0 without error.
+
+    The other side may take the image of i instead, whose place rounds by its own size: that of the box.
+    """
+    apart_p = x_n[i_p] - (x_n[j_p] + shift_p)
+    if not isinstance(apart_p, Rounded):
+        return apart_p
+    image_p = np.where(shift_p != 0, ROUNDING * np.abs(value(x_n)[i_p] - shift_p), 0.0)
+    apart_p.error = apart_p.error + image_p
+    same = (value(apart_p) == 0) & (error(x_n)[i_p] == 0) & (error(x_n)[j_p] == 0) & (shift_p == 0)
+    return Rounded(apart_p.value, np.where(same, 0.0, apart_p.error))
 
 
 def _copies(x_nc: FloatArray, box: Box, wide: float) -> tuple[IntArray, FloatArray]:

@@ -19,8 +19,10 @@ import numpy as np
 
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.elastic import elastic_forces
 from eos_ref.evaluation.evaluator import Evaluator, PairInput, is_class
 from eos_ref.model import per_atom, quantities
+from eos_ref.model.bonds import Bonds
 from eos_ref.model.box import BoolArray, Box, Deform
 from eos_ref.model.consistent import consistent_model, consistent_state
 from eos_ref.model.parameters import IntArray, Model
@@ -111,6 +113,7 @@ class Simulation:
         self.gradient, self.surface = Gradients(), Surface()
         self.chi_n: Array | None = None
         self.pressure_force_nc: Array | None = None
+        self.bonds = Bonds()
         self.virial_ncc: Any = None  # of all particles
         self.set_n = np.zeros(len(state.x_nc), bool)
         self.fresh = True  # no step taken yet
@@ -187,7 +190,10 @@ class Simulation:
             fields["heatflow"] = terms.heat_n
         if "f" in self.plan:
             self.pressure_force_nc = terms.pressure_force_nc
-            fields["f"] = self._external(terms.force_nc)
+            force_nc = terms.force_nc
+            if self.model.elastic:
+                force_nc = force_nc + elastic_forces(self.evaluator, self.bonds, self.state)
+            fields["f"] = self._external(force_nc)
 
     def force_pressure(self) -> Array:
         """Return the pressure that forces take, of the state as it is."""

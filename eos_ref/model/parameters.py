@@ -20,6 +20,7 @@ from eos_ref.eos.table import EOSTable, FloatArray
 from eos_ref.errors import InputError
 from eos_ref.kernels.kernel import Kernel
 from eos_ref.kernels.styles import KERNELS
+from eos_ref.model.bonds import Elastic
 from eos_ref.model.box import BoolArray, Deform
 from eos_ref.model.units import UNITS, UnitStyle
 from eos_ref.syntax.fixes import FixRheo
@@ -145,6 +146,8 @@ class Model:
     thermal : sequence of Thermal or None
     forces : sequence of Force
     deform : Deform or None
+    elastic : Elastic or None
+        Bonds, and contacts of solids.
     units : {"lj", "si", "real", "metal", "cgs", "micro", "nano"}
         The system that all numbers are measured in.
 
@@ -163,6 +166,7 @@ class Model:
     thermal: tuple[Thermal, ...] | None = None
     forces: tuple[Force, ...] = ()
     deform: Deform | None = None
+    elastic: Elastic | None = None
     units: UnitStyle = "lj"
 
     def __post_init__(self) -> None:

@@ -21,6 +21,7 @@ Array = npt.NDArray[Any]
 _ROW = 3  # numbers of a row of a two-dimensional property
 _GATHERED = {0: (0, 1), 2: (1, 1), 3: (1, _ROW)}  # by extract_atom_datatype: what gather_concat takes, and columns
 STATE = ("id", "type", "x", "v", "rho", "e")
+MARKED = 64  # bit of the status
 MOST = 500  # particles of a sample
 CLOCKS = ("CPU", "TimeoutLeft")  # in the names of columns of thermo output that no second run has the same
 
@@ -59,6 +60,13 @@ def members(lmp: Any, group: str, n: int) -> npt.NDArray[np.bool_]:
     bit = lmp.available_ids("group").index(group)
     in_n: npt.NDArray[np.bool_] = atoms(lmp, "mask", n) >> bit & 1 != 0
     return in_n
+
+
+def marked(lmp: Any) -> Array:
+    """Return the ids of the atoms that fix rheo/oxidation has marked, as being in bonds, sorted."""
+    id_n = ids(lmp)
+    marked_n = atoms(lmp, "rheo_status", len(id_n)) & MARKED != 0
+    return np.sort(id_n[marked_n])
 
 
 def _gathered(lmp: Any, name: str) -> Array:

@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 
 from eos_ref import EOSTable, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.errors import InputError
-from eos_ref.model import commands
+from eos_ref.model import commands, elastic_commands
+from eos_ref.model.bonds import Elastic
 from eos_ref.model.parameters import Model, PairRheo
 from eos_ref.syntax.manual import FIRST, Manual
 from eos_ref.syntax.words import Words
@@ -44,6 +45,8 @@ class Deck:
     coefficients: list[list[str]] = field(default_factory=list)
     special: list[str] = field(default_factory=list)
     bonded: list[str] = field(default_factory=list)
+    bonds: list[str] = field(default_factory=list)  # the words of bond_style
+    bond_coefficients: list[list[str]] = field(default_factory=list)
     excludes: bool = False
 
     def note(self, values: list[str]) -> None:
@@ -65,8 +68,12 @@ class Deck:
                 style,
                 *_,
             ]:
+                if kind == "bond_style":
+                    self.bonds, self.bond_coefficients = values[1:], []
                 self.bonded = [k for k in self.bonded if not k.startswith(kind)]
                 self.bonded += [] if style == "none" else [f"{kind} {style}"]
+            case ["bond_coeff", *arguments]:
+                self.bond_coefficients.append(arguments)
             case ["neigh_modify", *arguments] if "exclude" in arguments:
                 self.excludes = arguments[arguments.index("exclude") + 1 :][:1] != ["none"]
             case ["clear"]:
@@ -77,9 +84,15 @@ class Deck:
         return next((values for values in reversed(self.fixes.values()) if values[3] == style), None)
 
     def model(
-        self, dimension: int, ntypes: int, mass_t: Sequence[float], eos: EOSTable, manual: Manual = FIRST
+        self,
+        dimension: int,
+        ntypes: int,
+        mass_t: Sequence[float],
+        eos: EOSTable,
+        manual: Manual = FIRST,
+        bond_types: int = 0,
     ) -> Model:
-        """Return the particle model according to a version of the manual.
+        """Return the particle model according to a version of the manual; without elastic forces not followed.
 
         Raises
         ------
@@ -98,7 +111,27 @@ class Deck:
             pair=pair_rheo(self.pair),
             viscosity=commands.parse_fix_rheo_viscosity(" ".join(viscous), ntypes),
             thermal=None if heated is None else commands.parse_fix_rheo_thermal(" ".join(heated), ntypes),
+            elastic=self.elastic(ntypes, bond_types) if not self.adds_unfollowed(ntypes, bond_types) else None,
         )
+
+    def elastic(self, ntypes: int, bond_types: int) -> Elastic | None:
+        """Return what bonds and contacts of solids obey; None without any.
+
+        Raises
+        ------
+        InputError
+            Something that cannot be followed.
+        """
+        bonds = elastic_commands.parse_bonds(self.bonds, self.bond_coefficients, bond_types) if self.bonds else ()
+        contact = None
+        if "rheo/solid" in self.pair:
+            weights = _weights(self.special)[0]
+            if weights[1:] != [1.0, 1.0]:
+                rule = "must weigh second and third neighbours by 1 to be followed with rheo/solid"
+                raise InputError("special_bonds", rule, " ".join(self.special))
+            coefficients = [[*v[:2], *v[3:]] for v in self.coefficients if v[2:3] == ["rheo/solid"]]
+            contact = elastic_commands.parse_contact(coefficients, ntypes, weights[0])
+        return Elastic(bonds, contact) if bonds or contact else None
 
     def laws(self, ntypes: int) -> EOSTable | None:
         """Return the equations of state of fix rheo and fix rheo/pressure; None unless both are defined."""
@@ -163,13 +196,28 @@ class Deck:
         """Return what else adds to the heat flow; or nothing."""
         return self._other_fix(lambda style: style not in _HEAT)
 
-    def adds_force(self) -> str:
-        """Return what adds to the force and is not followed; or nothing."""
+    def elastic_styles(self) -> list[str]:
+        """Return the styles that add to the force of pair_style rheo: of other pairs, and of bonds."""
         others = [word for word in self.pair[1:] if word[:1].isalpha() and word not in _PAIR_WORDS]
-        if self.pair[:1] != ["rheo"] and others:
-            return f"pair_style {others[0]} adds to it"
-        if adding := [bonds for bonds in self.bonded if not bonds.endswith(" zero")]:
-            return f"{adding[0]} adds to it"
+        pairs = [f"pair_style {word}" for word in others] if self.pair[:1] != ["rheo"] else []
+        return pairs + [bonds for bonds in self.bonded if not bonds.endswith(" zero")]
+
+    def adds_unfollowed(self, ntypes: int, bond_types: int) -> str:
+        """Return which pairs or bonds add to the force of pair_style rheo and are not followed; or nothing."""
+        followed = (
+            "pair_style rheo/solid",
+            *(f"bond_style {style}" for style in ("hybrid", "zero", *elastic_commands.STYLES)),
+        )
+        if others := [style for style in self.elastic_styles() if style not in followed]:
+            return f"{others[0]} adds to it"
+        try:
+            self.elastic(ntypes, bond_types)
+        except InputError as error:
+            return str(error)
+        return ""
+
+    def acts_on_forces(self) -> str:
+        """Return which fix changes forces and is not followed; or nothing."""
         if reason := self._other_fix(lambda style: style in _NO_FORCE or style in _FOLLOWED):
             return reason
         try:

@@ -7,7 +7,7 @@ Everything follows from the state as it is: densities, of walls too, are LAMMPS'
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.bonds import Bonds
 from eos_ref.model.box import BoolArray, Box
 from eos_ref.model.parameters import Force, IntArray, Model
 from eos_ref.model.state import State
@@ -45,6 +46,10 @@ class ParticleSample:
     unlists_bonded : whether LAMMPS may leave pairs of bonded particles out of its neighbour lists
     newton : the flags of pairs and of bonds
     ranks : number of ranks of LAMMPS
+    acted : whether the forces shown are those after the fixes that change them
+    bonds : that act
+    shelled_n : which particles were in bonds of fix rheo/oxidation in the step before (n,); None: without that fix
+    bonds_known_n : of which particles these are all (n,); None: of all
     """
 
     model: Model
@@ -57,6 +62,10 @@ class ParticleSample:
     unlists_bonded: bool = False
     newton: tuple[bool, bool] = (True, True)
     ranks: int = 1
+    acted: bool = True
+    bonds: Bonds = field(default_factory=Bonds)
+    shelled_n: BoolArray | None = None
+    bonds_known_n: BoolArray | None = None
 
     def problem(self, fields: tuple[str, ...], steps: tuple[int, ...] = (0,)) -> Problem:
         """Return the sample as a problem for the search of findings."""
@@ -72,6 +81,9 @@ class ParticleSample:
             mass_n=self.mass_n[rows_k],
             actions=[(action, acts_n[rows_k]) for action, acts_n in self.actions],
             z_n=None if self.z_n is None else self.z_n[rows_k],
+            bonds=Bonds(),
+            shelled_n=None if self.shelled_n is None else self.shelled_n[rows_k],
+            bonds_known_n=None,
         )
 
     def rounded(self) -> State:
@@ -161,12 +173,14 @@ class SampleEvaluation:
         self._outputs: dict[str, Any] = {}
         self.stages: _GivenDensities = evaluator(sample.model, sample.box, s.type_n, s.solid_n)
         self.stages.mass_n, self.stages.given_n = sample.mass_n, state.rho_n
+        self.stages.shelled_n = sample.shelled_n
         self.simulation = Simulation.with_evaluator(state, self.stages, fields)
+        self.simulation.bonds = sample.bonds
         self.stages.forces = "f" in self.simulation.plan
         with np.errstate(all="ignore"):
             results = self.simulation.evaluate() if fields else {}
             self.of_pairs = results.get("f")
-            if "f" in results:
+            if "f" in results and sample.acted:
                 results["f"] = acted_on(results["f"], sample.actions, sample.mass_n)
 
     def output(self, field: str) -> Any:
@@ -195,6 +209,8 @@ class SampleEvaluation:
         if sample.summed and field not in ("chi", "coordination"):
             return ~all_n
         comparable_n = self._in_plane()
+        if field == "f" and sample.bonds_known_n is not None:
+            comparable_n = comparable_n & sample.bonds_known_n
         if needs(field, "correction", model) and corrected_by_hidden_densities(model):
             comparable_n = comparable_n & ~self._near(solid_n)
         if field in ("surface/r", "surface/n", "shift/v") and "surface" in self.simulation.fields:

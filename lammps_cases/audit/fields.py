@@ -25,11 +25,7 @@ DEFAULT = (ALL,)
 ABSENT = "fix rheo of this deck has no such feature"  # where all fields are requested
 INTEGRATED = "integrated over time; it can be checked only with rho/sum"
 PRESSURE = ("pressure",)
-# Measured: without these pairs, by the statuses of the step before, the sum equals LAMMPS' on every particle.
-MARKED = (
-    "with fix rheo/oxidation LAMMPS marks particles (64 in their status) and leaves pairs of two marked ones out of "
-    "the sum; the pages that the reference follows do not say so"
-)
+SHELLS = "with fix rheo/oxidation it depends on the bonds of the step before"
 
 
 def checked() -> tuple[str, ...]:
@@ -94,6 +90,9 @@ class Setting:
     open_tilt: bool = False  # whether the box is tilted along an axis that is not periodic
     between: str = ""  # a command that the run executes in between and that may change the model
     massless: bool = False  # whether periodic images lack the masses that particles have of their own
+    forces: str = ""  # what adds to the forces of pairs and is not followed
+    heat: str = ""  # what adds to the heat flows
+    shells: bool = False  # whether it is known which particles had bonds of fix rheo/oxidation in the step before
 
 
 def choose(requested: Sequence[str], model: Model | InputError, setting: Setting) -> Choice:
@@ -131,8 +130,8 @@ def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
         return str(model)
     if absent(name, model):
         return f"fix rheo has no {keyword_of(name)} in this deck"
-    if name == "shift/v" and setting.deck.fix("rheo/oxidation"):
-        return MARKED
+    if name == "shift/v" and setting.deck.fix("rheo/oxidation") and not setting.shells:
+        return SHELLS
     if setting.between:
         return f"run executes commands in between that may change the model ({setting.between})"
     if name != "rho" and not needs(name, "pairs", model):
@@ -166,8 +165,8 @@ def _of_pairs(name: str, model: Model, setting: Setting) -> str:
     deck = setting.deck
     if name == "f" and setting.units in ("real", "metal", "electron"):
         return f"in units {setting.units} force over mass is not an acceleration"
-    added = {"f": deck.adds_force, "heatflow": deck.adds_heat}.get(name)
-    return (added() if added else "") or deck.changes_pairs()
+    added = {"f": setting.forces, "heatflow": setting.heat}.get(name)
+    return added or deck.changes_pairs()
 
 
 def corrected_by_hidden_densities(model: Model) -> bool:

@@ -261,7 +261,9 @@ class _Audit:
         if dumps.by_columns(name, held) or (name != "rho" and not fields.needs(name, "pairs", model)):
             return ""
         open_tilt = fields.leans_open(frame.snapshot.tilt, frame.snapshot.periodic)
-        setting = fields.Setting(run.setup.deck, run.setup.units, open_tilt, run.setup.between)
+        deck = run.setup.deck
+        forces = f"{deck.elastic_styles()[0]} adds to it" if deck.elastic_styles() else deck.acts_on_forces()
+        setting = fields.Setting(deck, run.setup.units, open_tilt, run.setup.between, False, forces, deck.adds_heat())
         if reason := fields.why_not(name, model, setting):
             return reason
         if frame.set_up:

@@ -14,12 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.model.bonds import ShellBond
 from eos_ref.model.box import Box
 from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.model.state import State
 from eos_ref.numbers.rounded import error, value
-from lammps_cases.audit import arrays
+from lammps_cases.audit import arrays, bonds
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.effects import Explained, Left, explain
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
@@ -82,6 +83,8 @@ class Sampler:
         Version of the distribution, for the ledger.
     unlists_bonded : bool
         Whether LAMMPS may leave pairs of bonded particles out of its neighbour lists.
+    hybrid : bool
+        Whether the deck has bond_style hybrid.
     """
 
     def __init__(
@@ -93,10 +96,14 @@ class Sampler:
         mass_t: Array | None,
         engine: str,
         unlists_bonded: bool = False,
+        hybrid: bool = False,
     ) -> None:
         self.lmp, self.model, self.actions, self.mass_t = lmp, model, actions, mass_t
-        self.unlists_bonded = unlists_bonded
+        self.unlists_bonded, self.hybrid = unlists_bonded, hybrid
         self.fields = tuple(field for field in checked() if field in fields and field != "pressure")
+        self.bonded = "f" in self.fields and model.elastic is not None and bool(model.elastic.bonds)
+        if self.bonded:
+            bonds.define(lmp, any(isinstance(law, ShellBond) for law in model.elastic.bonds))
         self.listed = known(engine)
         self.explained: Explained = {}  # by earlier samples
         self.last: ParticleSample | None = None
@@ -113,12 +120,27 @@ class Sampler:
             names = ["pressure", *(FIELDS[field].words() for field in self.columns)]
             lmp.command(f"compute {COMPUTE} all rheo/property/atom {' '.join(names)}")
 
-    def take(self, n: int, x_nc: Array, setup: bool) -> ParticleSample:
-        """Return the particles; ``setup``: whether this is the set-up of a run."""
+    def take(
+        self, n: int, x_nc: Array, setup: bool, acted: bool = True, shelled: Array | None = None
+    ) -> ParticleSample:
+        """Return the particles.
+
+        Parameters
+        ----------
+        setup : whether this is the set-up of a run
+        acted : see `taken`
+        shelled : ids of the particles in bonds of fix rheo/oxidation in the step before; None: without that fix
+        """
         fix, self.evaluated = self.model.fix, {}
-        self.last = taken(self.lmp, self.model, self.actions, self.mass_t, n, x_nc)
+        self.last = taken(self.lmp, self.model, self.actions, self.mass_t, n, x_nc, acted)
         summed = setup and fix.rho_sum and fix.interface_reconstruct
         self.last = replace(self.last, summed=summed, unlists_bonded=self.unlists_bonded)
+        if shelled is not None:
+            self.last = replace(self.last, shelled_n=np.isin(arrays.ids(self.lmp), shelled))
+        if self.bonded:
+            assert self.model.elastic is not None
+            acting, whole_n = bonds.read(self.lmp, self.model.elastic.bonds, arrays.ids(self.lmp), self.hybrid)
+            self.last = replace(self.last, bonds=acting, bonds_known_n=whole_n)
         return self.last
 
     def compare(self, tag_n: Array, shown: Mapping[str, Array]) -> JudgedSample:
@@ -143,6 +165,12 @@ class Sampler:
         read, order_n = read_list(self.lmp), np.argsort(tag_n)
         id_s = read.pop("id_s")
         return (NeighbourList(order_n[np.searchsorted(tag_n[order_n], id_s)], **read),)
+
+    def of_pairs(self, n: int) -> dict[str, Array]:
+        """Return LAMMPS' fields that later fixes change."""
+        arrays_of = {name: FIELDS[name] for name in ("f", "heatflow") if name in self.fields}
+        d = self.model.dimension
+        return {name: of.planar(arrays.atoms(self.lmp, of.array, n).copy(), d) for name, of in arrays_of.items()}
 
     def shown(self, n: int) -> dict[str, Array]:
         """Return LAMMPS' fields."""
@@ -232,9 +260,9 @@ def known(engine: str) -> list[Finding]:
 
 
 def taken(
-    lmp: Any, model: Model, actions: Sequence[Action], mass_t: Array | None, n: int, x_nc: Array
+    lmp: Any, model: Model, actions: Sequence[Action], mass_t: Array | None, n: int, x_nc: Array, acted: bool = True
 ) -> ParticleSample:
-    """Return the particles and the box as they are now, copied."""
+    """Return the particles and the box as they are now, copied; ``acted``: whether fixes have changed the forces."""
     d = model.dimension
 
     def read(name: str) -> Array:
@@ -257,11 +285,13 @@ def taken(
     z_n = x_nc[:n, 2].copy() if d == 2 else None
     newton = bool(lmp.extract_setting("newton_pair")), bool(lmp.extract_setting("newton_bond"))
     acting = [(action, arrays.members(lmp, action.group, n)) for action in actions]
-    return ParticleSample(model, box, state, mass_n, acting, z_n=z_n, newton=newton, ranks=arrays.rank_count(lmp))
+    ranks = arrays.rank_count(lmp)
+    return ParticleSample(model, box, state, mass_n, acting, z_n=z_n, newton=newton, ranks=ranks, acted=acted)
 
 
 def drop(lmp: Any) -> None:
     """Remove the compute, which refers to the fixes that existed when the run began."""
+    bonds.drop(lmp)
     if lmp.has_id("compute", COMPUTE):
         lmp.command(f"uncompute {COMPUTE}")
 

@@ -43,6 +43,7 @@ from lammps_cases.verdict.runaway import RUNAWAY
 
 Array = npt.NDArray[Any]
 FIX = "eosref_audit"
+FIRST_FIX = "eosref_first"  # before the deck's own: there, forces and heat flows are those of pairs and bonds alone
 NEVER = 2**31 - 1  # steps between two uses of the callback's forces
 
 
@@ -107,11 +108,15 @@ class DeckWatch:
         self.kept: dict[int, dict[str, Array]] = {}  # by step, the first and the last sample of the first run
         self.thermo: list[dict[str, float]] = []
         self._failure: BaseException | None = None
+        self._shelled: Array | None = None  # ids of the particles in bonds of fix rheo/oxidation in the step before
+        self._of_pairs: dict[str, Array] = {}  # forces and heat flows of a sample before fixes change them
         self._shared: tuple[Any, ...] | None = None  # of the last sample that looks like a fluid; see `share`
         self._near: list[Candidates] = []  # pairs of all evaluations, as long as particles have hardly moved
 
     def check_upcoming(self, values: list[str]) -> None:
-        """Note what LAMMPS will not do as the next command requests."""
+        """Note what LAMMPS will not do as the next command requests; define a fix of our own before the deck's."""
+        if values[0] == "fix" and self.lmp.extract_setting("box_exist") and not self.lmp.has_id("fix", FIRST_FIX):
+            self._call(FIRST_FIX, NEVER, lambda *_: None)
         if words := hyphens(values):
             self.questions.misread(values, words)
         if values[0] == "suffix":
@@ -119,6 +124,11 @@ class DeckWatch:
             lacking = [style for style in styles if not self.lmp.has_style("pair", f"rheo/{style}")]
             if lacking:
                 self.questions.suffixed(lacking)
+
+    def _call(self, fix: str, apart: int, callback: Callable[..., None]) -> None:
+        """Define a fix external, or once more in its place, which calls back and adds nothing."""
+        self.lmp.command(f"fix {fix} all external pf/callback {apart} {NEVER}")
+        self.lmp.set_fix_external_callback(fix, callback, None)
 
     def note(self, values: list[str]) -> None:
         """Note a command that LAMMPS has executed."""
@@ -170,7 +180,9 @@ class DeckWatch:
             arrays.load_compiled(table)
         mass_t = None if lmp.extract_atom("rmass") else np.array(lmp.numpy.extract_atom("mass"))
         stop, count = None if steps is None else first + steps - self.done, _steps(values, first)
-        self._previous = None
+        oxidises = self.deck.fix("rheo/oxidation") is not None
+        self._previous, self._of_pairs = None, {}
+        self._shelled = arrays.marked(lmp) if oxidises else None
         if self._run is not None and ("pre", "no") in itertools.pairwise(values) and lmp.has_id("fix", FIX):
             # A new fix, or compute, would need the set-up that such a run leaves out.
             self._run = replace(
@@ -186,10 +198,11 @@ class DeckWatch:
             self._run = WatchedRun(first, stop, False, table, mass_t, actions, choice, sampler, deck, shared, count)
             if lmp.has_id("fix", FIX):
                 lmp.command(f"unfix {FIX}")
-            # Called on the steps to sample, on the first step, and on the last step of the audit.
-            apart = math.gcd(self.options.every, first, stop or 0)
-            lmp.command(f"fix {FIX} all external pf/callback {apart} {NEVER}")
-            lmp.set_fix_external_callback(FIX, self._called, None)
+            # Called on the steps to sample, on the first step, and on the last step of the audit; on all with shells.
+            apart = 1 if oxidises else math.gcd(self.options.every, first, stop or 0)
+            if lmp.has_id("fix", FIRST_FIX):
+                self._call(FIRST_FIX, apart, self._called_first)
+            self._call(FIX, apart, self._called)
         self.send(self._facts(self._run))
 
     def _choose(
@@ -202,16 +215,36 @@ class DeckWatch:
         open_tilt = leans_open((xy, xz, yz), periodic)
         units = str(self.lmp.extract_global("units"))
         massless = mass_t is None and any(periodic) and not self.deck.keeps_masses()
-        setting = fields.Setting(self.deck, units, open_tilt, between(values), massless)
+        setting = fields.Setting(
+            *(self.deck, units, open_tilt, between(values), massless, self._unfollowed(), self._heat()),
+            shells=self.lmp.has_id("fix", FIRST_FIX),
+        )
         choice = fields.choose(self.options.fields, model, setting)
         if not isinstance(model, Model) or choice.fields == fields.PRESSURE:
             return choice, None
-        unlists = self.deck.unlists_bonded
-        return choice, sample.Sampler(self.lmp, choice.fields, model, actions, mass_t, self.engine, unlists)
+        unlists, hybrid = self.deck.unlists_bonded, self.deck.bonds[:1] == ["hybrid"]
+        return choice, sample.Sampler(self.lmp, choice.fields, model, actions, mass_t, self.engine, unlists, hybrid)
+
+    def _unfollowed(self) -> str:
+        """Return what adds to the forces of pairs and bonds that are followed; or nothing."""
+        first = self.lmp.has_id("fix", FIRST_FIX)
+        unread = arrays.rank_count(self.lmp) > 1 and self.deck.bonds
+        return (
+            self.deck.adds_unfollowed(*self._types())
+            or (f"bond_style {self.deck.bonds[0]} adds to it, which is read on one rank alone" if unread else "")
+            or ("" if first else self.deck.acts_on_forces())
+        )
+
+    def _heat(self) -> str:
+        return "" if self.lmp.has_id("fix", FIRST_FIX) else self.deck.adds_heat()
+
+    def _types(self) -> tuple[int, int]:
+        """Return the numbers of types of atoms and of bonds."""
+        return int(self.lmp.extract_setting("ntypes")), int(self.lmp.extract_setting("nbondtypes"))
 
     def _added(self, choice: fields.Choice) -> str:
         """Return what adds to the forces, if they are left out for that alone and a share of rheo can be evaluated."""
-        added = self.deck.adds_force() if choice.unchecked.get("f") == self.deck.adds_force() else ""
+        added = self._unfollowed() if choice.unchecked.get("f") == self._unfollowed() else ""
         own_masses = bool(self.lmp.extract_atom("rmass"))
         return added if share.can_be_had(self.deck) and not own_masses else ""
 
@@ -224,7 +257,8 @@ class DeckWatch:
         mass = [1.0] * len(table) if of_types is None else [m or 1.0 for m in of_types[1:].tolist()]
         try:
             manual = manual_of(str(self.lmp.version()))
-            return self.deck.model(int(self.lmp.extract_setting("dimension")), len(table), mass, table, manual)
+            dimension, bond_types = int(self.lmp.extract_setting("dimension")), self._types()[1]
+            return self.deck.model(dimension, len(table), mass, table, manual, bond_types)
         except InputError as error:
             if table.needs_energy:
                 self.acting.gas()
@@ -246,6 +280,16 @@ class DeckWatch:
             derived(0),
         )
 
+    def _called_first(self, caller: object, step: int, n: int, tag_n: Array, x_nc: Array, force_nc: Array) -> None:
+        """Keep forces and heat flows before the deck's fixes change them."""
+        force_nc.fill(-0.0)
+        assert self._run is not None
+        if self._run.sampler is not None and self._sampled(self._run, step):
+            self._of_pairs = self._run.sampler.of_pairs(len(arrays.ids(self.lmp)))
+
+    def _sampled(self, run: WatchedRun, step: int) -> bool:
+        return step % self.options.every == 0 or step in (run.first, run.stop)
+
     def _called(self, caller: object, step: int, n: int, tag_n: Array, x_nc: Array, force_nc: Array) -> None:
         begin = time.perf_counter()
         force_nc.fill(-0.0)  # the only addend that changes no bit, even of a force of -0.0
@@ -253,11 +297,13 @@ class DeckWatch:
         assert run is not None
         try:
             arrays.take_thermo(self.lmp, self.thermo)
-            if run.table is not None and (step % self.options.every == 0 or step in (run.first, run.stop)):
+            if run.table is not None and self._sampled(run, step):
                 id_n = arrays.ids(self.lmp)
                 with sharing(self._near):
                     self._sample(run, run.table, int(step), id_n, arrays.atoms(self.lmp, "x", len(id_n)))
             self._previous = int(step)
+            if self._shelled is not None:
+                self._shelled = arrays.marked(self.lmp)
         except BaseException as error:  # ctypes would print and discard it
             self._failure = error
         if self._failure is not None or step == run.stop:
@@ -299,7 +345,7 @@ class DeckWatch:
     def _taken(self, run: WatchedRun, table: EOSTable, n: int, x_nc: Array, setup: bool) -> ParticleSample | None:
         """Return the particles of a sample; None without a model."""
         if run.sampler is not None:
-            return run.sampler.take(n, x_nc, setup)
+            return run.sampler.take(n, x_nc, setup, "f" not in self._of_pairs, self._shelled)
         model = self._model(table, run.mass_t)
         if not isinstance(model, Model):
             return None
@@ -320,7 +366,7 @@ class DeckWatch:
         return False
 
     def _compare(self, sampler: sample.Sampler, step: int, tag_n: Array) -> tuple[dict[str, Comparison], Explained]:
-        shown = sampler.shown(len(tag_n))
+        shown = sampler.shown(len(tag_n)) | self._of_pairs
         found = sampler.compare(tag_n, shown)
         reference = {name: np.asarray(value(found.reference.output(name)), float) for name in shown}
         self.health.fields(self.runs, step, tag_n, shown, reference)

@@ -19,6 +19,7 @@ from eos_ref.errors import unknown
 from lammps_cases.comparison.compare import Comparison, EosState, excess
 from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import (
+    bonds,
     exchange,
     forces,
     kernels,
@@ -50,6 +51,7 @@ def ledger_of(subjects: Iterable[Sequence[Finding]]) -> tuple[Finding, ...]:
 
 
 _SUBJECTS = (
+    bonds,
     exchange,
     forces,
     kernels,

@@ -126,6 +126,73 @@ BONDS = "".join(
 )
 WEIGHTS = "lj 0 1 1 coul 0 1 1"
 HARMONIC = {"bond_style zero nocoeff": "bond_style harmonic", "bond_coeff *": "bond_coeff * 1.0 1.0"}
+# --- a body of springs that another one runs into, between walls that add forces of their own; and a drop with a shell
+
+BODIES = """dimension 2
+units lj
+atom_style hybrid rheo bond
+boundary p m p
+comm_modify vel yes
+newton off
+region box block 0 12 0 9 -0.1 0.1 units box
+create_box 2 box bond/types 2 extra/bond/per/atom 12 extra/special/per/atom 50
+lattice sq 1.0
+region left block 0 4.9 2 6.9 -0.1 0.1
+region right block 5 8.9 2 6.9 -0.1 0.1
+create_atoms 1 box
+mass * 1.0
+set group all rheo/rho 1.0
+group left region left
+group right region right
+group bodies union left right
+group fluid subtract all bodies
+set group right type 2
+set group bodies rheo/status 1
+displace_atoms all random 0.05 0.05 0 2467 units box
+velocity all create 0.001 83
+velocity all set NULL NULL 0
+velocity left set 0.2 0 0 sum yes
+timestep 0.02
+pair_style hybrid/overlay rheo 3.0 artificial/visc 1.0 rheo/solid
+pair_coeff * * rheo
+pair_coeff 1 1 rheo/solid 1.0 1.2 0.5
+pair_coeff 1 2 rheo/solid 1.5 1.1 0.3
+special_bonds lj 0 1 1 coul 0 1 1
+create_bonds many left left 1 0 1.6
+create_bonds many right right 1 0 1.6
+special_bonds lj 0 1 1 coul 1 1 1
+bond_style bpm/spring
+bond_coeff * 1.0 0.08 0.3
+fix 1 all rheo 3.0 quintic 0
+fix 2 all rheo/viscosity * constant 0.1
+fix 3 all rheo/pressure * linear
+fix 4 all wall/harmonic ylo EDGE 1.0 1.0 1.0 yhi EDGE 1.0 1.0 1.0
+fix 5 all enforce2d
+run 20
+"""
+SHELL = {
+    "quintic 0": "quintic 0 shift surface/detection coordination 25 4",
+    "timestep 0.02": "neigh_modify delay 0 check no\ntimestep 0.02",
+    "fix 4": "fix 6 fluid rheo/oxidation 1.3 2 0.5\nfix 4",
+    "boundary p": "boundary s",
+    "create_atoms 1 box": "region some block 0.1 11.1 1 7.1 -0.1 0.1\ncreate_atoms 1 region some",
+}
+BULK = {
+    "dimension 2": "dimension 3",
+    "lattice sq": "lattice sc",
+    "-0.1 0.1 units box": "0 6 units box",
+    "left block 0 4.9 2 6.9 -0.1 0.1": "left block 0 4.9 2 6.9 1 3.9",
+    "right block 5 8.9 2 6.9 -0.1 0.1": "right block 5 8.9 2 6.9 1 3.9",
+    "0.05 0.05 0 2467": "0.05 0.05 0.05 2467",
+    "velocity all set NULL NULL 0\n": "",
+    "fix 5 all enforce2d\n": "",
+    "per/atom 12 extra/special/per/atom 50": "per/atom 40 extra/special/per/atom 200",
+}
+HYBRID = {
+    "bond_style bpm/spring": "bond_style hybrid bpm/spring rheo/shell t/form 0.1",
+    "bond_coeff * 1.0 0.08 0.3": "bond_coeff 1 bpm/spring 1.0 0.08 0.3\nbond_coeff 2 rheo/shell 0.5 0.3 0.2",
+}
+SHELLS = {"shell-softens", "shells-shift"}
 OF_PAIRS = frozenset({"coordination", "grad/v", "stress/v", "stress/t", "drho", "heatflow", "shift/v", "f"})
 RHO = "set             group all rheo/rho 1.0"
 LINEAR = "fix 3 all rheo/pressure * linear\n"
@@ -251,6 +318,17 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
     "harmonic bonds": (BONDS, HARMONIC | {WEIGHTS: "lj 0 1 1 coul 1 1 1"}, {
         "verdict": None, "compared": OF_PAIRS - {"f"}, "why": {"bond": {"f"}},
         "unchecked": {"f": "bond_style harmonic adds to it"}}),
+    **{f"elastic bodies{how}": (BODIES, edits, {
+        "verdict": None, "compared": frozenset({"f", "drho"}), "half": set(), "by": {"f": {BUG}}})
+       for how, edits in {"": {}, ", newton on": {"newton off": "newton on off"},
+                          ", sharp": {"bpm/spring": "bpm/spring smooth no normalize yes break no"},
+                          ", 3D": BULK}.items()},
+    "shells beside bodies": (BODIES, SHELL | HYBRID, {
+        "by": {"f": {BUG, "shell-softens"}, "shift/v": {"shells-shift"}}, "half": set(), "acting_on": frozenset(SHELLS)}),
+    "shells": (BODIES, SHELL | {
+        "create_bonds many left left 1 0 1.6": "", "create_bonds many right right 1 0 1.6": "",
+        "set group bodies rheo/status 1": "", "fix 6 fluid": "fix 6 all", "bpm/spring": "rheo/shell t/form 0.1"}, {
+        "by": {"f": {BUG, "shell-softens"}, "shift/v": {"shells-shift"}}, "half": set(), "acting_on": frozenset(SHELLS)}),
     # what makes a run diverge
     "column": (COLUMN, {}, {
         "verdict": "refused", "outlook": {"cause": "findings", "findings": [BUG]},

@@ -113,6 +113,7 @@ class Simulation:
         self.gradient, self.surface = Gradients(), Surface()
         self.chi_n: Array | None = None
         self.pressure_force_nc: Array | None = None
+        self.elastic_force_nc: Array | None = None
         self.bonds = Bonds()
         self.virial_ncc: Any = None  # of all particles
         self.set_n = np.zeros(len(state.x_nc), bool)
@@ -192,7 +193,8 @@ class Simulation:
             self.pressure_force_nc = terms.pressure_force_nc
             force_nc = terms.force_nc
             if self.model.elastic:
-                force_nc = force_nc + elastic_forces(self.evaluator, self.bonds, self.state)
+                self.elastic_force_nc = elastic_forces(self.evaluator, self.bonds, self.state)
+                force_nc = force_nc + self.elastic_force_nc
             fields["f"] = self._external(force_nc)
 
     def force_pressure(self) -> Array:

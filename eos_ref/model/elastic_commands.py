@@ -16,7 +16,7 @@ SWITCHES = {"smooth": True, "normalize": False, "break": True, "overlay/pair": F
 
 
 def parse_bonds(style: Sequence[str], coefficients: Sequence[Sequence[str]], ntypes: int) -> tuple[BondLaw, ...]:
-    """Read the words behind ``bond_style`` and those behind every ``bond_coeff``; return a law per bond type, none of the style zero.
+    """Read the words behind ``bond_style`` and those behind every ``bond_coeff``; return a law per type, none of zero.
 
     Raises
     ------

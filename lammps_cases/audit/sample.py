@@ -101,9 +101,9 @@ class Sampler:
         self.lmp, self.model, self.actions, self.mass_t = lmp, model, actions, mass_t
         self.unlists_bonded, self.hybrid = unlists_bonded, hybrid
         self.fields = tuple(field for field in checked() if field in fields and field != "pressure")
-        self.bonded = "f" in self.fields and model.elastic is not None and bool(model.elastic.bonds)
-        if self.bonded:
-            bonds.define(lmp, any(isinstance(law, ShellBond) for law in model.elastic.bonds))
+        self.bonds = model.elastic.bonds if model.elastic and "f" in self.fields else ()
+        if self.bonds:
+            bonds.define(lmp, any(isinstance(law, ShellBond) for law in self.bonds))
         self.listed = known(engine)
         self.explained: Explained = {}  # by earlier samples
         self.last: ParticleSample | None = None
@@ -137,9 +137,8 @@ class Sampler:
         self.last = replace(self.last, summed=summed, unlists_bonded=self.unlists_bonded)
         if shelled is not None:
             self.last = replace(self.last, shelled_n=np.isin(arrays.ids(self.lmp), shelled))
-        if self.bonded:
-            assert self.model.elastic is not None
-            acting, whole_n = bonds.read(self.lmp, self.model.elastic.bonds, arrays.ids(self.lmp), self.hybrid)
+        if self.bonds:
+            acting, whole_n = bonds.read(self.lmp, self.bonds, arrays.ids(self.lmp), self.hybrid)
             self.last = replace(self.last, bonds=acting, bonds_known_n=whole_n)
         return self.last
 

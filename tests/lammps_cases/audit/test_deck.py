@@ -115,7 +115,7 @@ def test_when_force_of_pair_rheo_is_available(commands: str, available: bool) ->
         (f"{PAIRS}bond_style bpm/spring smooth no break no\nbond_coeff 1 1 1 1", ""),
         (f"{PAIRS}bond_style bpm/spring volume/factor yes\nbond_coeff 1 1 1 1 1", "volume/factor: cannot be followed"),
         (
-            f"{PAIRS}bond_style hybrid bpm/spring rheo/shell t/form 2 store/local f 5 id1\nbond_coeff * rheo/shell 1 1 1",
+            f"{PAIRS}bond_style hybrid bpm/spring rheo/shell t/form 2 store/local f 5 x\nbond_coeff * rheo/shell 1 1 1",
             "",
         ),
         (f"{PAIRS}bond_style hybrid harmonic rheo/shell t/form 2", "must be one of bpm/spring, rheo/shell, found"),

@@ -192,7 +192,11 @@ HYBRID = {
     "bond_style bpm/spring": "bond_style hybrid bpm/spring rheo/shell t/form 0.1",
     "bond_coeff * 1.0 0.08 0.3": "bond_coeff 1 bpm/spring 1.0 0.08 0.3\nbond_coeff 2 rheo/shell 0.5 0.3 0.2",
 }
-SHELLS = {"shell-softens", "shells-shift"}
+SHELLED = {
+    "half": set(),
+    "by": {"f": {BUG, "shell-softens"}, "shift/v": {"shells-shift"}},
+    "acting_on": frozenset({"shell-softens", "shells-shift"}),
+}
 OF_PAIRS = frozenset({"coordination", "grad/v", "stress/v", "stress/t", "drho", "heatflow", "shift/v", "f"})
 RHO = "set             group all rheo/rho 1.0"
 LINEAR = "fix 3 all rheo/pressure * linear\n"
@@ -323,12 +327,11 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
        for how, edits in {"": {}, ", newton on": {"newton off": "newton on off"},
                           ", sharp": {"bpm/spring": "bpm/spring smooth no normalize yes break no"},
                           ", 3D": BULK}.items()},
-    "shells beside bodies": (BODIES, SHELL | HYBRID, {
-        "by": {"f": {BUG, "shell-softens"}, "shift/v": {"shells-shift"}}, "half": set(), "acting_on": frozenset(SHELLS)}),
+    "shells beside bodies": (BODIES, SHELL | HYBRID, SHELLED),
     "shells": (BODIES, SHELL | {
         "create_bonds many left left 1 0 1.6": "", "create_bonds many right right 1 0 1.6": "",
-        "set group bodies rheo/status 1": "", "fix 6 fluid": "fix 6 all", "bpm/spring": "rheo/shell t/form 0.1"}, {
-        "by": {"f": {BUG, "shell-softens"}, "shift/v": {"shells-shift"}}, "half": set(), "acting_on": frozenset(SHELLS)}),
+        "set group bodies rheo/status 1": "", "fix 6 fluid": "fix 6 all", "bpm/spring": "rheo/shell t/form 0.1"},
+        SHELLED),
     # what makes a run diverge
     "column": (COLUMN, {}, {
         "verdict": "refused", "outlook": {"cause": "findings", "findings": [BUG]},
@@ -351,7 +354,9 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
     "finding hidden by other forces": (
         COLUMN, {"set             group all rheo/rho 1.0\n":
                  "displace_atoms  all random 0.01 0.01 0 135414 units box\nset group all rheo/rho 1.01\n",
-                 "run             100": "fix             7 water spring/self 0.1\nrun             0"}, {
+                 "rheo 0.3 artificial/visc 0.5": "hybrid/overlay rheo 0.3 artificial/visc 0.5 soft 0.1",
+                 "pair_coeff      * *": "pair_coeff * * rheo\npair_coeff * * soft 1.0",
+                 "run             100": "run             0"}, {
         "verdict": None, "effects": {"f": "f is 101 times what it should be"}}),
     # densities
     "density never set": ("\n".join(inlined("in.never_set")), {}, {
@@ -476,7 +481,7 @@ def test_finding_hidden_by_other_forces_concerns_most_particles(audited: Callabl
     case = case_of(audited("finding hidden by other forces"))
     (of,) = [of for of in case.effects if (of.finding, of.field) == (BUG, "f")]
     assert of.particles > 100
-    assert any(line.startswith("f with all that adds to it: fix 7 (spring/self)") for line in case.not_checked)
+    assert any(line.startswith("f with all that adds to it: pair_style soft") for line in case.not_checked)
 
 
 def test_run_before_a_minimization_is_sampled(audited: Callable[[str], AuditResult]) -> None:

@@ -120,6 +120,33 @@ def test_solids_summed(lammps: Engine) -> dict[str, Any]:
     }
 
 
+@works_around("shell-softens", 1)
+@recomputes("shell-softens", given="documented observed")
+def test_shell_softens(lammps: Engine) -> dict[str, Any]:
+    n, relative = printed("shell-softens"), 0.2 / 0.5  # of the probe's bond: r0 = k = 1, eps = 0.5, at r = 1.2
+    assert found(lammps, "shell-force") == pytest.approx(0.4 * (1 - relative**2), rel=1e-13)
+    assert n.observed.is_rounded(found(lammps, "shell-force"))
+    assert n.documented.is_rounded(0.4 * (1 + relative**2))
+    pushed = float(put(lammps, "shell-force", ("move 0.2", "move -0.2")).arrays["found"][0])
+    assert pushed == pytest.approx(-found(lammps, "shell-force"), rel=1e-13), "under compression"
+    at_the_end = float(put(lammps, "shell-force", ("move 0.2", "move 0.499999")).arrays["found"][0])
+    assert 0 < at_the_end < 1e-5, "the force vanishes"
+    return {}
+
+
+@works_around("shells-shift", 1)
+def test_shells_shift(lammps: Engine) -> None:
+    """In a run without shift there is none to go wrong; with it, particles of a shell are shifted by a length."""
+    assert found(lammps, "shell-shift") > 0.01
+    assert "shift" not in " ".join(edited("oxide", ())) and lammps.reply("oxide").ended == "answered"
+
+
+@works_around("shell-time-refused", 1)
+def test_shell_time_refused(lammps: Engine) -> None:
+    """The bonds of the last layer are counted."""
+    assert float(lammps.reply("oxide").arrays["found"][0]) == 1
+
+
 @recomputes("special-bonds-remove-pairs", given="left all")
 def test_special_bonds_remove_pairs(lammps: Engine) -> dict[str, Any]:
     """Of two bonded particles and a third one; and of chains, whose ends are two and three bonds apart."""

@@ -81,6 +81,16 @@ def test_saved_sides_are_used_unchanged(tmp_path: Path) -> None:
     assert {name.partition(".")[0] for name in both.side(1).cases} == {"density"}
 
 
+def test_side_that_was_run_without_cases_tagged_more_does_not_miss_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sides = {"a": side(*map(case, ("walls.one", "walls.two", "shift"))), "b": side(case("walls.one"))}
+    monkeypatch.setattr(sources, "source", sides.get)
+    monkeypatch.setattr(sources.casefile, "more", lambda: frozenset({"walls.one", "walls.two"}))
+    both = sources.select(["a", "b"], [], None, [], tmp_path / "out", RunTerms(1))
+    assert [list(one.cases) for one in both.each] == [["walls.one", "shift"], ["walls.one"]]
+
+
 # --- bisection
 
 

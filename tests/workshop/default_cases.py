@@ -35,7 +35,26 @@ WITNESSES = 2  # cases, where there are so many
 TWICE = ("change", "finding")  # in each dimension, and on each engine
 WHOLE = {"quick", "refusal", "manual", "crash", "open"}  # tags of cases that are unlike all others
 DOCUMENTS = ("*.md", "docs/*.md", "eos_ref/*.md", "lammps_cases/data/findings/*.md")
-UNNAMED = {"constants.metal", "status-open.divergence"}  # second witnesses of changes that no case names: `missed`
+# Cases that measurements need (27 November 2026): second witnesses of changes that no case names (`missed`), the only
+# cases that reach instructions of RHEO's functions (traps of `make binary`) or see a fault of `make power`.
+MEASURED = {
+    "constants.metal",
+    "constants.real",
+    "cross-type-walls.newton.3d",
+    "edges-growth.deformed.heat",
+    "edges-growth.deformed.surface",
+    "edges-shared.freezing.2d",
+    "edges-shared.high.3d",
+    "ghosts.walls",
+    "masses.surface.3d",
+    "runs-walls.heat.files",
+    "runs.fluid.settings",
+    "sheared-walls.tilted",
+    "status-open.divergence",
+    "status-open.newton",
+    "tilted-close.summed",
+    "tilted.small.walls",
+}
 
 What = tuple[str, ...]  # kind, name, and dimension or engine
 Groups = dict[What, set[str]]
@@ -66,7 +85,7 @@ def _seen(cases: Sequence[Case]) -> Iterator[tuple[What, str]]:
     words = {
         word for place in DOCUMENTS for path in ROOT.glob(place) for word in re.findall(r"[\w.-]+\w", path.read_text())
     }
-    for name in words.intersection(case.name for case in cases) | UNNAMED:
+    for name in words.intersection(case.name for case in cases) | MEASURED:
         yield ("case by itself", name), name
 
 

@@ -12,6 +12,7 @@ import pytest
 from eos_ref import InputError
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing
+from lammps_cases.scene import casefile
 from lammps_cases.versions import sources
 from lammps_cases.versions.bisection import Bisection, bisect
 from lammps_cases.versions.change import Policy
@@ -86,7 +87,7 @@ def test_side_that_was_run_without_cases_tagged_more_does_not_miss_them(
 ) -> None:
     sides = {"a": side(*map(case, ("walls.one", "walls.two", "shift"))), "b": side(case("walls.one"))}
     monkeypatch.setattr(sources, "source", sides.get)
-    monkeypatch.setattr(sources.casefile, "more", lambda: frozenset({"walls.one", "walls.two"}))
+    monkeypatch.setattr(casefile, "more", lambda: frozenset({"walls.one", "walls.two"}))
     both = sources.select(["a", "b"], [], None, [], tmp_path / "out", RunTerms(1))
     assert [list(one.cases) for one in both.each] == [["walls.one", "shift"], ["walls.one"]]
 

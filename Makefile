@@ -44,7 +44,7 @@ $(VENV)/.%: $(READY)
 
 setup: $(READY) ## create the environment in .venv and install what the commands need into it
 
-validate: $(READY) ## set up, run every case against real LAMMPS, say where the report lies
+validate: $(READY) ## set up, run the cases against real LAMMPS (eos-ref run --tag all: all 987), say where the report lies
 	$(BIN)/eos-ref run
 	@echo 'all reports: reports/index.html; the commands are in $(BIN): source $(BIN)/activate'
 
@@ -106,7 +106,7 @@ docs: $(VENV)/.docs ## build the pages of docs/ as a site in reports/site, to re
 	@echo 'reports/site/index.html'
 
 versions: $(READY) ## every LAMMPS with RHEO against every other (some minutes)
-	$(BIN)/eos-ref compare $(ENGINES)
+	$(BIN)/eos-ref compare $(ENGINES) --tag all
 
 engines: $(TEST) ## every LAMMPS with RHEO, or ENGINES='path:BUILD ...': baselines, decks of the findings (some minutes)
 	@for engine in $(ENGINES); do echo "$$engine"; \

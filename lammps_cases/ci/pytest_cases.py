@@ -188,10 +188,10 @@ def mark_of(tag: str) -> str:
 
 
 def named(item: CaseItem, config: pytest.Config) -> bool:
-    """Return whether the command line names a case, or selects long ones: by node id, -k or -m."""
+    """Return whether the command line names a case, or selects those left out by default: by node id, -k or -m."""
     words = re.findall(r"[^\s()]+", config.option.keyword)
     chosen = any(word in item.name for word in words if word not in ("and", "or", "not"))
-    by_mark = re.search(r"\blong\b", config.option.markexpr) is not None
+    by_mark = re.search(r"\b(long|more)\b", config.option.markexpr) is not None
     return chosen or by_mark or any(item.name in argument.split("::")[1:] for argument in config.args)
 
 

@@ -77,13 +77,13 @@ class SessionPlugin:
         return collector
 
     def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
-        """Leave out cases without the requested tag, and long ones that are not selected."""
+        """Leave out cases without the requested tag, and long ones and those tagged more that are not selected."""
         tag: str | None = config.option.eos_ref_tag
         out = {
             item
             for item in items
             if isinstance(item, CaseItem)
-            and (tag not in item.case.tags if tag else "long" in item.case.tags and not named(item, config))
+            and not (casefile.tagged(item.case, tag) if tag else named(item, config) or casefile.by_default(item.case))
         }
         if out:
             config.hook.pytest_deselected(items=[item for item in items if item in out])

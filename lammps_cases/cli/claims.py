@@ -74,6 +74,8 @@ def claims_command(
     cases = casefile.load()
     case_names = [*(case.name for case in cases), *(probe.name for probe in manual.probes())]
     leads = trace(model.claims(), case_names)
+    cases = [case for case in cases if casefile.MORE not in case.tags]
+    known = [*(case.name for case in cases), *(probe.name for probe in manual.probes())]
     if listed.traceability:
         return _traceability(leads, as_json)
     if listed.manuals:
@@ -86,7 +88,7 @@ def claims_command(
             _answers(engine, chosen, cases, not names, folder, processes(jobs), as_json)
             for engine in engines or (() if runs else ("env",))
         ]
-        found = page.judge_runs(chosen, answers, case_names, level.level)
+        found = page.judge_runs(chosen, answers, known, level.level)
         text, html = page.document(found.columns), folder / "claims.html"
         write_atomically(folder / "claims.json", text)
         write_atomically(html, page.write(found.columns, leads, html, found.headline))

@@ -200,7 +200,7 @@ def case_names() -> list[str]:
 
 
 def tag_names() -> set[str]:
-    """Return the tags of the shipped cases."""
+    """Return the tags that the shipped case files name."""
     return set(_kept()["tags"])
 
 
@@ -217,7 +217,7 @@ def engine_names() -> list[str]:
 
 NAMES: dict[str, Callable[[], Iterable[str]]] = {
     "cases": case_names,
-    "tags": lambda: sorted(tag_names()),
+    "tags": lambda: sorted({*tag_names(), "all", "more"}),
     "findings": finding_names,
     "findings_and_cases": lambda: [*finding_names(), *case_names()],
     "engines": engine_names,

@@ -43,8 +43,9 @@ def run_command(
 ) -> int:
     """Run cases against LAMMPS, compare atom by atom, and write a report.
 
-    Without names: every case that is not tagged long. A name selects a case, or all below it, or a pattern. Without
-    --out a whole run is kept in reports, and reports/latest points to it; a run of some cases in reports/parts.
+    Without names: every case that is not tagged long or more; those tagged more see nothing that the others do not see,
+    --tag all runs both. A name selects a case, or all below it, or a pattern. Without --out a whole run is kept in
+    reports, and reports/latest points to it; a run of some cases in reports/parts.
 
     \b
     Example:  eos-ref run --tag quick
@@ -78,8 +79,8 @@ def run_command(
 
         accepted.readable(baseline)  # report a typing mistake before the run, not after it
     resolved = installations.resolve(options.engine)
-    # No tag covers all cases, so that a run with a tag is a part: the others need not be read.
-    names_run = () if tag else [case.name for case in chosen]
+    # A run with a tag is a part, for which the other cases need not be read.
+    names_run = () if tag not in (None, casefile.ALL) else [case.name for case in chosen]
     with shared.run_folder(out, names_run, options.engine, resume) as folder:
         if resume and not as_json and folders.resumable(folder) is None:
             all_of_them = f"{counted(len(chosen), 'case')} from the beginning"

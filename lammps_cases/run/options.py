@@ -15,11 +15,14 @@ from lammps_cases.records.options import Option, Positional
 
 Names = str | Sequence[str]
 Paths = str | Path | Sequence[str | Path]
-Tag = Annotated[str | None, Option("Only cases with this tag (quick, eos, refusal, ...).", complete="tags")]
+Tag = Annotated[
+    str | None,
+    Option("Only cases with this tag (quick, eos, refusal, ...); all: every case not tagged long.", complete="tags"),
+]
 Files = Annotated[Paths, Option("Case file or folder of your own.", "--cases", path=True)]
 Jobs = Annotated[Annotated[int, Ge(1)] | None, Option("LAMMPS processes at a time (default: one per core).")]
 Fresh = Annotated[bool, Option("Ignore the cache of reference predictions.")]
-NAMES = "Cases, whatever lies below them, or patterns; without names and tag all that are not tagged long."
+NAMES = "Cases, whatever lies below them, or patterns; without names and tag all that are not tagged long or more."
 ENGINE = "env, pypi:VERSION or path:PLACE of a build, prefix, environment or library."
 EngineName = Annotated[str, Option(ENGINE, complete="engines")]
 

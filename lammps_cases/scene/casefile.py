@@ -33,6 +33,9 @@ from lammps_cases.scene.complaints import Combination, Complaint, Keys, Source, 
 MAX_CASES = 10_000  # of one file
 SCENES = ("scene", "matrix")  # the keys that make scenes
 SHIPPED = DATA / "cases"
+BEYOND = DATA / "more.txt"
+LONG, MORE = "long", "more"  # tags of cases that do not run by default; the rest sees all that those tagged more see
+ALL = "all"  # in place of a tag: all cases that are not long
 
 
 @dataclass(frozen=True)
@@ -245,8 +248,15 @@ def _case(file: CaseFile, made: Combination, source: Source, shipped: bool) -> C
             )
         if scene.rho is None and not scene.rho_sum and given:
             raise InputError("rho", "must be given unless rho_sum is on or a file holds it", where=where("scene"))
-    about, tags = " ".join(file.about.split()), tuple(sorted(set(made.tags)))
+    about = " ".join(file.about.split())
+    tags = tuple(sorted({*made.tags, *([MORE] if shipped and made.case in more() else [])}))
     return Case(made.case, about, tags, scene, source.path, shipped, _exercises(file, made.case))
+
+
+@functools.cache
+def more() -> frozenset[str]:
+    """Return the shipped cases tagged more: those that see nothing more, by tests/workshop/default_cases.py."""
+    return frozenset(BEYOND.read_text(encoding="utf-8").split())
 
 
 def load(paths: Sequence[Path] = (), tag: str | None = None) -> list[Case]:
@@ -261,7 +271,7 @@ def load(paths: Sequence[Path] = (), tag: str | None = None) -> list[Case]:
     """
     if paths:
         return _load(_files(paths), shipped=False)
-    if tag and any(tag in case.tags for case in _shipped(tag)):
+    if tag not in (None, ALL, MORE) and any(tag in case.tags for case in _shipped(tag)):
         return list(_shipped(tag))
     return list(_shipped())
 
@@ -305,7 +315,7 @@ def _load(files: Sequence[Path], shipped: bool) -> list[Case]:
 
 
 def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = None) -> list[Case]:
-    """Return the cases by name or wildcard pattern and by tag; without either, all that are not tagged long.
+    """Return the cases by name or wildcard pattern and by tag; without either, all not tagged long or more.
 
     A name also selects the cases below it: ``near-rho0`` selects ``near-rho0.linear.2d``.
 
@@ -320,16 +330,26 @@ def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = N
     names_chosen = set[str]().union(*(names_like(name, cases) for name in names))
     chosen = [case for case in cases if not names or case.name in names_chosen]
     if tag is not None:
-        chosen = [case for case in chosen if tag in case.tags]
+        chosen = [case for case in chosen if tagged(case, tag)]
         if not chosen:
             tags = sorted({each for case in cases for each in case.tags})
             hint = nearest(tag, tags).strip(" ()")
             raise InputError("tag", f"no case has the tag {tag!r}{'; ' * bool(hint)}{hint} (tags: {', '.join(tags)})")
     elif not names:
-        chosen = [case for case in chosen if "long" not in case.tags]
+        chosen = [case for case in chosen if by_default(case)]
     if not chosen:
         raise InputError("cases", "none left to run (are all tagged long?)")
     return chosen
+
+
+def by_default(case: Case) -> bool:
+    """Return whether a case runs by default."""
+    return not {LONG, MORE} & {*case.tags}
+
+
+def tagged(case: Case, tag: str) -> bool:
+    """Return whether a case has a tag; all: whether it is not long."""
+    return LONG not in case.tags if tag == ALL else tag in case.tags
 
 
 def only(cases: Sequence[Case], name: str) -> Case:

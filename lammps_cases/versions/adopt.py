@@ -161,7 +161,7 @@ class Intake:
 
 def everything(engine: Engine, jobs: int, out: Path, progress: Progress = SILENT, resume: bool = False) -> Intake:
     """Return all cases and probes that an adoption runs."""
-    cases = casefile.select(casefile.load(), (), None)
+    cases = casefile.select(casefile.load(), tag=casefile.ALL)
     return Intake(engine, jobs, out, cases, manual.probes(), table.every(), progress, resume)
 
 

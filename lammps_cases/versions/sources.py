@@ -72,6 +72,10 @@ def narrowed(side: Side, names: Sequence[str], tagged: Collection[str] | None) -
     return replace(side, cases=chosen)
 
 
+def _without(side: Side, names: Collection[str]) -> Side:
+    return replace(side, cases={name: case for name, case in side.cases.items() if name not in names})
+
+
 def _named(case: str, wanted: str) -> bool:
     return fnmatchcase(case, wanted) or case.startswith(f"{wanted}.")
 
@@ -143,9 +147,13 @@ def select(
     each = [source(name) for name in names]
     engines = [at for at, one in enumerate(each) if not isinstance(one, Side)]
     of_cases = options.judge is None and (tag is not None or engines)
-    chosen = casefile.select(casefile.load(paths), cases, tag) if of_cases else []
+    every = casefile.ALL if len(engines) < len(each) else None  # saved sides hold the cases that they were run with
+    chosen = casefile.select(casefile.load(paths), cases, tag or every) if of_cases else []
     tagged = {case.name for case in chosen} if tag is not None else None
     each = [narrowed(one, cases, tagged) if isinstance(one, Side) else one for one in each]
+    # A side that was run without the cases tagged more does not miss them.
+    beyond = casefile.more() - casefile.more().intersection(*(one.cases for one in each if isinstance(one, Side)))
+    each = [_without(one, beyond) if isinstance(one, Side) else one for one in each]
     saved = [one for one in each if isinstance(one, Side)]
     if saved and chosen:
         held = {name for side in saved for name in side.cases}

@@ -86,7 +86,7 @@ class JudgedRuns:
 def judge_runs(
     chosen: Sequence[Claim], answers: Sequence[tuple[RunRecord, Path]], case_names: Sequence[str], fail_on: FailOn
 ) -> JudgedRuns:
-    """Judge claims by runs, each with the folder of its report; ``case_names`` are all existing cases and probes."""
+    """Judge claims by runs, each with the folder of its report; none holds without all of its own of ``case_names``."""
     versions = [run.engine.label for run, _ in answers]
     chosen = [claim for claim in chosen if any(claim.made_in(run.engine.manual) for run, _ in answers)]
     columns, unforeseen, unclaimed = list[Column](), list[tuple[str, CaseRecord]](), without_claim()

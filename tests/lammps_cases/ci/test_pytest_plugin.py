@@ -99,7 +99,11 @@ def test_option_without_its_switch_is_refused(pytester: pytest.Pytester) -> None
 
 @pytest.mark.slow
 def test_marks_and_long_cases(pytester: pytest.Pytester) -> None:
-    write("mine", {"one": {}, "two": {"tags": ["long"]}, "three": {"tags": ["cross-type"]}}, ("skip", "2d"))
+    write(
+        "mine",
+        {"one": {}, "two": {"tags": ["long"]}, "three": {"tags": ["cross-type"]}, "four": {"tags": ["more"]}},
+        ("skip", "2d"),
+    )
 
     def chosen(*arguments: str) -> list[str]:
         found = run(pytester, "--eos-ref", "--strict-markers", "--collect-only", "-q", *arguments)
@@ -108,6 +112,8 @@ def test_marks_and_long_cases(pytester: pytest.Pytester) -> None:
     assert chosen() == ["one", "three"]
     assert chosen("-m", "cross_type and 2d and tag_skip") == ["three"]
     assert chosen("-k", "two") == chosen("-m", "long") == chosen("--eos-ref-tag", "long") == ["two"]
+    assert chosen("-m", "more") == chosen("--eos-ref-tag", "more") == ["four"]
+    assert chosen("--eos-ref-tag", "all") == ["four", "one", "three"]
     assert chosen("mine.yaml::mine.two") == ["two"]
     assert chosen("-k", "not one") == ["three"]
     assert chosen("--eos-ref-tag", "cross-type") == ["three"]

@@ -40,10 +40,10 @@ def test_run(eos_ref_command: Command, folder: Path) -> None:
     }
     assert set(rows["pressure-linear"]) >= {"id", "page", "text", "cases", "verdict", "evidence"}
     assert rows["pressure-a3-unit"]["evidence"][0]["finding"] == "cubic-unit"
-    assert rows["pressure-linear"]["cases"][0] == "compression.linear.2d"
+    assert rows["pressure-linear"]["cases"][0] == "compression.linear.3d"
     assert json.loads((folder / "claims.json").read_text()) == json.loads(done.out)
     page = (folder / "claims.html").read_text()
-    assert 'href="env/report.html#case=compression.linear.2d"' in page
+    assert 'href="env/report.html#case=compression.linear.3d"' in page
     assert (
         " ".join(page.split()).count(
             "1 are refuted by cases, 1 only by small decks, and 0 by the wording of their page"

@@ -439,6 +439,15 @@ def test_tag_skips_files_but_no_tagged_case() -> None:
     assert casefile.load(tag="particle") == casefile.load(tag="no such word") == every, "a word, but no tag"
 
 
+def test_cases_tagged_more_or_long_run_only_if_chosen() -> None:
+    every = casefile.load()
+    default, more = casefile.select(every), casefile.select(every, tag="more")
+    assert {case.name for case in more} == casefile.more()
+    assert casefile.select(every, tag="all") == sorted([*default, *more], key=lambda case: case.name)
+    assert casefile.select(every, [more[0].name]) == more[:1]
+    assert casefile.load(tag="more") == casefile.load(tag="all") == every
+
+
 def test_shipped_cases_are_cached_and_each_caller_gets_its_own_list() -> None:
     mine = casefile.load()
     mine.clear()

@@ -12,6 +12,7 @@ import pytest
 from eos_ref import InputError
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing
+from lammps_cases.scene import casefile
 from lammps_cases.versions import sources
 from lammps_cases.versions.bisection import Bisection, bisect
 from lammps_cases.versions.change import Policy
@@ -79,6 +80,16 @@ def test_saved_sides_are_used_unchanged(tmp_path: Path) -> None:
     assert not both.cases, "no engine, nothing to run"
     assert both.side(0) is both.each[0]
     assert {name.partition(".")[0] for name in both.side(1).cases} == {"density"}
+
+
+def test_side_that_was_run_without_cases_tagged_more_does_not_miss_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sides = {"a": side(*map(case, ("walls.one", "walls.two", "shift"))), "b": side(case("walls.one"))}
+    monkeypatch.setattr(sources, "source", sides.get)
+    monkeypatch.setattr(casefile, "more", lambda: frozenset({"walls.one", "walls.two"}))
+    both = sources.select(["a", "b"], [], None, [], tmp_path / "out", RunTerms(1))
+    assert [list(one.cases) for one in both.each] == [["walls.one", "shift"], ["walls.one"]]
 
 
 # --- bisection

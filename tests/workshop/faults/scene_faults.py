@@ -45,7 +45,7 @@ def at(place: str, change: Change) -> Callable[[Any], Any]:
 
     def changed(part: Any) -> Any:
         old = getattr(part, name)
-        if not (isinstance(old, tuple) and isinstance(next(iter(old), None), SceneModel)):
+        if not (isinstance(old, tuple) and (style or isinstance(next(iter(old), None), SceneModel))):
             return part.model_copy(update={name: below(old)})
         members = [below(each) if style in ("", getattr(each, "style", "")) else each for each in old]
         return part.model_copy(update={name: tuple(each for each in members if each is not None) or old})

@@ -42,13 +42,13 @@ def in_order(cases: Sequence[Case]) -> list[Case]:
     def place(case: Case) -> tuple[bool, bool, int, int, str]:
         group = case.name.partition(".")[0]
         turn[group] = turn.get(group, -1) + 1
-        return "quick" not in case.tags, case.scene.twin is not None, turn[group], _cost(case), case.name
+        return "quick" not in case.tags, case.scene.twin is not None, turn[group], cost(case), case.name
 
     usable = [case for case in cases if not EXCLUDED_TAGS & set(case.tags) and case.scene.engine.ranks == 1]
-    return sorted(sorted(usable, key=lambda case: (_cost(case), case.name)), key=place)
+    return sorted(sorted(usable, key=lambda case: (cost(case), case.name)), key=place)
 
 
-def _cost(case: Case) -> int:
+def cost(case: Case) -> int:
     """Return the particles times evaluations, as far as the scene specifies them."""
     n = math.prod(getattr(case.scene.positions, "cells", (10, 10)))
     return n * (1 + (case.scene.evolve.steps if case.scene.evolve else 0)) * (10 if case.scene.whole_model else 1)

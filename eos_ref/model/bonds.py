@@ -1,4 +1,4 @@
-r"""Elastic bodies beside the fluid: bonds between particles, and contacts of solids that no bond joins.
+r"""Elastic bodies in the fluid: bonds between particles, and contacts of solids that no bond joins.
 
 A law returns the force on particle i along :math:`\hat{\mathbf r}=\mathbf x_{ij}/r`, positive where it drives i and j
 apart. The manual's :math:`F` attracts where it is positive, so its sign is the opposite one. Symbols: ``r`` distance,

@@ -81,7 +81,7 @@ def parse_contact(coefficients: Sequence[Sequence[str]], ntypes: int, bonded: fl
     ------
     InputError
 
-    Source: manual, pair_style rheo/solid and pair_style hybrid: beside pair_style rheo for all types nothing is mixed,
+    Source: manual, pair_style rheo/solid and pair_style hybrid: with pair_style rheo for all types nothing is mixed,
     and pairs of types without coefficients have no contacts.
     """
     table_ktt = np.zeros((3, ntypes, ntypes))

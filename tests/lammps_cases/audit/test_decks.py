@@ -327,7 +327,7 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
        for how, edits in {"": {}, ", newton on": {"newton off": "newton on off"},
                           ", sharp": {"bpm/spring": "bpm/spring smooth no normalize yes break no"},
                           ", 3D": BULK}.items()},
-    "shells beside bodies": (BODIES, SHELL | HYBRID, SHELLED),
+    "shells and bodies": (BODIES, SHELL | HYBRID, SHELLED),
     "shells": (BODIES, SHELL | {
         "create_bonds many left left 1 0 1.6": "", "create_bonds many right right 1 0 1.6": "",
         "set group bodies rheo/status 1": "", "fix 6 fluid": "fix 6 all", "bpm/spring": "rheo/shell t/form 0.1"},

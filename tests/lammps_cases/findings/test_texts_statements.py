@@ -136,7 +136,7 @@ def test_shell_softens(lammps: Engine) -> dict[str, Any]:
 
 @works_around("shells-shift", 1)
 def test_shells_shift(lammps: Engine) -> None:
-    """In a run without shift there is none to go wrong; with it, particles of a shell are shifted by a length."""
+    """Particles of a shell are shifted by a length; a run without the keyword shifts nothing."""
     assert found(lammps, "shell-shift") > 0.01
     assert "shift" not in " ".join(edited("oxide", ())) and lammps.reply("oxide").ended == "answered"
 

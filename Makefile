@@ -8,6 +8,8 @@ TEST := $(VENV)/.test
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check
 # Tests wait for the processes they start: one more at a time than there are cores.
 SIDE_BY_SIDE = $$(( $$(getconf _NPROCESSORS_ONLN) + 1 ))
+# Tests' rewritten assertions are kept, also where Python is told to write no bytecode.
+unexport PYTHONDONTWRITEBYTECODE
 TWINS ?= --tag quick
 FUZZED ?= $(or $(TMPDIR),/tmp)/eos-ref-fuzzed
 SOAK ?= 20000

@@ -1,7 +1,7 @@
 """A process that has imported all that a deck's process needs, and forks the processes of decks.
 
 To import it takes ten times as long as a short audit: a folder of decks, or a second LAMMPS, pays for it once. It is as
-clean as they are: a program started anew, with the environment of contained decks, which knows nothing of a user.
+clean as they are: a program of its own, with the environment of contained decks, which knows nothing of a user.
 """
 
 from __future__ import annotations

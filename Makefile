@@ -8,6 +8,8 @@ TEST := $(VENV)/.test
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check
 # Tests wait for the processes they start: one more at a time than there are cores.
 SIDE_BY_SIDE = $$(( $$(getconf _NPROCESSORS_ONLN) + 1 ))
+# Tests' rewritten assertions are kept, also where Python is told to write no bytecode.
+unexport PYTHONDONTWRITEBYTECODE
 TWINS ?= --tag quick
 FUZZED ?= $(or $(TMPDIR),/tmp)/eos-ref-fuzzed
 SOAK ?= 20000
@@ -23,7 +25,7 @@ ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
   --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
 
-.PHONY: help setup validate campaign quick fast test lowest browser kills large soak environment slurm unittest workshop check bench claims docs versions engines power binary judge fuzz fuzz-nightly pictures clean
+.PHONY: help setup validate campaign quick fast test lowest browser kills large soak environment slurm typed unittest workshop check bench claims docs versions engines power binary judge fuzz fuzz-nightly pictures clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
@@ -67,6 +69,9 @@ lowest: ## the quick cases and the fast tests, each library in the lowest versio
 
 browser: $(TEST) $(VENV)/.docs ## the tests that draw a report and the site in chromium
 	$(BIN)/python -m pytest -m browser tests/lammps_cases/report tests/test_site.py
+
+typed: $(TEST) ## every command of the documents, which must print the output shown (some minutes)
+	$(BIN)/python -m pytest -n $(SIDE_BY_SIDE) --maxprocesses 4 -m typed tests/test_documents_typed.py
 
 slurm: $(TEST) ## the tests of the kit for Slurm, on a Slurm started for them (needs slurmctld, slurmd, munge)
 	$(BIN)/python -m pytest -m slurm tests/workshop

@@ -61,7 +61,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         reporter.write_line(f"left behind by the tests: {', '.join(map(str, left))}", red=True)
 
 
-APART = {"browser", "campaign", "kills", "root", "slurm", "soak", "unittest", "workshop"}
+APART = {"browser", "campaign", "kills", "root", "slurm", "soak", "typed", "unittest", "workshop"}
 LONGEST = ("test_chart.py",)
 
 

@@ -78,7 +78,7 @@ def assert_shows(shown: str, printed: str) -> None:
 
 
 @pytest.mark.lammps
-@pytest.mark.slow
+@pytest.mark.typed
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=lambda page: page.name)
 def test_blocks_print_the_output_shown(page: Path, tmp_path: Path) -> None:
     for name, deck in GIVEN.items():

@@ -12,6 +12,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -26,7 +27,7 @@ from eos_ref import EOSTable
 from eos_ref.eos.table import examples
 from eos_ref.errors import InputError
 from eos_ref.jit import keep_nothing
-from lammps_cases.audit import place
+from lammps_cases.audit import place, ready
 from lammps_cases.audit.follow import Follower, SetupWatch
 from lammps_cases.audit.messages import CommandPlace, DeckEnd, EngineIdentity
 from lammps_cases.audit.options import AuditTask
@@ -50,6 +51,7 @@ START = "import pickle, sys; sys.path[:], run = pickle.load(open(sys.argv[1], 'r
 # Variables of the user's environment that a deck may read, or that Python, numba and MPI need.
 KEPT = ("PATH", "LD_LIBRARY_PATH", "LANG", "TZ", "PYTHONHOME", "LAMMPS_POTENTIALS")
 KEPT_BEGINNINGS = ("LC_", "OMP_", "KMP_", "NUMBA_", "MPICH_", "OMPI_MCA_", "UCX_", "FI_", "COVERAGE_")
+OF_LIBC = ("MALLOC_", "GLIBC_", "LD_")  # read when a program starts; for trusted decks
 # Contained ranks may neither read one another's memory, as MPICH's CMA does, nor open files of one another.
 APART = {"MPIR_CVAR_CH4_CMA_ENABLE": "0", "UCX_TLS": "self,sysv"}
 
@@ -70,16 +72,17 @@ def environment(task: AuditTask) -> dict[str, str]:
     several = mpi.SETTINGS if task.options.ranks > 1 else {}
     if task.options.trust:
         return {**several, **os.environ, "TMPDIR": task.temporary}
-    kept = {name: text for name, text in os.environ.items() if name in KEPT or name.startswith(KEPT_BEGINNINGS)}
+    own = {"HOME": task.temporary, "TMPDIR": task.temporary}
+    return {**several, **_clean(), **own, **(APART if several else {})}
+
+
+def _clean(beginnings: tuple[str, ...] = KEPT_BEGINNINGS) -> dict[str, str]:
+    kept = {name: text for name, text in os.environ.items() if name in KEPT or name.startswith(beginnings)}
     return {
-        **several,
         **kept,
-        "HOME": task.temporary,
-        "TMPDIR": task.temporary,
         "XDG_CACHE_HOME": platformdirs.user_cache_dir(),
         "OPENBLAS_NUM_THREADS": "1",  # Landlock holds for threads that start after it
         "OMPI_MCA_ess_singleton_isolated": "1",  # Open MPI otherwise starts a program of its own
-        **(APART if several else {}),
     }
 
 
@@ -97,7 +100,7 @@ def reach_of(task: AuditTask) -> containment.Reach:
 @contextlib.contextmanager
 def running(
     entry: Entry, task: AuditTask, output: Path, launcher: Sequence[str] = ()
-) -> Iterator[tuple[subprocess.Popen[bytes], Connection]]:
+) -> Iterator[tuple[ready.Process, Connection]]:
     """Start the process, its output in a file; yield it with the receiving end of its messages. It ends with this one.
 
     With the words of a ``launcher`` the process is the launcher, which starts the ranks.
@@ -107,22 +110,27 @@ def running(
     reading = os.open(task.fifo, os.O_RDONLY | os.O_NONBLOCK)
     writing = os.open(task.fifo, os.O_WRONLY)
     os.set_blocking(reading, True)
-    paths = [os.path.abspath(path) for path in sys.path]  # noqa: PTH100  "" is a folder here, and another there
-    start = Path(task.temporary) / "start"
-    start.write_bytes(pickle.dumps((paths, pickle.dumps(_Run(entry, task)))))
-    words = [*launcher, sys.executable, "-P", "-c", START, str(start)]
-    command = containment.contained(words, reach_of(task), task.folder, task.means)
+    paths = [str(Path(path).absolute()) for path in sys.path if Path(path).exists()]  # "" is a folder here alone
+    run, environ = pickle.dumps(_Run(entry, task)), environment(task)
     with Connection(reading, writable=False) as receiver, output.open("wb") as printed:
         try:
-            process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=printed,
-                stderr=printed,
-                env=environment(task),
-                pass_fds=[writing],
-                start_new_session=True,
-            )
+            process: ready.Process
+            if launcher or task.means == "bubblewrap":
+                start = Path(task.temporary) / "start"
+                start.write_bytes(pickle.dumps((paths, run)))
+                words = [*launcher, sys.executable, "-P", "-c", START, str(start)]
+                process = subprocess.Popen(
+                    containment.contained(words, reach_of(task), task.folder, task.means),
+                    stdin=subprocess.DEVNULL,
+                    stdout=printed,
+                    stderr=printed,
+                    env=environ,
+                    pass_fds=[writing],
+                    start_new_session=True,
+                )
+            else:
+                clean = _clean((*KEPT_BEGINNINGS, *(OF_LIBC if task.options.trust else ())))
+                process = ready.fork(clean, paths, pickle.dumps((environ, run)), printed.fileno(), writing)
         finally:
             os.close(writing)  # this end is held by the process and its children: their death ends the messages
         try:
@@ -131,6 +139,22 @@ def running(
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)  # with all that a trusted deck has started
             process.wait()
+
+
+def serve(handle: int) -> None:
+    """Load what all decks need, then fork their processes."""
+    import scipy.spatial  # noqa: F401
+
+    compile_first()
+    ready.serve(handle, _run)
+
+
+def _run(content: bytes) -> None:
+    environ, run = pickle.loads(content)
+    os.environ.clear()
+    os.environ.update(environ)
+    tempfile.tempdir = None
+    pickle.loads(run)()
 
 
 def main(task: AuditTask, connection: Connection) -> None:

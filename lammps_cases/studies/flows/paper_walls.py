@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -78,18 +78,24 @@ class ChannelFluid:
         """Return the velocity from rest between walls at -half and half; by finite volumes unless Newtonian."""
         if math.isinf(self.gd0):
             return np.asarray(plane_start_up(np.clip(y_n + half, 0, 2 * half), time, 2 * half, self.eta, self.gravity))
-        cells = 400
-        size = half / cells
-        place_n = (np.arange(cells) + 0.5) * size
+        return np.asarray(np.interp(np.abs(y_n), *_from_rest(self, time, half)))
 
-        def rate(_: float, u_n: FloatArray) -> FloatArray:
-            slope_n = np.diff(u_n, prepend=u_n[:1], append=-u_n[-1:]) / size  # the middle is a plane of symmetry
-            return self.gravity + np.diff(self.stress(slope_n)) / size
 
-        band = np.eye(cells) + np.eye(cells, k=1) + np.eye(cells, k=-1)
-        # The cells' own error is (1/400)^2, 6e-6 of the velocity.
-        found = solve_ivp(rate, (0.0, time), 0 * place_n, "BDF", rtol=1e-6, atol=1e-10, jac_sparsity=band)
-        return np.asarray(np.interp(np.abs(y_n), [*place_n, half], [*found.y[:, -1], 0.0]))
+@cache
+def _from_rest(of: ChannelFluid, time: float, half: float) -> tuple[FloatArray, FloatArray]:
+    """Return places from the middle to a wall, and the velocity there."""
+    cells = 400
+    size = half / cells
+    place_n = (np.arange(cells) + 0.5) * size
+
+    def rate(_: float, u_n: FloatArray) -> FloatArray:
+        slope_n = np.diff(u_n, prepend=u_n[:1], append=-u_n[-1:]) / size  # the middle is a plane of symmetry
+        return of.gravity + np.diff(of.stress(slope_n)) / size
+
+    band = np.eye(cells) + np.eye(cells, k=1) + np.eye(cells, k=-1)
+    # The cells' own error is (1/400)^2, 6e-6 of the velocity.
+    found = solve_ivp(rate, (0.0, time), 0 * place_n, "BDF", rtol=1e-6, atol=1e-10, jac_sparsity=band)
+    return np.append(place_n, half), np.append(found.y[:, -1], 0.0)
 
 
 NEWTONIAN = ChannelFluid(0.16, 1e-4)

@@ -29,7 +29,7 @@ from lammps_cases.scene.atoms import build, seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict.case_arrays import read_steps
 from lammps_cases.verdict.diagnosis import laws
-from lammps_cases.verdict.diagnosis.trials import HypothesisSearch, RedCase, Tried, Work, red_case
+from lammps_cases.verdict.diagnosis.trials import HypothesisSearch, RedCase, Tried, Work, red_case, survivors_of
 from lammps_cases.verdict.problems import problem_of
 
 LONGEST = 3  # features that are named together
@@ -203,16 +203,15 @@ class _Diagnosis:
                 yield _Part(_group(reproduced, named, tried := tried + len(self._found)), reproduced)
             share = work.left / len(begun)  # a case without a pair takes nothing from the others
             searches = [HypothesisSearch(case, Work(share)) for case in begun]
-            for paired, search in itertools.product((False, True), searches):
-                if reproduced:
-                    break
-                before = search.tried
-                survivors = search.pairs() if paired else search.singles()
-                tried, spent = tried + search.tried - before, spent or search.spent
+            found = () if reproduced else survivors_of(searches)
+            for survivors in filter(None, found):
                 reproduced, named = self._reproduced(survivors, own, rest, work)
                 if reproduced:
                     self._found += [changes for changes in survivors if changes not in self._found]
-                    yield _Part(_group(reproduced, named, tried, spent), reproduced)
+                    break
+            tried, spent = tried + sum(each.tried for each in searches), any(each.spent for each in searches)
+            if reproduced and found:
+                yield _Part(_group(reproduced, named, tried, spent), reproduced)
             work.left -= sum(share - max(search.work.left, 0.0) for search in searches)
             rest = [record for record in rest if record not in reproduced]
             if not reproduced:

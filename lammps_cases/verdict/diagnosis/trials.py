@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -218,8 +218,8 @@ class HypothesisSearch:
     spent: bool = False
     effects: list[tuple[Change, FloatArray]] = field(default_factory=list)
 
-    def singles(self) -> list[Tried]:
-        """Return the single changes that reproduce a case; keep the effects of all on its first red field.
+    def singles(self) -> Iterator[list[Tried]]:
+        """Yield nothing after each trial, at last the single changes that reproduce a case; keep the effects of all.
 
         After the first success half as many are tried as before it, at least `MORE`: others may do the same.
         """
@@ -231,6 +231,7 @@ class HypothesisSearch:
             for change in candidates(near.types, near.evaluate):
                 if self.tried >= last:
                     break
+                yield []
                 self.tried += 1
                 self.work.spend(near.problem)
                 values = near.values((change,))
@@ -245,7 +246,7 @@ class HypothesisSearch:
                     self.effects.append((change, shown))
         except Spent:
             self.spent = True
-        return survivors
+        yield survivors
 
     def pairs(self) -> list[Tried]:
         """Return the pairs of changes that reproduce a case, from singles that had an effect on it."""
@@ -267,6 +268,14 @@ class HypothesisSearch:
         except Spent:
             self.spent = True
         return survivors
+
+
+def survivors_of(searches: Sequence[HypothesisSearch]) -> Iterator[list[Tried]]:
+    """Yield what the searches find: single changes, tried in turns, as any search may be the first, then pairs."""
+    yield from itertools.chain.from_iterable(
+        itertools.zip_longest(*(each.singles() for each in searches), fillvalue=[])
+    )
+    yield from (each.pairs() for each in searches)
 
 
 def _adding_up(effects: FloatArray, difference: FloatArray) -> list[tuple[int, int]]:

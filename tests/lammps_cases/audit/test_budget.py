@@ -379,6 +379,8 @@ def test_pressure_depends_on_ranks_with_newton_off(tmp_path: Path) -> None:
 @pytest.mark.lammps
 def test_command_writes_a_page(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
     folder = examples_of(tmp_path / "decks", "plates")
+    plates = folder / "plates" / "in.plates"
+    plates.write_text(plates.read_text().replace("run             200", "run 100"))
     (folder / "plates" / "log.17Apr2024.plates.g++.2").write_text(LOG.replace("4 procs", "2 procs"))
     (folder / "bonds").mkdir()
     others = "fix 7 water spring/self 0.1\nrun 20"  # the harness does not know its forces
@@ -386,7 +388,7 @@ def test_command_writes_a_page(tmp_path: Path, eos_ref_command: Callable[..., Ou
     out = tmp_path / "out"
     outcome = eos_ref_command("examples", "--from", str(folder), "--trust", "--out", str(out))
     assert outcome.code == 0, outcome.err
-    assert re.search(r"LAMMPS: \S+ % at step 200", outcome.out) and "pressure before step 1, 2 ranks" in outcome.out
+    assert re.search(r"LAMMPS: \S+ % at step 100", outcome.out) and "pressure before step 1, 2 ranks" in outcome.out
     html = (out / "report.html").read_text()
     assert 'id="deck-plates"' in html and "Against the closed solution" in html
     assert (out / "plates" / "run.json").is_file()
@@ -395,7 +397,7 @@ def test_command_writes_a_page(tmp_path: Path, eos_ref_command: Callable[..., Ou
     assert list(examples.lines(document)) == outcome.out.splitlines()[: len(list(examples.lines(document)))]
     assert json.loads((out / examples.NAME).read_text())["schema"] == "eos-ref/examples/1"
 
-    (folder / "plates" / "in.plates").write_text((folder / "plates" / "in.plates").read_text() + "# changed\n")
+    plates.write_text(plates.read_text() + "# changed\n")
     before = {name: (out / name / "run.json").stat().st_mtime_ns for name in ("bonds", "plates")}
     eos_ref_command("examples", "--from", str(folder), "--trust", "--out", str(out))
     again = examples.DOCUMENT.read(out / examples.NAME)

@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import place, supervise
+from lammps_cases.audit import place, ready, supervise
 from lammps_cases.audit.fields import PRESSURE
 from lammps_cases.audit.messages import CommandPlace
 from lammps_cases.audit.options import TRUST, AuditOptions, AuditTask
@@ -281,8 +281,8 @@ def test_mpi_starts_in_a_contained_process(ranks: int, means: str, tmp_path: Pat
 )
 def test_endless_decks_are_stopped(commands: str, place: str, deck: Path) -> None:
     deck.write_text(commands)
-    case = case_of(audit_deck(deck, AuditOptions(timeout=10.0)))  # within which a busy machine reads the first command
-    assert case.verdict == "timeout" and case.message.startswith("stopped after 10 s") and place in case.message
+    case = case_of(audit_deck(deck, AuditOptions(timeout=3.0)))  # within which a busy machine reads the first command
+    assert case.verdict == "timeout" and case.message.startswith("stopped after 3 s") and place in case.message
 
 
 @pytest.mark.parametrize(
@@ -343,6 +343,18 @@ def _fills_memory(task: AuditTask, connection: Connection) -> None:
 
 def _sleeps(task: AuditTask, connection: Connection) -> None:
     time.sleep(600)
+
+
+def test_processes_of_decks_are_forks_of_one_server_that_may_die(deck: Path) -> None:
+    servers = []
+    for _ in range(3):
+        with pytest.raises(InputError, match="must reach a run command"):
+            audit_deck(deck)
+        servers.append([*ready._servers.values()][-1])
+        if len(servers) == 2:
+            servers[1].process.kill()
+            servers[1].process.wait()
+    assert servers[0] is servers[1] is not servers[2]
 
 
 # --- messages of a process that was taken over

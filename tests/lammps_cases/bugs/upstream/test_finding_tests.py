@@ -40,12 +40,14 @@ def with_files() -> list[tuple[str, FindingTest]]:
     return [(name, one) for name, one in tests if isinstance(one, FindingTest) and TEMPLATE in one.files]
 
 
+@pytest.mark.slow
 def test_every_finding_has_a_test_or_a_reason(snapshot: SnapshotAssertion) -> None:
     tests = {entry.id: made(entry.id) for entry in LEDGER}
     kinds = {name: one if isinstance(one, str) else f"in {one.folder}" for name, one in tests.items()}
     assert kinds == snapshot
 
 
+@pytest.mark.slow
 def test_numbers_are_red_by_the_finding() -> None:
     """Where its variant needs no neighbour lists; of the other findings of the newest LAMMPS none makes them red."""
     for name, _ in with_files():
@@ -53,6 +55,7 @@ def test_numbers_are_red_by_the_finding() -> None:
         assert shows(test, expected(test, PREDICTOR), PREDICTOR, finding_of(name)) is not False, name
 
 
+@pytest.mark.slow
 def test_files_have_names_of_their_own_and_the_calculation_by_hand() -> None:
     own = TEMPLATE.removeprefix("in.")
     for name, test in with_files():

@@ -201,7 +201,7 @@ def test_two_edits_are_found_together(tmp_path: Path, monkeypatch: pytest.Monkey
 
 @pytest.mark.slow
 def test_fault_beyond_all_edits_gets_no_hypothesis(tmp_path: Path) -> None:
-    run = red_run(tmp_path, ("images.quintic.four", "forces.viscous.quintic.2d"), SquaredDistance)
+    run = red_run(tmp_path, ("images.quintic.four", "forces.viscous.quintic.2d"), SquaredDistance, seconds=10.0)
     assert run.triage is not None
     assert sum(len(group.cases) for group in run.triage.groups) == 2
     assert not any(group.hypotheses for group in run.triage.groups)

@@ -65,12 +65,14 @@ def start_fork_server(pairs: bool = True) -> None:
 @contextmanager
 def uncollected() -> Iterator[None]:
     """Create permanent objects, such as modules and cases, without garbage collection, a sixth of the time."""
+    enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
         gc.freeze()
-        gc.enable()
+        if enabled:  # not within another such block
+            gc.enable()
 
 
 def page_folder(out: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -60,9 +61,13 @@ def run_command(
 
         check_names(options.allow)
     names, tag = options.names, options.tag
-    shared.start_fork_server(pairs=options.fresh or tag not in WITHOUT_PAIRS)
     with shared.uncollected():
-        from lammps_cases.comparison.store import open_store
+        from lammps_cases.comparison.store import code, current, open_store
+
+        store = open_store(options.fresh)
+        for each in (store, replace(store, context=code(store.context))):
+            current(each)  # hashes all sources, once for all workers, which have this process' code
+        shared.start_fork_server(pairs=options.fresh or tag not in WITHOUT_PAIRS)
         from lammps_cases.engine import installations
         from lammps_cases.records import folders
         from lammps_cases.records.wording import counted
@@ -86,7 +91,6 @@ def run_command(
             all_of_them = f"{counted(len(chosen), 'case')} from the beginning"
             shared.show(f"note: nothing to resume; running {all_of_them}", "  ", fg="yellow")
         with Bar(quiet=as_json, complaints=True) as bar:
-            store = open_store(options.fresh)
             asked = campaign.Request(provenance.command_line(), options.level, part, options.allow)
             run = campaign.run_cases(chosen, resolved, options.processes, folder, asked, bar, store, resume)
         changes: Iterable[str] = ()

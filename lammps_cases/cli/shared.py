@@ -52,24 +52,27 @@ def run_folder(out: Path | None, cases: Iterable[str], engine: str, resume: bool
 
 
 def start_fork_server(pairs: bool = True) -> None:
-    """Start the process that workers are forked from, while this one imports the rest.
+    """Import what workers need, and start the process that they are forked from, which has the same.
 
     Without ``pairs`` a worker imports the neighbour search itself, when a case needs it.
     """
     from lammps_cases.engine import forkserver
 
-    forkserver.start_for_judging(pairs)
+    with uncollected():
+        forkserver.fork_for_judging(pairs)
 
 
 @contextmanager
 def uncollected() -> Iterator[None]:
     """Create permanent objects, such as modules and cases, without garbage collection, a sixth of the time."""
+    enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
         gc.freeze()
-        gc.enable()
+        if enabled:  # not within another such block
+            gc.enable()
 
 
 def page_folder(out: Path) -> None:

@@ -1,20 +1,24 @@
-"""The clean server process that workers are forked from, started before anything heavy is imported here.
+"""The server process that workers are forked from: a clean one, or in a program of its own a fork of this process.
 
 Workers are as isolated as spawned ones, and restart sooner after a crash, as the server has imported
-what they need. It loads while this process imports its own modules.
+what they need. A clean one loads while this process imports its own modules; a fork has them, imported once for all.
 """
 
 from __future__ import annotations
 
+import gc
+import importlib
 import multiprocessing
 import os
+import socket
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing import forkserver
+from multiprocessing import connection, forkserver
 from multiprocessing.context import ForkServerContext
 from types import ModuleType
+from typing import Any
 
 FIRST = "lammps_cases.engine.beginning"
 OF_WORKERS = "lammps_cases.engine.workers"
@@ -59,3 +63,32 @@ def start_for_judging(pairs: bool = True) -> None:
     Without ``pairs`` a worker imports the neighbour search itself, when a case needs it.
     """
     context(*OF_JUDGING, *([OF_PAIRS] if pairs else []))
+
+
+def fork_for_judging(pairs: bool = True) -> None:
+    """Import what judging workers need, and make a fork of this process their server.
+
+    Only for a program that has one thread and no more than its imports in memory: otherwise, and where Python's server
+    asks for a key, it is a clean one.
+    """
+    start: Any = forkserver._forkserver
+    if start._forkserver_pid or threading.active_count() > 1 or hasattr(start, "_forkserver_authkey"):
+        start_for_judging(pairs)
+        return
+    for name in (OF_WORKERS, *OF_JUDGING, *([OF_PAIRS] if pairs else [])):
+        importlib.import_module(name)
+    with socket.socket(socket.AF_UNIX) as listener:
+        address = connection.arbitrary_address("AF_UNIX")  # type: ignore[attr-defined]
+        listener.bind(address)
+        listener.listen()
+        alive, held = os.pipe()  # ends at the end of this process, and with it the server
+        if (server := os.fork()) == 0:
+            os.close(held)
+            gc.freeze()
+            gc.enable()
+            try:
+                forkserver.main(listener.detach(), alive, ())
+            finally:
+                os._exit(0)
+    os.close(alive)
+    start._forkserver_address, start._forkserver_alive_fd, start._forkserver_pid = address, held, server

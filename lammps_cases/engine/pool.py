@@ -36,7 +36,8 @@ OWNER = "owner"  # file in it
 DYING = 5.0  # seconds that a process may take to end after its end of the pipe is closed
 PAUSE = 0.1  # seconds before another process takes a task: the cause of the first one's end may persist
 MAPPED = 2**22  # bytes from which on freed memory goes back to the system, whatever follows it
-_M_MMAP_THRESHOLD = -3  # of malloc.h
+LEFT = 2**25  # bytes of smaller arrays that do not, where nothing follows them: the next arrays take them
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # of malloc.h
 # Exit codes that an engine hardly gives itself: by signals that nothing raises in its own process, and
 # multiprocessing's code for a worker whose server, which alone knows the real one, was killed, or that did not start.
 FROM_OUTSIDE = (-signal.SIGKILL, -signal.SIGTERM, 255)
@@ -112,9 +113,13 @@ def limited(text: str) -> Iterator[None]:
 
 
 def _return_memory() -> None:
-    """Keep glibc from raising that size to 32 MB, below which gaps between arrays stay in this process."""
+    """Keep glibc from raising that size to 32 MB, below which gaps between arrays stay in this process.
+
+    It then would return all but the last 128 kB after every operation on arrays, and ask for them at the next one.
+    """
     with contextlib.suppress(AttributeError):  # another C library
         ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, MAPPED)
+        ctypes.CDLL(None).mallopt(_M_TRIM_THRESHOLD, LEFT)
 
 
 def _prepare(folder: str, memory: int, parent: int) -> None:

@@ -8,6 +8,7 @@ package needs no MPI. ``python -m lammps_cases.engine.ranks DECK SITE`` runs a d
 from __future__ import annotations
 
 import atexit
+import fcntl
 import itertools
 import os
 import pickle
@@ -23,7 +24,7 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import IO, Any, Self
 
 import numpy as np
 
@@ -44,8 +45,7 @@ from lammps_cases.engine.session import (
     package_directory,
 )
 
-PAUSE = 0.002  # seconds between two checks for a file
-LONGEST = 0.02  # the same for ranks that have waited long, between the few cases of a run that need them
+PAUSE = 0.002  # seconds between two checks for the answers of all ranks
 RUN = re.compile(r"^[ \t]*run\s.*", re.MULTILINE)
 
 
@@ -86,6 +86,7 @@ class Ranks:
         self._jobs = 0
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-ranks-")
         self._path = Path(self._folder.name)
+        self._next = self._held(0)
         with (self._path / "output").open("wb") as output:
             self._process = subprocess.Popen(
                 [*command, *PROGRAM, self._folder.name, site or "", str(os.getpid())],
@@ -100,13 +101,22 @@ class Ranks:
         """Return the id of the process that started the others."""
         return self._process.pid
 
+    def _held(self, number: int) -> IO[bytes]:
+        """Return the file of a job, locked: ranks wait for the lock, which costs nothing, until the job is in it."""
+        file = (self._path / f"job.{number}").open("xb")
+        fcntl.flock(file, fcntl.LOCK_EX)
+        return file
+
     def run(self, job: Job) -> Answer:
         """Run one job; after an exception the processes have ended."""
-        written = self._path / "job"
-        written.write_bytes(pickle.dumps(job))
-        written.rename(self._path / f"job.{self._jobs}")
         mask = f"rank.{self._jobs}.*"
         self._jobs += 1
+        following = self._held(self._jobs)
+        with self._next as asked:
+            pickle.dump(job, asked)
+            asked.flush()
+            fcntl.flock(asked, fcntl.LOCK_UN)  # a fork of this process may have the file open, too
+        self._next = following
         while self._process.poll() is None and len(list(self._path.glob(mask))) < self.count:
             time.sleep(PAUSE)
         files = sorted(self._path.glob(mask))
@@ -126,6 +136,7 @@ class Ranks:
         """Stop the processes."""
         self._process.terminate()
         self._process.wait()
+        self._next.close()
         self._folder.cleanup()
 
     def __enter__(self) -> Self:
@@ -333,13 +344,12 @@ def _begun(text: str, log: Path, steps: int, newton: bool | None, moved: float) 
 
 def _rank(folder: Path, site: str | None) -> None:
     for number in itertools.count():
-        file, pause = folder / f"job.{number}", PAUSE
-        while not file.exists():
-            time.sleep(pause)
-            pause = min(1.05 * pause, LONGEST)
+        with (folder / f"job.{number}").open("rb") as asked:
+            fcntl.flock(asked, fcntl.LOCK_SH)
+            content = asked.read()
         outcome: Answer | Exception
         try:
-            job = pickle.loads(file.read_bytes())
+            job = pickle.loads(content)
             session = kept(site)
             with session.use() as lmp:
                 require_size(lmp, job.ranks)

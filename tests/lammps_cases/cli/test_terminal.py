@@ -133,13 +133,13 @@ def test_full_disk_and_closed_pipe(command: str, unbuffered: str, monkeypatch: p
 def test_workers_preload_the_neighbour_search_if_many_cases_need_it(
     tag: str, fresh: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run
 ) -> None:
-    begun = list[str]()
-    monkeypatch.setattr(forkserver, "context", lambda *modules: begun.extend(modules))
+    begun = list[bool]()
+    monkeypatch.setattr(forkserver, "fork_for_judging", begun.append)
     monkeypatch.setattr(campaign, "run_cases", None)
     eos_ref_command("run", "--tag", tag, "--out", tmp_path / "out", *(["--fresh"] if fresh else []))
     need = [case.scene.whole_model for case in casefile.select(casefile.load(), tag=tag)]
     many = any(need) if fresh else sum(need) > 0.1 * len(need)
-    assert begun and (forkserver.OF_PAIRS in begun) == many
+    assert begun == [many]
 
 
 def test_garbage_collection_is_enabled_again_after_bad_input() -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,8 +41,28 @@ def test_one_job_after_another_gives_the_same_bits(job: Job) -> None:
     assert np.array_equal(first.arrays["id"], job.id_n)
     for name, array in first.arrays.items():
         assert array.tobytes() == second.arrays[name].tobytes(), name
-    left = {file.name.partition(".")[0] for file in ranks.kept_ranks(None, 2)._path.iterdir()}
-    assert not left & {"job", "rank", "part"}, "as many as there are jobs"
+    left = [file.name.partition(".")[0] for file in ranks.kept_ranks(None, 2)._path.iterdir()]
+    assert sorted(left) == ["job", "output"], "the next job, and no file for each of the others"
+
+
+def test_ranks_that_wait_take_no_processor_time(job: Job) -> None:
+    ranks.solve(None, job)
+
+    folder = os.fsencode(ranks.kept_ranks(None, 2)._path)
+    own = list[Path]()
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # it has ended
+            own += [process] * (folder in (process / "cmdline").read_bytes())
+    assert len(own) >= 2
+
+    def switches() -> int:
+        """Return how often the main threads of the ranks, and of what started them, have left the processor."""
+        words = [word for path in own for word in (path / "status").read_text().split("\n") if "ctxt_switches" in word]
+        return sum(int(word.split()[1]) for word in words)
+
+    before = switches()
+    time.sleep(1.0)
+    assert switches() - before < 20
 
 
 def test_rank_without_atoms_evaluates_outputs(case_file: Callable[..., Path]) -> None:

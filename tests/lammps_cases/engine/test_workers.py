@@ -385,17 +385,54 @@ FRESH = """
 from lammps_cases.engine import forkserver
 from lammps_cases.engine.pool import LocalPool
 
-forkserver.start_for_judging()
+forkserver.{start}()
 for fresh in (False, True, False):
     pool = LocalPool(1, fresh)
-    print(pool.schedule(eval, ("'eos_ref' in __import__('sys').modules",), 60.0).result())
+    known = "'lammps_cases.run.flow' in __import__('sys').modules and __import__('gc').isenabled()"
+    print(pool.schedule(eval, (known,), 60.0).result())
     pool.finish()
 """
 
 
-def test_fresh_processes_import_nothing_in_advance() -> None:
-    printed = subprocess.run([sys.executable, "-c", FRESH], capture_output=True, text=True, check=True).stdout
+@pytest.mark.parametrize("start", ["start_for_judging", "fork_for_judging"])
+def test_fresh_processes_import_nothing_in_advance(start: str) -> None:
+    program = [sys.executable, "-c", FRESH.format(start=start)]
+    printed = subprocess.run(program, capture_output=True, text=True, check=True).stdout
     assert printed.split() == ["True", "False", "True"]
+
+
+SERVED = """
+import threading
+from multiprocessing import forkserver as served
+from lammps_cases.engine import forkserver
+from lammps_cases.engine.pool import LocalPool
+
+if {threads} > 1:
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+forkserver.fork_for_judging()
+pool = LocalPool(1)
+process = pool.schedule(eval, ("__import__('os').getppid()",), 60.0).result()
+pool.finish()
+assert process == served._forkserver._forkserver_pid
+with open(f"/proc/{{process}}/cmdline") as its, open("/proc/self/cmdline") as own:
+    print(process, its.read() == own.read())
+"""
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_program_forks_the_server_unless_it_has_threads(threads: int) -> None:
+    program = [sys.executable, "-c", SERVED.format(threads=threads)]
+    server, forked = subprocess.run(program, capture_output=True, text=True, check=True).stdout.split()
+    assert forked == str(threads == 1)
+    assert _ends(int(server))
+
+
+def _ends(process: int) -> bool:
+    """Return whether a process ends within ten seconds."""
+    deadline = time.monotonic() + 10
+    while (alive := Path(f"/proc/{process}").exists()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return not alive
 
 
 @pytest.mark.lammps

@@ -54,6 +54,7 @@ MEASURED = {
     "status-open.newton",
     "tilted-close.summed",
     "tilted.small.walls",
+    "units.real.linear",
 }
 
 What = tuple[str, ...]  # kind, name, and dimension or engine

@@ -171,11 +171,13 @@ def _exists(pid: int) -> bool:
 
 
 def _is_worker(pid: int) -> bool:
-    """Return whether a process has been forked by the server: its parent runs the server too."""
+    """Return whether a process is a fork of the server, which is a fork of the run: all three have one command line."""
     with contextlib.suppress(OSError):
-        words = Path(f"/proc/{pid}/cmdline").read_bytes()
-        parent = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
-        return b"forkserver" in words and Path(f"/proc/{parent}/cmdline").read_bytes() == words
+        words = []
+        for _ in range(3):
+            words.append(Path(f"/proc/{pid}/cmdline").read_bytes())
+            pid = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+        return words[0] == words[1] == words[2]
     return False
 
 

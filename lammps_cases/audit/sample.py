@@ -171,8 +171,8 @@ class Sampler:
         d = self.model.dimension
         return {name: of.planar(arrays.atoms(self.lmp, of.array, n).copy(), d) for name, of in arrays_of.items()}
 
-    def shown(self, n: int) -> dict[str, Array]:
-        """Return LAMMPS' fields."""
+    def shown(self, n: int, of_pairs: Mapping[str, Array]) -> dict[str, Array]:
+        """Return LAMMPS' fields, those that fixes change as they were before."""
         d = self.model.dimension
         shown: dict[str, Array] = {}
         for field in map(FIELDS.__getitem__, self.fields):
@@ -183,7 +183,7 @@ class Sampler:
             table = arrays.compute(self.lmp, COMPUTE, count, n).copy()
             for name, columns in self.columns.items():
                 shown[name] = table[:, columns].reshape(n, *(d,) * QUANTITIES[name].rank)
-        return shown
+        return shown | of_pairs
 
 
 def judged(

@@ -366,7 +366,7 @@ class DeckWatch:
         return False
 
     def _compare(self, sampler: sample.Sampler, step: int, tag_n: Array) -> tuple[dict[str, Comparison], Explained]:
-        shown = sampler.shown(len(tag_n)) | self._of_pairs
+        shown = sampler.shown(len(tag_n), self._of_pairs)
         found = sampler.compare(tag_n, shown)
         reference = {name: np.asarray(value(found.reference.output(name)), float) for name in shown}
         self.health.fields(self.runs, step, tag_n, shown, reference)

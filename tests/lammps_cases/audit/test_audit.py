@@ -44,10 +44,10 @@ BUG, MOVED = "force-per-volume", "wall-velocity-lost"
 OF_WALLS = dict.fromkeys(("grad/v", "stress/v", "stress/t"), MOVED) | {"f": f"{BUG}, {MOVED}"}
 # What the ledger has to explain in decks of which every field is checked that can be.
 EXPLAINED: dict[str, dict[str, str]] = {
-    **{name: {"f": BUG} for name in ("summed", "tilted", "gas", "overlay")},
+    **{name: {"f": BUG} for name in ("summed", "tilted", "overlay")},
     **dict.fromkeys(("walls_quintic", "walls_summed"), OF_WALLS),
     "walls_corrected": {},
-    "power": {"f": BUG, "heatflow": "heat-is-temperature-rate"},
+    **dict.fromkeys(("power", "gas"), {"f": BUG, "heatflow": "heat-is-temperature-rate"}),
 }
 DUMPING = [*dict.fromkeys([*HEALTHY, *EXPLAINED])]
 JUDGED = "judged.{}.pickle"  # what a sample is judged by, kept by these decks
@@ -323,8 +323,8 @@ def _shown(field: str, of_deck: str, task: AuditTask, connection: Connection) ->
 
     right, calls = sample.Sampler.shown, []
 
-    def wrong(self: Any, n: int) -> Any:
-        shown = right(self, n)
+    def wrong(self: Any, n: int, of_pairs: Any) -> Any:
+        shown = right(self, n, of_pairs)
         calls.append(n)
         if len(calls) > (task.deck != share.SCRIPT):
             row = self.lmp.numpy.extract_atom("id")[:n].tolist().index(17)
@@ -540,7 +540,6 @@ def test_copy_is_bounded_and_writable(tmp_path: Path) -> None:
         ("plain", "surface", "fix rheo has no surface/detection in this deck"),
         ("plain", "rho", "integrated over time"),
         ("plain", "x", "input to the check, not a result"),
-        ("gas", "heatflow", r"fix 6 \(add/heat\) may add to it"),
         ("walls_corrected", "f", "reproducing kernels used densities of walls"),
     ],
 )

@@ -47,7 +47,7 @@ EXPLAINED: dict[str, dict[str, str]] = {
     **{name: {"f": BUG} for name in ("summed", "tilted", "overlay")},
     **dict.fromkeys(("walls_quintic", "walls_summed"), OF_WALLS),
     "walls_corrected": {},
-    **dict.fromkeys(("power", "gas"), {"f": BUG, "heatflow": "heat-is-temperature-rate"}),
+    **{key: {"f": BUG, "heatflow": "heat-is-temperature-rate"} for key in ("power", "gas")},
 }
 DUMPING = [*dict.fromkeys([*HEALTHY, *EXPLAINED])]
 JUDGED = "judged.{}.pickle"  # what a sample is judged by, kept by these decks
@@ -359,10 +359,10 @@ def test_wrong_law_differs(audit_with: AuditWith) -> None:
 
 
 def test_one_wrong_atom_is_named(audit_with: AuditWith, audited: Audited) -> None:
+    healthy = audited("plain").arrays
     result = audit_with(functools.partial(_at_each_look, _one_atom))
     case = case_of(result)
     assert int(result.arrays["step"]) == 20  # the picture shows where it starts
-    healthy = audited("plain").arrays
     assert int(healthy["step"]) == max(check.step for check in case.checks) == 40
     wrong_type = int(healthy["type"][healthy["id"] == 17][0])
     assert f"first at step 20 (run 1), type {wrong_type}, atom 17: 1 of 32 atoms" in case.message

@@ -191,11 +191,10 @@ class Simulation:
             fields["heatflow"] = terms.heat_n
         if "f" in self.plan:
             self.pressure_force_nc = terms.pressure_force_nc
-            force_nc = terms.force_nc
             if self.model.elastic:
                 self.elastic_force_nc = elastic_forces(self.evaluator, self.bonds, self.state)
-                force_nc = force_nc + self.elastic_force_nc
-            fields["f"] = self._external(force_nc)
+                terms = replace(terms, force_nc=terms.force_nc + self.elastic_force_nc)
+            fields["f"] = self._external(terms.force_nc)
 
     def force_pressure(self) -> Array:
         """Return the pressure that forces take, of the state as it is."""

@@ -178,6 +178,8 @@ class Model:
             raise InputError(
                 "units", "must not be real or metal in 2D: pressure and viscosity have no unit there", self.units
             )
+        if self.elastic and not UNITS[self.units].consistent:
+            raise InputError("units", "must not be real or metal with bonds or contacts", self.units)
         for what, values in (("equation of state", self.eos), ("viscosity", self.viscosity), ("thermal", self.thermal)):
             self._check_count(what, values)
         for mass in self.mass_t:

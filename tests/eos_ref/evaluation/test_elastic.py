@@ -74,6 +74,16 @@ def test_bounds_hold_one_rounding_of_every_coordinate(elastic: Elastic, pull: fl
     assert (np.abs(by.value - moved) <= by.error)[:, 0].all() and by.error.max() < 1e-12
 
 
+def test_units_with_energies_of_their_own_are_refused() -> None:
+    fix = parse_fix_rheo("fix 1 all rheo 3.0 quintic 0")
+    with pytest.raises(InputError, match="must not be real or metal with bonds or contacts"):
+        Model(
+            *(3, fix, (1.0, 1.0), LAWS, PairRheo(3.0), (Viscosity("constant", 0.1),) * 2),
+            elastic=Elastic((SPRING,)),
+            units="real",
+        )
+
+
 @pytest.mark.parametrize(
     ("style", "coefficients", "complaint"),
     [

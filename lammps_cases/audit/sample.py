@@ -183,7 +183,7 @@ class Sampler:
             table = arrays.compute(self.lmp, COMPUTE, count, n).copy()
             for name, columns in self.columns.items():
                 shown[name] = table[:, columns].reshape(n, *(d,) * QUANTITIES[name].rank)
-        return shown | of_pairs
+        return {**shown, **of_pairs}
 
 
 def judged(

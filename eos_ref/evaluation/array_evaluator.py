@@ -306,6 +306,8 @@ class ArrayEvaluator(Evaluator):
             assert chi_n is not None
             repulsion = self.repulsion(chi_n, sound) / self.r
             forces.append([repulsion * x_a for x_a in self.x])
+        if not value(self.rr).all():  # at one place the gradient is undefined; solids have no terms that need it
+            forces = [[where(mechanical, f_a, 0.0) for f_a in part] for part in forces]
         pressure_force = [self.total(f_a) for f_a in forces[0]]
         force = pressure_force
         for term in forces[1:]:

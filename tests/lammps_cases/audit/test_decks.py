@@ -246,6 +246,11 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
         BLOCK, LATTICE | {"set          group": "create_atoms 1 single 3.0 4.0 0.0\nset          group"}, {
         "verdict": "error", "broke": {"kind": "not a number", "step": 0, "both": True},
         "outlook": {"because": "atoms 44 and 101 lie at the same place"}}),
+    "coinciding solids": (  # pairs of solids have no forces, wherever they lie
+        BLOCK, LATTICE | {"set          group": "create_atoms 2 single 7.0 4.0 0.0\nset          group",
+                          "timestep ": "set type 2 rheo/status 1\nfix 0 all setforce 0 0 0\ntimestep ",
+                          "run          20": "run 0"}, {
+        "verdict": None, "warns": ["lie at the same place"], "compared": frozenset({"f"})}),
     **{f"particles lost, {how}": (
         BLOCK, OPEN | LATTICE | {"timestep ": f"velocity all set 0.5 0 0\nthermo_modify lost {how}\ntimestep ",
                                  "run          20": "run 60"}, {

@@ -306,7 +306,7 @@ class ArrayEvaluator(Evaluator):
             assert chi_n is not None
             repulsion = self.repulsion(chi_n, sound) / self.r
             forces.append([repulsion * x_a for x_a in self.x])
-        if not value(self.rr).all():  # at one place the gradient is undefined; solids have no terms that need it
+        if self.coincide():  # there the gradient is undefined; solids have no terms that need it
             forces = [[where(mechanical, f_a, 0.0) for f_a in part] for part in forces]
         pressure_force = [self.total(f_a) for f_a in forces[0]]
         force = pressure_force
@@ -323,6 +323,10 @@ class ArrayEvaluator(Evaluator):
             self.virials([sum(parts[1:], start=parts[0]) for parts in zip(*forces, strict=True)]) if virial else ()
         )
         return PairTerms(joined(force), joined(pressure_force), drho_n, heat_n, *virials)
+
+    def coincide(self) -> bool:
+        """Return whether both particles of a pair lie at one place."""
+        return not value(self.rr).all()
 
     def virials(self, force: Axes) -> tuple[Array, Array]:
         r"""Return the virials of forces on the particles of pairs: of every particle, and that of all, (n, d, d).

@@ -32,7 +32,19 @@ MODULES = (
     "model.interactions", "model.per_atom", "evaluation.array_evaluator", "evaluation.evaluator",
     "evaluation.time_step", "numbers.matrices",
 )  # fmt: skip
-NO_FORMULA = {"pairs", "constant", "apart", "output", "run", "conversion", "__init__", "_start", "__iter__", "__len__"}
+NO_FORMULA = {
+    "pairs",
+    "constant",
+    "apart",
+    "coincide",
+    "output",
+    "run",
+    "conversion",
+    "__init__",
+    "_start",
+    "__iter__",
+    "__len__",
+}
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ def elastic_forces(evaluator: Evaluator, bonds: Bonds, state: State) -> Array:
         force_nc = force_nc + _sums(state, pairs, force)
     if contact := elastic.contact:
         solid = np.flatnonzero(state.solid_n)
+        # Pairs that rounding may put within the cutoff count: there the force is 0 up to its bound.
         near = directed_pairs(x_nc[solid], box, float(contact.reach_tt.max()) * (1 + 8 * EPS))
         i_p, j_p, shift_pc = solid[near[0]], solid[near[1]], near[2]
         weight_p = np.where(np.isin(i_p * n + j_p, i * n + j), contact.bonded, 1.0)

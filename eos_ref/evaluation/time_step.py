@@ -113,7 +113,6 @@ class Simulation:
         self.gradient, self.surface = Gradients(), Surface()
         self.chi_n: Array | None = None
         self.pressure_force_nc: Array | None = None
-        self.elastic_force_nc: Array | None = None
         self.bonds = Bonds()
         self.virial_ncc: Any = None  # of all particles
         self.set_n = np.zeros(len(state.x_nc), bool)
@@ -192,8 +191,8 @@ class Simulation:
         if "f" in self.plan:
             self.pressure_force_nc = terms.pressure_force_nc
             if self.model.elastic:
-                self.elastic_force_nc = elastic_forces(self.evaluator, self.bonds, self.state)
-                terms = replace(terms, force_nc=terms.force_nc + self.elastic_force_nc)
+                elastic_nc = elastic_forces(self.evaluator, self.bonds, self.state)
+                terms = replace(terms, force_nc=terms.force_nc + elastic_nc)
             fields["f"] = self._external(terms.force_nc)
 
     def force_pressure(self) -> Array:

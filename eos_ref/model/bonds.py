@@ -104,3 +104,11 @@ class Bonds:
     j_b: IntArray = field(default_factory=lambda: np.empty(0, int))
     type_b: IntArray = field(default_factory=lambda: np.empty(0, int))
     length_b: FloatArray = field(default_factory=lambda: np.empty(0))
+
+    def of(self, rows_k: IntArray, n: int) -> Bonds:
+        """Return the bonds among some of n particles, numbered by their places in ``rows_k``, (k,)."""
+        place_n = np.full(n, -1)
+        place_n[rows_k] = np.arange(len(rows_k))
+        i_b, j_b = place_n[self.i_b], place_n[self.j_b]
+        among = (i_b >= 0) & (j_b >= 0)
+        return Bonds(i_b[among], j_b[among], self.type_b[among], self.length_b[among])

@@ -54,7 +54,7 @@ def _settings(words: list[str], command: str) -> dict[str, dict[str, str]]:
                 while reader.left and reader.peek() not in (*STYLES, *SWITCHES, "t/form"):
                     reader.word("attribute")
             else:
-                keywords[keyword] = reader.word(keyword)
+                keywords[keyword] = str(reader.number(keyword)) if keyword == "t/form" else reader.word(keyword)
     return settings
 
 

@@ -90,14 +90,11 @@ def _number(of: Array) -> float:
 
 def _parts(whole: Rates, plain: Rates) -> list[BudgetPart | None]:
     model, thermal = whole.model, whole.model.thermal is not None
-    elastic = whole.elastic_force_nc
     viscous = plain.force_nc - plain.pressure_force_nc
-    viscous = viscous if elastic is None else viscous - elastic
     artificial = whole.pressure_force_nc - plain.pressure_force_nc
     return [
         plain.part("pressure", plain.pressure_force_nc, whole.compressed_n),
         plain.part("viscosity", viscous),
-        whole.part("bonds and contacts", elastic) if elastic is not None else None,
         whole.part("artificial viscosity", artificial) if model.pair.artificial_viscosity else None,
         whole.part("density diffusion", None, whole.diffused_n) if model.pair.rho_damp else None,
         whole.shifting() if model.fix.shift else None,
@@ -124,7 +121,7 @@ class Rates:
 
     @property
     def force_nc(self) -> Array:
-        """Forces of pairs and bonds, (n, d)."""
+        """Forces of pairs, (n, d)."""
         forces: Array = self._own.simulation.fields["f"]
         return forces
 
@@ -133,11 +130,6 @@ class Rates:
         """Forces of pressure and artificial viscosity, (n, d)."""
         forces: Any = self._own.simulation.pressure_force_nc  # None only where no forces are evaluated
         return forces  # type: ignore[no-any-return]
-
-    @property
-    def elastic_force_nc(self) -> Array | None:
-        """Forces of bonds and contacts of solids, (n, d); None without any."""
-        return self._own.simulation.elastic_force_nc
 
     @cached_property
     def acted_nc(self) -> Array:

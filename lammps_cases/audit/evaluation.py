@@ -81,9 +81,9 @@ class ParticleSample:
             mass_n=self.mass_n[rows_k],
             actions=[(action, acts_n[rows_k]) for action, acts_n in self.actions],
             z_n=None if self.z_n is None else self.z_n[rows_k],
-            bonds=Bonds(),
+            bonds=self.bonds.of(rows_k, len(self.mass_n)),
             shelled_n=None if self.shelled_n is None else self.shelled_n[rows_k],
-            bonds_known_n=None,
+            bonds_known_n=None if self.bonds_known_n is None else self.bonds_known_n[rows_k],
         )
 
     def rounded(self) -> State:

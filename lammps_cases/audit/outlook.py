@@ -227,7 +227,7 @@ class FluidSamples:
             self._least = count + 1  # the rest of a run that lost particles, or its measure, may look sound again
             return ()
         if not broke or self.last is None:
-            if "f" in sampler.fields:
+            if sampler.followed:
                 self.last = now
                 if self.first is None or self.first.run != now.run:
                     self.first = now

@@ -85,6 +85,8 @@ class Sampler:
         Whether LAMMPS may leave pairs of bonded particles out of its neighbour lists.
     hybrid : bool
         Whether the deck has bond_style hybrid.
+    followed : bool
+        Whether all forces of the deck are known, so that the reference can take steps of its own.
     """
 
     def __init__(
@@ -97,9 +99,10 @@ class Sampler:
         engine: str,
         unlists_bonded: bool = False,
         hybrid: bool = False,
+        followed: bool = False,
     ) -> None:
         self.lmp, self.model, self.actions, self.mass_t = lmp, model, actions, mass_t
-        self.unlists_bonded, self.hybrid = unlists_bonded, hybrid
+        self.unlists_bonded, self.hybrid, self.followed = unlists_bonded, hybrid, followed
         self.fields = tuple(field for field in checked() if field in fields and field != "pressure")
         self.bonds = model.elastic.bonds if model.elastic and "f" in self.fields else ()
         if self.bonds:

@@ -223,7 +223,10 @@ class DeckWatch:
         if not isinstance(model, Model) or choice.fields == fields.PRESSURE:
             return choice, None
         unlists, hybrid = self.deck.unlists_bonded, self.deck.bonds[:1] == ["hybrid"]
-        return choice, sample.Sampler(self.lmp, choice.fields, model, actions, mass_t, self.engine, unlists, hybrid)
+        followed = "f" in choice.fields and not (self.deck.acts_on_forces() or self.deck.elastic_styles())
+        return choice, sample.Sampler(
+            *(self.lmp, choice.fields, model, actions, mass_t, self.engine, unlists, hybrid), followed=followed
+        )
 
     def _unfollowed(self) -> str:
         """Return what adds to the forces of pairs and bonds that are followed; or nothing."""
@@ -399,7 +402,7 @@ class DeckWatch:
     def _budget(self, run: WatchedRun, step: int, half_step: float, with_findings: bool) -> tuple[BudgetRecord, ...]:
         """Return the conserved quantities of a sample if they are wanted, and the forces of all pairs are known."""
         now = run.sampler.last if run.sampler else None
-        if not self.options.budgets or now is None or "f" not in run.choice.fields:
+        if not self.options.budgets or run.sampler is None or now is None or not run.sampler.followed:
             return ()
         if mach(now.model, now.state) > RUNAWAY:
             return ()

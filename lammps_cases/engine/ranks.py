@@ -112,10 +112,10 @@ class Ranks:
         mask = f"rank.{self._jobs}.*"
         self._jobs += 1
         following = self._held(self._jobs)
-        with self._next as asked:
-            pickle.dump(job, asked)
-            asked.flush()
-            fcntl.flock(asked, fcntl.LOCK_UN)  # a fork of this process may have the file open, too
+        with self._next as job_file:
+            pickle.dump(job, job_file)
+            job_file.flush()
+            fcntl.flock(job_file, fcntl.LOCK_UN)  # a fork of this process may have the file open, too
         self._next = following
         while self._process.poll() is None and len(list(self._path.glob(mask))) < self.count:
             time.sleep(PAUSE)
@@ -344,9 +344,9 @@ def _begun(text: str, log: Path, steps: int, newton: bool | None, moved: float) 
 
 def _rank(folder: Path, site: str | None) -> None:
     for number in itertools.count():
-        with (folder / f"job.{number}").open("rb") as asked:
-            fcntl.flock(asked, fcntl.LOCK_SH)
-            content = asked.read()
+        with (folder / f"job.{number}").open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH)
+            content = file.read()
         outcome: Answer | Exception
         try:
             job = pickle.loads(content)

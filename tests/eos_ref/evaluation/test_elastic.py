@@ -18,12 +18,13 @@ from eos_ref.model.parameters import Model, PairRheo, Viscosity
 from eos_ref.model.state import State
 from eos_ref.numbers.rounded import Rounded
 
+ROUNDED = 1e-13  # relative: some twenty roundings of a force, and 40 of a distance of 1 between coordinates of 10
 LAWS = EOSTable((EOS("linear"),) * 2)
 SPRING = SpringBond(2.0, 0.5, 0.3)
 
 
 def forces(elastic: Elastic, bonds: Bonds, r: float, speed: float = 0.0, number: Any = np.asarray) -> Any:
-    """Forces on two solids of types 1 and 2, r apart across a periodic boundary, the second of which moves off."""
+    """Forces on two solids of types 1 and 2, r apart across a periodic boundary; the second one moves away."""
     fix = parse_fix_rheo("fix 1 all rheo 3.0 quintic 0")
     model = Model(2, fix, (1.0, 1.0), LAWS, PairRheo(3.0), (Viscosity("constant", 0.1),) * 2, elastic=elastic)
     x_nc, v_nc = np.array([[9.7, 4.0], [9.7 + r - 10, 4.0]]), np.array([[0.0, 0.0], [speed, 0.0]])
@@ -31,6 +32,13 @@ def forces(elastic: Elastic, bonds: Bonds, r: float, speed: float = 0.0, number:
     solid_n = np.array([True, True])
     state = State(number(x_nc), number(v_nc), number(np.ones(2)), np.array([1, 2]), solid_n)
     return elastic_forces(ArrayEvaluator(model, box, state.type_n, solid_n), bonds, state)
+
+
+def test_bonds_among_some_particles() -> None:
+    bonds = Bonds(np.array([0, 2, 3]), np.array([1, 3, 1]), np.array([1, 2, 1]), np.array([1.0, 2.0, 3.0]))
+    some = bonds.of(np.array([3, 1, 2]), 4)
+    assert [some.i_b.tolist(), some.j_b.tolist(), some.type_b.tolist()] == [[2, 0], [0, 1], [2, 1]]
+    assert some.length_b.tolist() == [2.0, 3.0]
 
 
 def bond(length: float) -> Bonds:
@@ -53,17 +61,17 @@ PULLS = [
 @pytest.mark.parametrize(("elastic", "pull"), PULLS)
 def test_bond_of_length_1_at_12_that_grows_by_03(elastic: Elastic, pull: float) -> None:
     force_nc = forces(elastic, bond(1.0), 1.2, 0.3)
-    assert force_nc[:, 0] == pytest.approx([pull, -pull], rel=1e-13) and not force_nc[:, 1].any()
+    assert force_nc[:, 0] == pytest.approx([pull, -pull], rel=ROUNDED) and not force_nc[:, 1].any()
 
 
 def test_contact_up_to_its_cutoff_unless_bonded() -> None:
     push = 1.5 * 0.2 - 0.5 * 0.3 * (1 - (1.2 / 1.4) ** 8)
-    assert forces(Elastic((), contact()), Bonds(), 1.2, 0.3)[0, 0] == pytest.approx(-push, rel=1e-13)
+    assert forces(Elastic((), contact()), Bonds(), 1.2, 0.3)[0, 0] == pytest.approx(-push, rel=ROUNDED)
     assert not forces(Elastic((), contact()), Bonds(), 1.5, 0.3).any()
     spring = Elastic((SpringBond(0.0, 1.0, 0.0),), contact())
     assert not forces(spring, bond(1.2), 1.2).any()
     halved = Elastic((SpringBond(0.0, 1.0, 0.0),), contact(0.5))
-    assert forces(halved, bond(1.2), 1.2)[0, 0] == pytest.approx(-0.5 * 1.5 * 0.2, rel=1e-13)
+    assert forces(halved, bond(1.2), 1.2)[0, 0] == pytest.approx(-0.5 * 1.5 * 0.2, rel=ROUNDED)
 
 
 @pytest.mark.parametrize(("elastic", "pull"), [*PULLS, (Elastic((), contact()), None)])
@@ -91,6 +99,7 @@ def test_units_with_energies_of_their_own_are_refused() -> None:
         ("bpm/spring", "3 1 1 1", "must lie within"),
         ("bpm/spring smoth yes", "1 1 1 1", "keyword of the bond style: must be one of"),
         ("rheo/shell", "* 1 1 1", "t/form: is missing"),
+        ("rheo/shell t/form soon", "* 1 1 1", "t/form: must be a finite number, found 'soon'"),
         ("hybrid bpm/spring", "1 rheo/shell 1 1 1", "bond style: must be one of bpm/spring"),
     ],
 )

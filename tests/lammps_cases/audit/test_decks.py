@@ -343,6 +343,9 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
         "message": f"unstable because of the known bug {BUG}: continued from step",
         "effects": {"f": "f is 100 times what it should be"},
         "warns": ["run 1: from step 10 on particles are much faster than sound: fields were not checked there"]}),
+    "column with a force that is not followed": (  # what the reference would do without it explains nothing
+        COLUMN, {"run             100": "fix             7 water spring/self 0.1\nrun             100"}, {
+        "verdict": "refused", "compared": frozenset({"f"}), "outlook": None}),
     "column of unit volumes": (UNIT, {}, {"verdict": None, "outlook": None}),
     "column with a long time step": (FIXED, {"timestep        0.01": "timestep        0.4"}, {
         "verdict": "refused", "outlook": {"cause": "time step", "findings": []},

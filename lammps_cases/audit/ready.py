@@ -109,29 +109,29 @@ def fork(environment: dict[str, str], paths: list[str], task: bytes, output: int
 def serve(handle: int, run: Run) -> None:
     """Fork a process for every task that is sent over a socket, until the other side ends."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # no one waits for the watching processes
-    with socket.socket(fileno=handle) as asked:
+    with socket.socket(fileno=handle) as tasks:
         while True:
-            _, handles, _, _ = socket.recv_fds(asked, 1, 4)
+            _, handles, _, _ = socket.recv_fds(tasks, 1, 4)
             if not handles:
                 return
             if os.fork() == 0:
-                asked.close()
+                tasks.close()
                 _watch(run, *handles)
             for each in handles:
                 os.close(each)
 
 
-def _watch(run: Run, given: int, output: int, held: int, told: int) -> None:
-    """Fork the process of a task, and tell its number and its exit code."""
+def _watch(run: Run, given: int, output: int, held: int, report: int) -> None:
+    """Fork the process of a task, and send its number and its exit code."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     containment.end_with_parent()
     child = os.fork()
     if child == 0:
-        os.close(told)
+        os.close(report)
         _work(run, given, output)
     os.setpgid(child, child)
     os.close(held)
-    with Connection(told, readable=False) as connection:
+    with Connection(report, readable=False) as connection:
         connection.send(child)
         connection.send(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
     os._exit(0)

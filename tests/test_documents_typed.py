@@ -123,7 +123,7 @@ def test_commands_in_the_text_exist(monkeypatch: pytest.MonkeyPatch) -> None:
         if words[0] != "eos-ref" or len(words) == 1 or words[1].startswith("--"):
             continue
         seen += 1
-        context = click.Context(group)
+        context = click.Context(group, **group.context_settings)  # click keeps the help option of the first one
         command = group.get_command(context, words[1])
         assert command is not None, place
         try:
@@ -136,7 +136,7 @@ def test_commands_in_the_text_exist(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_options_in_the_text_exist(pytestconfig: pytest.Config) -> None:
-    context = click.Context(group)
+    context = click.Context(group, **group.context_settings)
     known = {"--" + name.replace("_", "-") for name in vars(pytestconfig.option)}
     for name in COMMANDS:
         command = group.get_command(context, name)

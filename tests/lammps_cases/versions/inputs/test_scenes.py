@@ -121,7 +121,8 @@ PYTHON_ONLY = (
     "must be a whole number', str(types.dtype)",
     "needs the internal energy per unit mass of every particle",
     "must be a single one",
-    "of react'",  # no bonds here
+    "of react'",  # scenes have no bonds
+    "with bonds or contacts",
     "must begin with fix",
     "needs low, high and periodic for 2 or 3 axes",
     "must be one of gravity, addforce, setforce",

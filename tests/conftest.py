@@ -112,7 +112,7 @@ def server(request: pytest.FixtureRequest, own_store: None, no_service: None, ow
     """Workers are forked from a process that has imported the judge of cases, as those of ``eos-ref run`` are."""
     items = (item for item in request.session.items if item.path == request.path)
     if any(item.get_closest_marker("lammps") for item in items):
-        forkserver.context("lammps_cases.verdict.cases", "lammps_cases.report.page")
+        forkserver.preload("lammps_cases.verdict.cases", "lammps_cases.report.page")
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import functools
 import os
 import pickle
 import signal
@@ -27,13 +28,14 @@ from eos_ref import EOSTable
 from eos_ref.eos.table import examples
 from eos_ref.errors import InputError
 from eos_ref.jit import keep_nothing
-from lammps_cases.audit import place, ready
+from lammps_cases.audit import place
 from lammps_cases.audit.follow import Follower, SetupWatch
 from lammps_cases.audit.messages import CommandPlace, DeckEnd, EngineIdentity
 from lammps_cases.audit.options import AuditTask
 from lammps_cases.audit.warn import HYPHEN
 from lammps_cases.audit.watch import DeckWatch
-from lammps_cases.engine import containment, mpi, ranks
+from lammps_cases.engine import containment, forkserver, mpi, ranks
+from lammps_cases.engine.forkserver import Fork, Server
 from lammps_cases.engine.pool import memory_share
 from lammps_cases.engine.session import (
     EngineBroken,
@@ -47,6 +49,7 @@ from lammps_cases.records.case_parts import Seconds
 
 LARGEST_FILE = 2**34  # bytes
 Entry = Callable[[AuditTask, Connection], None]
+Process = Fork | subprocess.Popen[bytes]
 START = "import pickle, sys; sys.path[:], run = pickle.load(open(sys.argv[1], 'rb')); pickle.loads(run)()"
 # Variables of the user's environment that a deck may read, or that Python, numba and MPI need.
 KEPT = ("PATH", "LD_LIBRARY_PATH", "LANG", "TZ", "PYTHONHOME", "LAMMPS_POTENTIALS")
@@ -97,10 +100,16 @@ def reach_of(task: AuditTask) -> containment.Reach:
     return containment.Reach(read, (task.folder, task.temporary, *containment.DEVICES))
 
 
+@functools.cache
+def _server(environ: tuple[tuple[str, str], ...], paths: tuple[str, ...]) -> Server:
+    """Return the server of processes with an environment and folders of modules, which are read when modules load."""
+    return Server((f"{__name__}:compile_first", forkserver.OF_PAIRS), dict(environ), paths)
+
+
 @contextlib.contextmanager
 def running(
     entry: Entry, task: AuditTask, output: Path, launcher: Sequence[str] = ()
-) -> Iterator[tuple[ready.Process, Connection]]:
+) -> Iterator[tuple[Process, Connection]]:
     """Start the process, its output in a file; yield it with the receiving end of its messages. It ends with this one.
 
     With the words of a ``launcher`` the process is the launcher, which starts the ranks.
@@ -114,7 +123,7 @@ def running(
     run, environ = pickle.dumps(_Run(entry, task)), environment(task)
     with Connection(reading, writable=False) as receiver, output.open("wb") as printed:
         try:
-            process: ready.Process
+            process: Process
             if launcher or task.means == "bubblewrap":
                 start = Path(task.temporary) / "start"
                 start.write_bytes(pickle.dumps((paths, run)))
@@ -130,7 +139,8 @@ def running(
                 )
             else:
                 clean = _clean((*KEPT_BEGINNINGS, *(OF_LIBC if task.options.trust else ())))
-                process = ready.fork(clean, paths, pickle.dumps((environ, run)), printed.fileno(), writing)
+                server = _server(tuple(sorted(clean.items())), tuple(paths))
+                process = server.fork(printed.fileno(), writing, _run, environ, run)
         finally:
             os.close(writing)  # this end is held by the process and its children: their death ends the messages
         try:
@@ -141,16 +151,7 @@ def running(
             process.wait()
 
 
-def serve(handle: int) -> None:
-    """Load what all decks need, then fork their processes."""
-    import scipy.spatial  # noqa: F401
-
-    compile_first()
-    ready.serve(handle, _run)
-
-
-def _run(content: bytes) -> None:
-    environ, run = pickle.loads(content)
+def _run(held: int, environ: dict[str, str], run: bytes) -> None:
     os.environ.clear()
     os.environ.update(environ)
     tempfile.tempdir = None

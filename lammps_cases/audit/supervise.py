@@ -37,7 +37,6 @@ from lammps_cases.audit.messages import (
 )
 from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask
 from lammps_cases.audit.place import DeckPlace, check_script, copy_folder, find, nested_folder
-from lammps_cases.audit.ready import Process
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.engine import containment, ranks
 from lammps_cases.engine.session import EngineMissing, death, how_it_died
@@ -276,7 +275,7 @@ def _messages(receiver: Connection, deadline: float, folder: Path) -> Iterator[o
 
 
 def _listen(
-    receiver: Connection, findings: Findings, options: AuditOptions, process: Process, output: Path
+    receiver: Connection, findings: Findings, options: AuditOptions, process: child.Process, output: Path
 ) -> Failure | None:
     deadline, total = time.monotonic() + options.timeout, options.steps
     try:

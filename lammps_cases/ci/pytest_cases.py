@@ -66,7 +66,7 @@ class CaseJudge:
         EngineMissing
         """
         if self._workers is None:
-            forkserver.context("lammps_cases.verdict.cases")
+            forkserver.preload("lammps_cases.verdict.cases")
             self._workers = self._resources.enter_context(Workers(self._engine.site, 1))
         if not self.engine.version_string:
             who = self._workers.outcome(self._workers.identify())

@@ -76,7 +76,7 @@ def _pool(site: str | None, memory: str) -> LocalPool:
     with _lock:
         if (kind := (site, memory)) not in _pools:
             os.environ[MEMORY] = memory
-            _pools[kind] = LocalPool(get_worker().state.nthreads, fresh=True)  # a nanny's child must not fork
+            _pools[kind] = LocalPool(get_worker().state.nthreads)
             atexit.register(_pools[kind].stop)
         return _pools[kind]
 

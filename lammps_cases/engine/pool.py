@@ -13,15 +13,12 @@ import re
 import resource
 import shutil
 import signal
-import subprocess
-import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future
 from multiprocessing import connection
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import IO, Any, NamedTuple, Protocol
 
@@ -38,9 +35,9 @@ PAUSE = 0.1  # seconds before another process takes a task: the cause of the fir
 MAPPED = 2**22  # bytes from which on freed memory goes back to the system, whatever follows it
 LEFT = 2**25  # bytes of smaller arrays that do not, where nothing follows them: the next arrays take them
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # of malloc.h
-# Exit codes that an engine hardly gives itself: by signals that nothing raises in its own process, and
-# multiprocessing's code for a worker whose server, which alone knows the real one, was killed, or that did not start.
-FROM_OUTSIDE = (-signal.SIGKILL, -signal.SIGTERM, 255)
+# Exit codes that an engine hardly gives itself: by signals that nothing raises in its own process, and that of a
+# worker whose end no one reported, or that did not start.
+FROM_OUTSIDE = (-signal.SIGKILL, -signal.SIGTERM, forkserver.UNKNOWN)
 
 
 class Pool(Protocol):
@@ -148,57 +145,24 @@ def _do(content: bytes, pipe: connection.Connection) -> Any:
     return function(*arguments)
 
 
-def _work(pipe: connection.Connection, folder: str, memory: int, parent: int) -> None:
+def _work(handle: int, folder: str, memory: int, parent: int) -> None:
     _prepare(folder, memory, parent)
+    pipe = connection.Connection(handle)
     with contextlib.suppress(EOFError, OSError):  # no one waits any more
         while True:
             pipe.send_bytes(apart.outcome(_do, pipe.recv_bytes(), pipe))
 
 
-def work_alone() -> None:
-    """Work as a program, whose arguments are the handle of the pipe, the folder, the memory and the parent."""
-    handle, folder, memory, parent = sys.argv[1:]
-    _work(connection.Connection(int(handle)), folder, int(memory), int(parent))
-
-
 # --- in the parent
-
-
-class _Program:
-    """A process without preloaded imports, as a Dask worker must not start one of multiprocessing's."""
-
-    def __init__(self, pipe: connection.Connection, *arguments: Any) -> None:
-        words = [sys.executable, "-P", "-c", "from lammps_cases.engine import pool; pool.work_alone()"]
-        self._process = subprocess.Popen(
-            [*words, str(pipe.fileno()), *map(str, arguments)],
-            pass_fds=[pipe.fileno()],
-            stdin=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            start_new_session=True,  # Ctrl-C is not for it
-        )
-        self.pid, self.sentinel = self._process.pid, os.pidfd_open(self._process.pid)
-        self.kill = self._process.kill
-
-    def is_alive(self) -> bool:
-        return self._process.poll() is None
-
-    def join(self) -> None:
-        self.exitcode = self._process.wait()
-        os.close(self.sentinel)
-
-
-def _forked(*arguments: Any) -> BaseProcess:
-    process = multiprocessing.get_context("forkserver").Process(target=_work, args=arguments, daemon=True)
-    process.start()
-    return process
 
 
 class _Slot:
     """One process at a time, and the pipe to it; one thread uses it, another may kill the process."""
 
-    def __init__(self, begin: Callable[..., BaseProcess | _Program], *arguments: Any) -> None:
-        self._begin, self._arguments = begin, arguments
-        self._process: BaseProcess | _Program | None = None
+    def __init__(self, folder: str, memory: int) -> None:
+        self._arguments = folder, memory, os.getpid()
+        self._process: forkserver.Fork | None = None
+        self._changing = threading.RLock()
         self._tasks = 0
         self.stopped = False
 
@@ -213,8 +177,8 @@ class _Slot:
         CancelledError
             The slot is stopped.
         """
-        with forkserver.starting():
-            if self._process and (self._tasks == RECYCLED or not self._process.is_alive()):
+        with self._changing:
+            if self._process and (self._tasks == RECYCLED or self._process.poll() is not None):
                 self.end()
             if not self._process:
                 self._start()
@@ -227,8 +191,8 @@ class _Slot:
         if self.stopped:
             raise CancelledError
         self._pipe, other = multiprocessing.Pipe()
-        with other:
-            self._process = self._begin(other, *self._arguments)
+        with other, Path(os.devnull).open("wb") as nowhere:
+            self._process = forkserver.workers.fork(nowhere.fileno(), other.fileno(), _work, *self._arguments)
         self._tasks = 0
 
     def _receive(self, time_limit: float | None) -> bytes:
@@ -240,21 +204,21 @@ class _Slot:
         return self._pipe.recv_bytes()
 
     def end(self, within: float = 0.0) -> tuple[int, int]:
-        """End the process unless it ends by itself in time; return its id and exit code, 0 and 255 if none started."""
+        """End the process unless it ends in time by itself; return its id and exit code, 0 if none started."""
         if not (process := self._process):
-            return 0, 255
+            return 0, forkserver.UNKNOWN
         connection.wait([process.sentinel], within)
-        self.kill()
-        with forkserver.starting():  # as another that starts reaps them all
-            process.join()
-        self._process = None
-        self._pipe.close()
-        return process.pid or 0, process.exitcode or 0
+        process.kill()
+        code = process.wait()
+        with self._changing:
+            self._process = None
+            self._pipe.close()
+        return process.pid, code
 
     def kill(self) -> None:
         """Kill the process, if it runs."""
-        with forkserver.starting():
-            if self._process and self._process.is_alive():
+        with self._changing:
+            if self._process:
                 self._process.kill()
 
 
@@ -269,23 +233,19 @@ class LocalPool:
 
     Parameters
     ----------
-    count : number of processes
-    fresh : whether they start with nothing imported, instead of the imports of the server in
-        `lammps_cases.engine.forkserver`
+    count : number of processes, forked from `lammps_cases.engine.forkserver.workers`
     """
 
     local = True
 
-    def __init__(self, count: int, fresh: bool = False) -> None:
-        if not fresh:
-            forkserver.context()
+    def __init__(self, count: int) -> None:
+        forkserver.preload()
         remove_left()
         self._folder = tempfile.TemporaryDirectory(prefix=FOLDER)
         self._owner = _hold(Path(self._folder.name))
         self.count = count
         self._tasks = queue.SimpleQueue[_Task | None]()
-        given = self._folder.name, memory_share(count), os.getpid()
-        self._slots = [_Slot(_Program if fresh else _forked, *given) for _ in range(count)]
+        self._slots = [_Slot(self._folder.name, memory_share(count)) for _ in range(count)]
         self._threads = [threading.Thread(target=self._serve, args=(slot,), daemon=True) for slot in self._slots]
         for thread in self._threads:
             thread.start()

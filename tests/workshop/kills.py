@@ -171,13 +171,13 @@ def _exists(pid: int) -> bool:
 
 
 def _is_worker(pid: int) -> bool:
-    """Return whether a process is a fork of the server, which is a fork of the run: all three have one command line."""
+    """Return whether a process is a fork of a watch, which is one of the server, which is one of the run."""
     with contextlib.suppress(OSError):
         words = []
-        for _ in range(3):
+        for _ in range(4):
             words.append(Path(f"/proc/{pid}/cmdline").read_bytes())
             pid = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
-        return words[0] == words[1] == words[2]
+        return len(set(words)) == 1
     return False
 
 

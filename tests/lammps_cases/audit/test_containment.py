@@ -7,6 +7,7 @@ import json
 import os
 import pickle
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -19,7 +20,7 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import place, ready, supervise
+from lammps_cases.audit import place, supervise
 from lammps_cases.audit.fields import PRESSURE
 from lammps_cases.audit.messages import CommandPlace
 from lammps_cases.audit.options import TRUST, AuditOptions, AuditTask
@@ -345,16 +346,21 @@ def _sleeps(task: AuditTask, connection: Connection) -> None:
     time.sleep(600)
 
 
-def test_processes_of_decks_are_forks_of_one_server_that_may_die(deck: Path) -> None:
-    servers = []
+def _names_its_server(task: AuditTask, connection: Connection) -> None:
+    watch = Path(f"/proc/{os.getppid()}/stat").read_text()
+    connection.send(InputError("server", "is", watch.rpartition(")")[2].split()[1]))
+
+
+def test_processes_of_decks_are_forks_of_one_server_that_may_die(deck: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervise, "ENTRY", _names_its_server)
+    servers = list[int]()
     for _ in range(3):
-        with pytest.raises(InputError, match="must reach a run command"):
+        with pytest.raises(InputError) as named:
             audit_deck(deck)
-        servers.append([*ready._servers.values()][-1])
+        servers.append(int(str(named.value).split("'")[1]))
         if len(servers) == 2:
-            servers[1].process.kill()
-            servers[1].process.wait()
-    assert servers[0] is servers[1] is not servers[2]
+            os.kill(servers[1], signal.SIGKILL)
+    assert servers[0] == servers[1] != servers[2]
 
 
 # --- messages of a process that was taken over

@@ -155,7 +155,7 @@ def test_killed_run_ends_a_computing_lammps(case_file: Write, tmp_path: Path) ->
     environment = dict(os.environ, **dict([mark.split("=")]))
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 30
-    while len(_alive(mark)) < 4:  # itself, resource tracker, server, worker
+    while len(_alive(mark)) < 4:  # itself, server, watch, worker
         assert time.monotonic() < deadline
         time.sleep(0.1)
     time.sleep(1.0)  # the worker is running time steps

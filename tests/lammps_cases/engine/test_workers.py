@@ -246,9 +246,8 @@ def test_death_is_attributed_to_the_task_begun_last(read: int, monkeypatch: pyte
     assert not isinstance(last, Failure)
 
 
-@pytest.mark.parametrize("fresh", [False, True])
-def test_worker_death_is_reported_after_its_last_result(fresh: bool) -> None:
-    pool = LocalPool(1, fresh)
+def test_worker_death_is_reported_after_its_last_result() -> None:
+    pool = LocalPool(1)
     try:
         tasks = [(abs, (-2,)), (os._exit, (3,)), (abs, (-4,))]
         done, died, after = (pool.schedule(*task, LIMIT) for task in tasks)
@@ -278,14 +277,21 @@ def test_exception_stops_the_workers_at_once_and_leaves_nothing(tmp_path: Path) 
     assert not Path(made).exists(), "what a killed worker leaves goes with the pool"
 
 
-def test_killed_server_costs_no_task() -> None:
-    """It is the parent of all workers, and only it can report how they ended."""
+PARENTS = {
+    "watch": "os.getppid()",
+    "server": "open(f'/proc/{os.getppid()}/stat').read().rpartition(')')[2].split()[1]",
+}
+
+
+@pytest.mark.parametrize("killed", PARENTS)
+def test_killed_watch_or_server_costs_no_task(killed: str) -> None:
+    """A watch, which the server forks, alone can report how a worker ended."""
     with Workers(None, 1) as pool:
         task = pool.call(run, LATE, 1.0, time_limit=LIMIT)
         assert isinstance(pool.outcome(pool.call(run, LATE, 0.0, time_limit=LIMIT)), int)
-        server = pool.outcome(pool.call(run, "os.getppid()", time_limit=LIMIT))
+        victim = pool.outcome(pool.call(run, PARENTS[killed], time_limit=LIMIT))
         again = pool.call(run, LATE, 1.0, time_limit=LIMIT)
-        os.kill(server, signal.SIGKILL)
+        os.kill(int(victim), signal.SIGKILL)
         assert isinstance(pool.outcome(again), int)
         assert isinstance(pool.outcome(task), int)
 
@@ -381,29 +387,8 @@ def test_folders_of_killed_pools_are_removed_by_the_next(tmp_path: Path, monkeyp
 
 # --- the server that workers are forked from
 
-FRESH = """
-from lammps_cases.engine import forkserver
-from lammps_cases.engine.pool import LocalPool
-
-forkserver.{start}()
-for fresh in (False, True, False):
-    pool = LocalPool(1, fresh)
-    known = "'lammps_cases.run.flow' in __import__('sys').modules and __import__('gc').isenabled()"
-    print(pool.schedule(eval, (known,), 60.0).result())
-    pool.finish()
-"""
-
-
-@pytest.mark.parametrize("start", ["start_for_judging", "fork_for_judging"])
-def test_fresh_processes_import_nothing_in_advance(start: str) -> None:
-    program = [sys.executable, "-c", FRESH.format(start=start)]
-    printed = subprocess.run(program, capture_output=True, text=True, check=True).stdout
-    assert printed.split() == ["True", "False", "True"]
-
-
 SERVED = """
 import threading
-from multiprocessing import forkserver as served
 from lammps_cases.engine import forkserver
 from lammps_cases.engine.pool import LocalPool
 
@@ -411,9 +396,12 @@ if {threads} > 1:
     threading.Thread(target=threading.Event().wait, daemon=True).start()
 forkserver.fork_for_judging()
 pool = LocalPool(1)
-process = pool.schedule(eval, ("__import__('os').getppid()",), 60.0).result()
+known = "'lammps_cases.run.flow' in __import__('sys').modules and __import__('gc').isenabled()"
+assert pool.schedule(eval, (known,), 60.0).result()
+watch = pool.schedule(eval, ("__import__('os').getppid()",), 60.0).result()
+with open(f"/proc/{{watch}}/stat") as stat:
+    process = stat.read().rpartition(")")[2].split()[1]
 pool.finish()
-assert process == served._forkserver._forkserver_pid
 with open(f"/proc/{{process}}/cmdline") as its, open("/proc/self/cmdline") as own:
     print(process, its.read() == own.read())
 """

@@ -37,14 +37,14 @@ FOUND = ("coordination_n", "corrected_n", "counted_n")  # of the particles, by `
 class Block:
     """Particles of a block and those they meet, ``at_m`` in rising order; pairs count among these.
 
-    ``own_k`` are the block's own among them. Without displaced images, their displacements are one row of zeros.
+    ``own_k`` are the block's own among them. Images of j are some edges away; if none is, these are one row of zeros.
     """
 
     at_m: IntArray
     own_k: IntArray
     i_p: IntArray
     j_p: IntArray
-    shift_pc: FloatArray
+    image_pc: IntArray
     reach: float
 
 
@@ -73,10 +73,9 @@ def listed(x_nc: FloatArray, box: Box, cut: float, rows: int) -> list[Block]:
     """Return blocks of some particles each, with all that is within the cutoff; nothing is searched twice in a row."""
     if not (_last and _last[0].holds(box, cut, rows, x_nc)):
         _last.clear()  # memory for the new one
-        reach = cut * (1 + SKIN)
-        search, n = Search(x_nc, box, reach), len(x_nc)
+        search, n = Search(x_nc, box, cut * (1 + SKIN)), len(x_nc)
         ends = [(first, min(first + rows, n)) for first in range(0, n, rows)]
-        blocks = [_block(first, last, search.rows(first, last, reach), cut * (1 + 0.01 * SKIN)) for first, last in ends]
+        blocks = [_block(search, first, last, cut) for first, last in ends]
         _last.append(ListedBlocks(box, cut, rows, x_nc.copy(), blocks))
     return _last[0].blocks
 
@@ -119,9 +118,10 @@ class BlockStages(ArrayEvaluator):
         """Return the block's pairs closer than a cutoff."""
         b = self.block
         assert cut <= b.reach
+        shift_pc = self.box.shift(b.image_pc)
         if self.loops:
-            return self.loops.near(x_nc, b.i_p, b.j_p, b.shift_pc, cut)  # type: ignore[no-any-return]
-        shift_pc = np.broadcast_to(b.shift_pc, (len(b.i_p), x_nc.shape[1]))
+            return self.loops.near(x_nc, b.i_p, b.j_p, shift_pc, cut)  # type: ignore[no-any-return]
+        shift_pc = np.broadcast_to(shift_pc, (len(b.i_p), x_nc.shape[1]))
         inside = separations(x_nc, b.i_p, b.j_p, shift_pc) < cut
         return b.i_p[inside], b.j_p[inside], shift_pc[inside]
 
@@ -234,11 +234,13 @@ class InBlocks(ArrayEvaluator):
         return self._sums(terms)  # type: ignore[no-any-return]
 
 
-def _block(first: int, last: int, pairs: tuple[IntArray, IntArray, FloatArray], reach: float) -> Block:
-    own, (i_p, j_p, shift_pc) = np.arange(first, last), pairs
+def _block(search: Search, first: int, last: int, cut: float) -> Block:
+    own, (i_p, j_p, shift_pc) = np.arange(first, last), search.rows(first, last, cut * (1 + SKIN))
     at_m = np.union1d(own, j_p)
     own_k, i_p, j_p = (np.searchsorted(at_m, k).astype(np.int32) for k in (own, i_p, j_p))
-    return Block(at_m, own_k, i_p, j_p, shift_pc if shift_pc.any() else np.zeros((1, shift_pc.shape[1])), reach)
+    image_pc = search.box.periods(shift_pc).astype(np.int16)
+    no_image = np.zeros((1, image_pc.shape[1]), np.int16)
+    return Block(at_m, own_k, i_p, j_p, image_pc if image_pc.any() else no_image, cut * (1 + 0.01 * SKIN))
 
 
 def _some(record: Any, of: Callable[[Any], Any]) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -82,7 +82,7 @@ class Box:
         """Return the whole numbers of edges nearest to distances, (n, d); 0 along open axes."""
         return np.where(self.periodic, np.round(self.upright(distance_nc) / self.edge_c), 0.0)
 
-    def shift(self, image_nc: FloatArray) -> FloatArray:
+    def shift(self, image_nc: npt.NDArray[Any]) -> FloatArray:
         """Return whole numbers of edges as distances, (n, d)."""
         return np.asarray(image_nc @ self.cell_cc if self.tilted else image_nc * np.array(self.edge_c))
 

@@ -26,7 +26,7 @@ from eos_ref.numbers.rounded import Rounded, error, value
 
 ROWS = 2048  # particles of a block: their pairs' numbers stay in the processor's cache
 SKIN = 0.1  # of the cutoff, by which pairs are listed beyond it
-KEPT = 2**22  # directed pairs whose values are kept between two stages; of the blocks beyond only who meets whom
+KEPT = 2**21  # directed pairs whose values are kept between two stages; of the blocks beyond only who meets whom
 COMPILED_ABOVE = 2**13  # particles: loading compiled operations takes as long as they save. The bits are the same
 COMPILED_FROM = 2**13  # particles of all scenes of a process
 _rounded = 0  # of these so far

@@ -62,9 +62,10 @@ class Search:
         copies = self.make(self.inside_nc[of_g] + self.box.shift(image_gc))
         beyond = tree.sparse_distance_matrix(copies, self.wide, output_type="ndarray")
         i, j = (np.concatenate([a, b]) for a, b in ((pair_p[:, 0], beyond["i"]), (pair_p[:, 1], of_g[beyond["j"]])))
-        image_pc = self.outside_nc[i] - self.outside_nc[j]
-        image_pc[len(pair_p) :] += image_gc[beyond["j"]]
-        return i, j, image_pc.astype(np.int64)
+        outside_nc = self.outside_nc.astype(np.int32)
+        image_pc = outside_nc[i] - outside_nc[j]
+        image_pc[len(pair_p) :] += image_gc[beyond["j"]].astype(np.int32)
+        return i, j, image_pc
 
     def rows(self, first: int, last: int, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs with r < cut that some particles collect; see `directed_pairs`."""

@@ -43,7 +43,7 @@ class RoundingBound:
 
 
 def derivation(eos: EOS) -> RoundingBound:
-    """Return how the bound of a law comes about; `engine` evaluates it."""
+    """Return the derivation of a law's bound; `engine` evaluates it."""
     bound = RoundingBound(eos.law.roundings(eos.parameter or 0.0), eos.law.terms_text)
     if eos.background:
         bound = RoundingBound(bound.operations + 1, bound.terms + " + |P_b|")
@@ -91,7 +91,7 @@ def engine(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray
 
 
 def reference(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray:
-    """Return the bound on the error of `EOS.pressure` itself; tests hold it against Arb over the whole domain."""
+    """Return the bound on the error of `EOS.pressure` itself; tests compare it with Arb over the whole domain."""
     terms = absolute_terms(eos, rho, e)
     condition = power_condition(eos, rho)
     factor = eos.law.reference_eps
@@ -112,7 +112,7 @@ def comparison(
     table: EOSTable, rho_n: FloatArray, type_n: npt.NDArray[np.integer], e_n: FloatArray | None = None
 ) -> FloatArray:
     """Return the largest difference that rounding alone makes between engine and reference, per particle (pressure)."""
-    bound_n = np.full(rho_n.shape, np.nan)  # a type without a law is never close
+    bound_n = np.full(rho_n.shape, np.nan)  # no value of a type without a law is within its bound
     for t, law in enumerate(table.laws, 1):
         of_type = type_n == t
         rho = rho_n[of_type]

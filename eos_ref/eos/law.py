@@ -46,7 +46,7 @@ class Law:
     r"""One equation of state; everything that distinguishes it from the others.
 
     A `Formula` takes density (or pressure, of an inverse), energy per unit mass, rho0, cs and the parameter; the law
-    ignores what it does not depend on. The background pressure is no part of it.
+    ignores what it does not depend on. It does not include the background pressure.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Law:
     uses_powm1 : bool
         Whether ``pressure`` calls `powm1`, whose compiled form covers ratios from 2**-1000 to 2**1000 only.
     defined, has_pole : functions of the parameter
-        Interval of densities with a real, finite value, and whether the density 0 is excepted.
+        Interval of densities with a real, finite value, and whether the density 0 is excluded from it.
     monotone : function of rho0 and the parameter
         Interval around rho0 on which the pressure grows with density.
     textbook : Formula, optional
@@ -82,7 +82,7 @@ class Law:
     energy : EnergyTerms, optional
         Of a law that depends on the energy.
     example : float, optional
-        A parameter at which the law coincides with no other one, for measurements.
+        A parameter, for measurements, at which the law does not coincide with another one.
     """
 
     style: str

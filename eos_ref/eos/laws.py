@@ -66,8 +66,8 @@ def tait_water(rho: Number, rho0: Number, cs: Number) -> Number:
     r"""Return the pressure of Tait's law for water, :math:`P = \frac{c^2\rho_0}{7}\big[(\rho/\rho_0)^7 - 1\big]`.
 
     Evaluated by the identity :math:`x^7 - 1 = (x - 1)[1 + x(1 + x)(1 + x^2 + x^4)]` with
-    :math:`x = \rho/\rho_0`: the difference :math:`\rho - \rho_0` is taken first and for :math:`\rho > 0` the
-    sum has positive terms only, so nothing cancels; far from 0 no two terms of it have opposite signs.
+    :math:`x = \rho/\rho_0`. The difference :math:`\rho - \rho_0` is taken first, and no other one follows where
+    :math:`x > 0` or :math:`x < -1`: both terms in the brackets are positive there, so nothing cancels.
     """
     x = rho * (1 / rho0)
     xx = x * x

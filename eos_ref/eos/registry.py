@@ -112,7 +112,7 @@ TAIT_GENERAL = Law(
 IDEAL_GAS = Law(
     "ideal/gas",
     pressure=lambda rho, e, rho0, cs, gamma: laws.ideal_gas(rho, e, gamma),
-    # no energy, no pressure: no density has another one
+    # Without energy the pressure is 0 at every density, so that it has no inverse.
     density=lambda p, e, rho0, cs, gamma: laws.ideal_gas_density(p, np.where(e == 0, np.nan, e), gamma),
     stiffness=lambda rho, e, rho0, cs, gamma: laws.ideal_gas_stiffness(e + 0 * rho, gamma),
     terms=lambda rho, e, rho0, cs, gamma: (gamma + 1) * np.abs(rho * e),

@@ -32,8 +32,8 @@ class EOS:
         Speed of sound (velocity), > 0. Default 1. Not used by ideal/gas.
     parameter : float, optional
         :math:`A_3` of cubic (1/density\ :sup:`2`), exponent gamma of tait/general (not 0) or heat capacity
-        ratio gamma of ideal/gas (> 1). The manual gives the first two no sign, and both laws have a meaning with
-        either: with :math:`A_3 < 0` the pressure grows with density between the spinodals, with gamma < 0 everywhere,
+        ratio gamma of ideal/gas (> 1). The manual does not restrict the sign of the first two, and both signs have a
+        meaning: with :math:`A_3 < 0` the pressure grows with density between the spinodals, with gamma < 0 everywhere,
         as :math:`dP/d\rho = c^2 (\rho/\rho_0)^{\gamma-1}` (Chaplygin's gas is gamma = -1).
     background : float
         Background pressure :math:`P_b` (pressure), added to the law's value. Default 0.
@@ -138,8 +138,8 @@ class EOS:
             the name of a method that evaluates doubles, as ``eos-ref chart`` lists them
             (`eos_ref.methods.laws.METHODS`).
         tolerance : float, optional
-            Of ``"auto"``, which needs it: the largest error allowed, relative to the law's value and the background
-            pressure, both taken absolute. The worst error of a method is searched for over the interval that the
+            Of ``"auto"``, which needs it: the largest error allowed, relative to the sum of the absolute values of
+            the law and the background pressure. The worst error of a method is searched for over the interval that the
             densities span (`eos_ref.methods.worst`).
 
         Returns
@@ -185,7 +185,7 @@ class EOS:
     def stiffness(self, rho: npt.ArrayLike, e: npt.ArrayLike | None = None) -> Any:
         r"""Return the derivative :math:`(\partial P/\partial\rho)_e`, local sound speed squared (velocity squared)."""
         rho = np.asarray(rho, float)
-        # numpy's power of a scalar is another one than that of an array, and differs in the last bit.
+        # numpy's powers of a scalar and of an array differ in the last bit.
         with np.errstate(all="ignore"):
             stiffness = self.law.stiffness(np.atleast_1d(rho), self._energy_n(e), self.rho0, self.cs, self.parameter)
         shape = np.broadcast_shapes(rho.shape, np.shape(np.asarray(e)) if self.needs_energy else ())
@@ -209,7 +209,7 @@ class EOS:
     def monotone(self) -> Interval:
         """Return the interval around rho0 on which the pressure grows with density: hyperbolic and invertible.
 
-        For a law of the energy that takes a positive one.
+        For a law that depends on the energy, the energy is taken to be positive.
         """
         return self.law.monotone(self.rho0, self.parameter or 0.0)
 
@@ -363,7 +363,7 @@ class EOSTable:
             raise InputError("per-atom arrays", "must have one value per particle", found)
         if types.size and types.dtype.kind not in "iu":
             raise InputError("atom type", "must be a whole number", str(types.dtype))
-        if types.dtype not in (np.int32, np.int64):  # LAMMPS' own type; any other would be compiled once more
+        if types.dtype not in (np.int32, np.int64):  # LAMMPS' own types; any other would need another compilation
             types = types.astype(np.int64)
         if rho.size and not (types.min() >= 1 and types.max() <= len(self)):
             found = f"{types.min()} to {types.max()}"

@@ -1,8 +1,8 @@
 r"""The particle model in plain array operations: readable, and for several number types.
 
-Pairs are directed: every pair within the cutoff stands twice, once for each particle that collects. A finding is
-reproduced by a subclass that replaces one small method. Array names as in `eos_ref.evaluation.evaluator`, whose sums
-these are.
+Pairs are directed: every pair within the cutoff is listed twice, once for each of its particles i, which collects the
+terms. A finding is reproduced by a subclass that replaces one small method. Array names are those of
+`eos_ref.evaluation.evaluator`.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from eos_ref.numbers.rounded import ROUNDING, Decision, Rounded, error, value
 class ArrayEvaluator(Evaluator):
     """Stages of a force evaluation in plain array operations; see `Evaluator` for the parameters."""
 
-    by_rows = True  # whether what a particle collects depends on its neighbours' values alone
+    by_rows = True  # whether the sums of a particle depend on itself and its neighbours alone
     candidates: Candidates | None = None  # of the last search
-    loops: Any = None  # what takes longest, compiled: `eos_ref.evaluation.pair_loops`, once it is imported
+    loops: Any = None  # the slowest parts, compiled: `eos_ref.evaluation.pair_loops`, once it is imported
 
     # --- pairs, kernel values, coordination
 
@@ -58,7 +58,7 @@ class ArrayEvaluator(Evaluator):
         self.count(x_nc)
 
     def count(self, x_nc: Array) -> None:
-        """Set what is known of the particles themselves when their pairs are."""
+        """Set the coordination from the pairs; no gradient is corrected yet."""
         self.coordination_n = np.bincount(self.i, minlength=self.n)
         self.corrected_n = np.zeros(self.n, bool)
 
@@ -77,7 +77,7 @@ class ArrayEvaluator(Evaluator):
         self.gradw = [slope * x_p / self.r for x_p in self.x]
 
     def velocities_met(self, v_nc: Array) -> Iterator[tuple[Array, Array]]:
-        """Yield the components of the velocities of both particles of every pair, (p,), of j that of its image."""
+        """Yield, by axis, the velocities of i and of the image of j for every pair, (p,)."""
         for a, v_n in enumerate(axes(v_nc)):
             v_i, v_j = v_n[self.i], v_n[self.j]
             if self.image_velocity_cc is not None:
@@ -105,7 +105,7 @@ class ArrayEvaluator(Evaluator):
         return total_n
 
     def any_neighbour(self, holds: Callable[[Any, Any], BoolArray], of_n: Any) -> BoolArray:
-        """Return for which particles something holds of their value and that of a neighbour, (n,)."""
+        """Return for which particles a relation holds between their value and that of any neighbour, (n,)."""
         return np.bincount(self.i, holds(of_n[self.i], of_n[self.j]), self.n) > 0
 
     def kernel_sum(self, weight_n: Array | None = None) -> Array:
@@ -150,13 +150,13 @@ class ArrayEvaluator(Evaluator):
             self.corrected_gradients(basis(self.model.order, [x_p / self.model.cut for x_p in self.x]))
 
     def corrects(self, definite_n: Any) -> Any:
-        """Return which particles have gradients of the reproducing kernel, (n,), of the matrices that have a factor."""
+        """Return which particles use the reproducing kernel's gradients, (n,), of those with a definite matrix."""
         return definite_n & (self.coordination_n >= self.model.fix.zmin)
 
     def moments(self, rho_n: Array) -> tuple[list[Array], list[list[Array]]]:
         """Return the bases of pairs, functions of shape (p,), and the moment matrices; see `correct`.
 
-        These by rows of their lower triangles, entries of shape (n,).
+        Of these the lower triangles, row by row, with entries of shape (n,).
         """
         volume_p = self.volume_of_wall(rho_n)[self.j]
         h = basis(self.model.order, [x_p / self.model.cut for x_p in self.x])
@@ -184,9 +184,9 @@ class ArrayEvaluator(Evaluator):
         return self.total(self.w), self.total(where(same_p, self.w, 0.0))
 
     def density_pair(self, rho_n: Array) -> tuple[Array, Array]:
-        """Return the densities of both particles of every pair as it meets them, (p,).
+        """Return the densities that pair terms use for i and j, (p,).
 
-        Those of `apparent_density`; solids meet each other with rho0.
+        `apparent_density`, but rho0 between two reconstructed solids.
         """
         i, j = self.i, self.j
         if not self.walls:
@@ -197,7 +197,7 @@ class ArrayEvaluator(Evaluator):
         return rho_i, rho_j
 
     def velocity_difference(self, v_nc: Array, chi_n: Array | None) -> Axes:
-        """Return the velocity of i less that of j, a solid's as its fluid partner meets it (no slip at the wall)."""
+        """Return v_i - v_j; with walls, a solid's velocity is the one extrapolated for its fluid partner (no slip)."""
         if not self.walls:
             return [v_i - v_j for v_i, v_j in self.velocities_met(v_nc)]
         assert chi_n is not None
@@ -212,7 +212,7 @@ class ArrayEvaluator(Evaluator):
         return difference
 
     def wall_velocity(self, v_solid: Array, v_fluid: Array, ratio: Array) -> Array:
-        r"""Return the velocity of a solid as fluid meets it, :math:`\mathbf v_s+(\mathbf v_s-\mathbf v_f)k`."""
+        r"""Return the velocity of a solid seen by a fluid, :math:`\mathbf v_s+(\mathbf v_s-\mathbf v_f)k`."""
         return v_solid + (v_solid - v_fluid) * ratio
 
     def no_slip(self, chi_solid: Array, chi_fluid: Array) -> Array:
@@ -254,7 +254,7 @@ class ArrayEvaluator(Evaluator):
         return volume_n[self.j]
 
     def same_type_support(self, other: BoolArray) -> Array:
-        r"""Return the support by particles of the same type, (n,), as the manual's version has it.
+        r"""Return the support by particles of the same type, (n,), by the manual of the version.
 
         :math:`\sum_jW_{ij}\delta_{ij}`, and from 4 Jul 2026 on :math:`\sum_jr_{ij}W_{ij}\delta_{ij}`.
         """
@@ -266,7 +266,7 @@ class ArrayEvaluator(Evaluator):
         return [self.total(volume * g_a) for g_a in self.gradw], self.total(-(volume * dot(self.x, self.gradw)))
 
     def nearest(self, class_n: Array) -> Array:
-        """Return the distance to the nearest neighbour of class 1, (n,); open where a neighbour's class is.
+        """Return the distance to the nearest neighbour of class 1, (n,); undecided where a neighbour's class is.
 
         Without such a neighbour it is the cutoff, which nothing rounds.
         """

@@ -36,14 +36,14 @@ WALL_FLOOR = 10  # a reconstructed solid has at least rho0 over this
 
 
 def is_class(class_n: Array, wanted: int) -> BoolArray | Decision:
-    """Return which particles are of a surface class, (n,); open where rounding leaves the class open."""
+    """Return which particles are of a surface class, (n,); undecided where rounding could change the class."""
     if isinstance(class_n, Rounded):
         return Decision(class_n.value == wanted, class_n.error > 0)
     return np.asarray(value(class_n) == wanted)
 
 
 class PairInput(NamedTuple):
-    """What the terms of pair_style rheo are computed from, apart from the pairs themselves.
+    """The input of the terms of pair_style rheo, apart from the pairs themselves.
 
     Attributes
     ----------
@@ -80,8 +80,8 @@ class Evaluator(ABC):
 
     Attributes
     ----------
-    image_velocity_cc : (d, d) how fast images move that are one edge away, by rows; None: not at all
-    image_rounding_cc : (d, d) how far that may lie apart in two codes, where images move
+    image_velocity_cc : (d, d) velocities of the images that are one edge away, one edge per row; None: at rest
+    image_rounding_cc : (d, d) largest difference of these velocities between two correct codes, where images move
     mass_n, rho0_n, cs_n : (n,) mass, equilibrium density and speed of sound of every particle
     coordination_n : (n,) number of neighbours, from `move` on
     shelled_n : (n,) whether a particle is in a bond of fix rheo/oxidation; None: without that fix
@@ -109,11 +109,11 @@ class Evaluator(ABC):
         self.walls = self.model.fix.interface_reconstruct
 
     def weigh(self, mass_n: FloatArray) -> None:
-        """Take masses of the particles' own, (n,), for those of their types."""
+        """Use per-particle masses, (n,), instead of those of the types."""
         self.mass_n = mass_n
 
     def take(self, box: Box) -> None:
-        """Go on in another box."""
+        """Use another box from here on."""
         self.box = box
 
     def of_type(self, values_t: Iterable[Any]) -> npt.NDArray[Any]:
@@ -134,9 +134,9 @@ class Evaluator(ABC):
         Raises
         ------
         InputError
-            An evaluator that cannot.
+            This evaluator cannot do so.
         """
-        raise InputError("deform", "goes with sums of all particles at once: take ArrayEvaluator", type(self).__name__)
+        raise InputError("deform", "needs the sums of all particles at once: use ArrayEvaluator", type(self).__name__)
 
     # --- sums over neighbours, left to the evaluators
 
@@ -168,7 +168,7 @@ class Evaluator(ABC):
     def color_sums(self, volume_n: Array) -> tuple[Axes, Array, Array]:
         r"""Return sums over the neighbours of other types, and one over those of the same, each (n,).
 
-        Over other types :math:`\sum_jV_j\nabla_iW_{ij}` and :math:`\sum_jV_jW_{ij}`; over the own
+        Over other types :math:`\sum_jV_j\nabla_iW_{ij}` and :math:`\sum_jV_jW_{ij}`; over the own type
         :math:`\sum_jW_{ij}`, or :math:`\sum_jr_{ij}W_{ij}` where the manual weighs distances.
         """
 
@@ -218,11 +218,11 @@ class Evaluator(ABC):
     # --- walls
 
     def apparent_density(self, rho_n: Array) -> Array:
-        """Return the density with which a particle meets one of the other phase, (n,)."""
+        """Return the densities that particles of the other phase see, (n,): of a solid at least rho0 with walls."""
         return where(self.solid_n, maximum(rho_n, self.rho0_n), rho_n) if self.walls else rho_n
 
     def volume_of_wall(self, rho_n: Array) -> Array:
-        """Return the volumes, (n,); a reconstructed solid is never thinner than its equilibrium density."""
+        """Return the volumes, (n,); a reconstructed solid is at least as dense as at equilibrium."""
         return self.mass_n / self.apparent_density(rho_n)
 
     def interface(self, rho_n: Array, acceleration_nc: Array, energy_n: Array | None = None) -> tuple[Array, Array]:
@@ -230,7 +230,8 @@ class Evaluator(ABC):
 
         :math:`P_s=\sum_fW_{sf}[P_f+\rho_f(\mathbf g_f-\mathbf a_s)\cdot\mathbf x_{sf}]/\sum_fW_{sf}`,
         :math:`\rho_s=\mathrm{EOS}_s^{-1}(P_s)`, at least :math:`\rho_0/10`; :math:`\rho_0` without fluid neighbours.
-        ``acceleration_nc`` holds the fluid's acceleration without pressure, and the solid's own.
+        ``acceleration_nc`` holds :math:`\mathbf g_f`, the acceleration of the fluid without pressure, and
+        :math:`\mathbf a_s`, that of the solid.
 
         Source: Adami, Hu & Adams, J. Comput. Phys. 231, 7057 (2012); Palermo et al. (2024).
         """
@@ -259,9 +260,9 @@ class Evaluator(ABC):
         r"""Return the shifting velocity, (n, d); 0 for solids.
 
         :math:`-2h|\mathbf v_i|\sum_jV_j[1+\frac15(W_{ij}/W(h))^4]\nabla_iW_{ij}`.
-        Types of exclude/type get none; scale/cross/type scales it along the normal of the color function, and turns it
-        off where too little of a particle's own type supports it. Source: manual; Lind et al., J. Comput. Phys. 231,
-        1499 (2012); Yang et al., J. Comput. Phys. 458, 111079 (2022).
+        Types of exclude/type are not shifted; scale/cross/type scales the shift along the normal of the color function,
+        and turns it off where the support by the particle's own type is too small. Source: manual; Lind et al., J.
+        Comput. Phys. 231, 1499 (2012); Yang et al., J. Comput. Phys. 458, 111079 (2022).
         """
         shift = self.raw_shift(axes(v_nc), rho_n)
         setting = self.model.fix.shift
@@ -284,7 +285,7 @@ class Evaluator(ABC):
     def _cross_type(self, shift: Axes, rho_n: Array, keep: float, cmin: float, wmin: float) -> Axes:
         gradient, color_n, same_n = self.color_sums(self.volume_of_wall(rho_n))
         scaled = shift
-        if keep != 1:  # else nothing is taken out, whatever the normal is: also where it has no direction
+        if keep != 1:  # else nothing is removed, whatever the normal, even where it has no direction
             normal = self.cross_type_normal(gradient)
             along = (1 - keep) * dot(normal, shift)
             scaled = [s - n * along for s, n in zip(shift, normal, strict=True)]
@@ -342,7 +343,7 @@ class Evaluator(ABC):
         return where(power, per_atom.power_viscosity(eta_n, gd0_n, K_n, power_n, rate), eta_n)
 
     def pressure(self, rho_n: Array, energy_n: Array | None = None) -> Array:
-        """Return the pressures of some densities, all (n,); the energy is that of the particle."""
+        """Return the pressures at given densities, all (n,); the energy is that of the whole particle."""
         if self._pressures is None or self._pressures[0] is not rho_n or self._pressures[1] is not energy_n:
             e_n = None if energy_n is None else energy_n / self.mass_n
             self._pressures = rho_n, energy_n, self.eos_pressure(rho_n, e_n)

@@ -4,7 +4,7 @@ r"""Force evaluation and time step of fix rheo, in the documented order.
 (`eos_ref.evaluation.array_evaluator.ArrayEvaluator` or `eos_ref.compiled.evaluator.CompiledEvaluator`). Only what the
 plan names is evaluated (`eos_ref.model.quantities`).
 Source: manual, fix rheo, and Palermo et al., Phys. Fluids 36, 113337 (2024); the order and the reuse of old values
-are LAMMPS' to define.
+are implementation-defined: they are LAMMPS'.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ class Simulation:
     state : State
         Copied.
     fields : iterable of str
-        What is wanted of an evaluation, by LAMMPS' names; empty: what time steps need.
+        The fields to evaluate, by LAMMPS' names; empty: those that time steps need.
     evaluator : class
         `ArrayEvaluator`, a variant of it, or `eos_ref.compiled.evaluator.CompiledEvaluator`.
     check : bool
-        Whether to check the state; one that many runs begin with is checked once.
+        Whether to check the state; if many runs begin with the same one, check it once.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Simulation:
     fields : dict
         Results of the last evaluation by LAMMPS' names: ``coordination``, ``grad/v`` (n, d, d), ``f`` (n, d), ...
     system, units : Units
-        The system of the model, and the units of what is given and of `output`: all else is in products of its units
+        The system of the model, and the units of the arguments and of `output`. All else is in products of its units
         of length, mass and time.
 
     Raises
@@ -122,7 +122,7 @@ class Simulation:
         self.evaluated = self.state  # what the last evaluation began with; steps make new arrays of all they change
 
     def conversion(self) -> Units:
-        """Return the units that the numbers given and shown are converted by: those of the system."""
+        """Return the units of the arguments and of `output`: those of the system."""
         return self.system
 
     # --- force evaluation
@@ -196,12 +196,12 @@ class Simulation:
             fields["f"] = self._external(terms.force_nc)
 
     def force_pressure(self) -> Array:
-        """Return the pressure that forces take, of the state as it is."""
+        """Return the pressure that forces use, of the current state."""
         s, e = self.state, self.evaluator
         return e.pressure(e.apparent_density(s.rho_n), s.energy_n)
 
     def pair_input(self, pressure_n: Array) -> PairInput:
-        """Return what the terms of pairs take: the state as it is, and what the evaluation has of it so far."""
+        """Return the input of the pair terms: the current state, and the results of the evaluation so far."""
         s, fields = self.state, self.fields
         viscosity_n = fields.get("viscosity", np.zeros(len(self.mass_n)))
         sound_n, T_n = self.evaluator.sound_speed(s.energy_n), fields.get("temperature")
@@ -233,7 +233,7 @@ class Simulation:
         self.evaluate()
 
     def _begin_run(self) -> None:
-        """Take the box for that which the run begins in, by which it grows and its images move."""
+        """Remember the box in which the run begins: fix deform changes it relative to that."""
         self.begun, self.run_steps = self.box, 0  # and the steps since
         self._move_images(self.evaluator)
 
@@ -243,27 +243,27 @@ class Simulation:
             evaluator.image_rounding_cc = self.model.deform.image_rounding(self.begun)
 
     def remap(self, box: Box) -> None:
-        """Change the box, and the positions with it: fractions of its edges stay what they are."""
+        """Change the box and the positions with it; positions in fractions of the box's edges stay the same."""
         fraction_nc = self.box.upright(self.state.x_nc - np.array(self.box.low_c)) / self.box.edge_c
         self.state.x_nc = np.array(box.low_c) + box.shift(fraction_nc)
         self.box = box
         self.evaluator.take(box)
 
     def minimize(self) -> None:
-        """Evaluate forces as a minimisation that moves nothing does: nothing of it is left."""
+        """Evaluate forces as a minimisation does that moves nothing: it has no effect on the next run."""
 
     def begin_again(self, new_n: BoolArray, read_back: bool = False) -> None:
-        """Evaluate the state reached as one that is given: a run begins so, whatever came before it.
+        """Begin another run: evaluate the current state as if it were given, whatever the earlier runs did.
 
-        ``new_n``, particles without a history of forces where one is kept, and ``read_back``, whether the state
-        was read from a file, make no difference.
+        ``new_n``, the particles without a history of forces, and ``read_back``, whether the state was read from a
+        file, have no effect here; they have one in findings.
         """
         self.other_nc = self.kept_at_stop(new_n)
         self.fresh = True
         self.setup()
 
     def kept_at_stop(self, new_n: BoolArray) -> Array:
-        """Return the accelerations without pressure that a set-up begins with, (n, d): none are known before a step."""
+        """Return the accelerations without pressure with which a set-up begins, (n, d): 0, as before any step."""
         return np.zeros(self.state.x_nc.shape)
 
     # --- time step
@@ -271,8 +271,8 @@ class Simulation:
     def keep_forces(self) -> None:
         """Keep the accelerations that the extrapolation to walls needs.
 
-        Force without the pairs' pressure and artificial viscosity, over mass; of a particle whose force is set, that
-        force, in which there is no pressure.
+        Force without the pairs' pressure and artificial viscosity, over mass; of a particle whose force is set, the set
+        force, which contains no pressure.
         """
         mass = self.mass_n[:, None]
         force_nc = self.fields["f"]
@@ -293,7 +293,7 @@ class Simulation:
         self.fresh = False
         fluid = ~s.solid_n
         s.v_nc = s.v_nc + 0.5 * dt * self.acceleration()
-        if model.deform and model.deform.remap != "v":  # else images are where they were: they move as particles do
+        if model.deform and model.deform.remap != "v":  # else images stay where they were: they move as particles do
             self.evaluator.follow(s.x_nc)
         before = self.fields  # the last evaluation's; the next one makes a dictionary of its own
         if model.fix.interface_reconstruct:
@@ -319,7 +319,7 @@ class Simulation:
             self.deform(model.deform, dt)
 
     def deform(self, by: Deform, dt: float) -> None:
-        """Let the box grow and lean at the end of a step, with the positions or without them; all else stays."""
+        """Change the size and tilt of the box at the end of a step, with or without the positions."""
         self.run_steps += 1
         box = self.grown(by, self.run_steps * dt)
         if by.remap == "x":
@@ -350,16 +350,16 @@ class Simulation:
             self.step(dt)
 
     def again(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
-        """Return the last evaluation once more, by an evaluator of its own."""
+        """Repeat the last evaluation with another evaluator."""
         return self._evaluated_in(lambda array: array, evaluator, self.evaluated.x_nc)
 
     def rounded(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
-        """Return the last evaluation once more in `Rounded` arrays: every field with its rounding bound."""
+        """Repeat the last evaluation in `Rounded` arrays: every field with its rounding bound."""
         x_nc = Rounded(self.evaluated.x_nc, self.evaluated_in.rounding(self.model.cut))
         return self._evaluated_in(Rounded, evaluator, x_nc)
 
     def precise(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
-        """Return the last evaluation once more in longdoubles, where these have more digits than doubles.
+        """Repeat the last evaluation in longdoubles, where these have more digits than doubles.
 
         The inverse of an equation of state, which walls need, stays in doubles.
         """
@@ -427,12 +427,12 @@ class Simulation:
     # --- outputs
 
     def output(self, field: str) -> Any:
-        """Return a field as LAMMPS reports it now, in the model's units: of the state, or of the last force evaluation.
+        """Return a field as LAMMPS would output it now, in the model's units: of the state or the last evaluation.
 
         Raises
         ------
         InputError
-            A field that there is not, that the model does not have, or that this simulation did not evaluate.
+            A field that does not exist, that the model does not have, or that this simulation did not evaluate.
         """
         read = quantities.of_model(self.model, field).output
         if not read and field not in self.fields:

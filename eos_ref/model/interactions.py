@@ -32,7 +32,7 @@ def harmonic_mean(a: N, b: N) -> N:
 
 
 def pressure_term(volume_i: N, volume_j: N, p_sum: N) -> N:
-    r"""Return the symmetric sum, :math:`-V_iV_j(P_i+P_j)`: times :math:`\widetilde\nabla W_{ij}` the force on i."""
+    r"""Return :math:`-V_iV_j(P_i+P_j)`, which times :math:`\widetilde\nabla W_{ij}` is the pressure force on i."""
     return -(volume_i * volume_j) * p_sum
 
 
@@ -59,7 +59,7 @@ def viscous_term(eta: N, volume_i: N, volume_j: N, F: N) -> N:
 
 
 def heat_term(kappa: N, volume_i: N, volume_j: N, F: N) -> N:
-    r"""Return the heat coefficient :math:`2\bar\kappa V_iV_jF`: times T_i - T_j.
+    r"""Return the heat coefficient :math:`2\bar\kappa V_iV_jF`, times T_i - T_j.
 
     Source: Cleary & Monaghan, J. Comput. Phys. 148, 227 (1999).
     """
@@ -94,7 +94,7 @@ def no_slip_ratio(chi_solid: N, chi_fluid: N, cut: float) -> N:
 
 
 def repulsion_term(chi_solid: N, r: N, rho0_solid: N, cs: N, cut: float) -> N:
-    r"""Return the short-range repulsion of fluid and solid, times :math:`\mathbf x_{ij}/r` the force on i.
+    r"""Return the short-range repulsion of fluid and solid, which times :math:`\mathbf x_{ij}/r` is the force on i.
 
     :math:`(\chi_s-0.9)(\frac{r_c}2-r)\rho_{0,s}\bar c^2r_c` for :math:`\chi_s>0.9` and :math:`r<r_c/2`, else 0.
     """

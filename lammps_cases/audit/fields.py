@@ -161,7 +161,7 @@ def _of_pairs(name: str, model: Model, setting: Setting) -> str:
     if FIELDS[name].stage != "pair":
         return ""
     if corrected_by_hidden_densities(model):
-        return "the reproducing kernels used densities of walls from before their reconstruction"
+        return "the reproducing kernels use wall densities from before the reconstruction, which LAMMPS does not output"
     deck = setting.deck
     if name == "f" and setting.units in ("real", "metal", "electron"):
         return f"in units {setting.units} force over mass is not an acceleration"

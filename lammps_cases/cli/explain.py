@@ -49,7 +49,7 @@ def explain_command(
               eos-ref explain forces.all.quintic.2d --atom 5 --step 1
               eos-ref explain surface/divr
     """
-    from eos_ref.errors import InputError, unknown
+    from eos_ref.errors import InputError
     from lammps_cases.findings import LEDGER
     from lammps_cases.records.wording import MEANINGS
     from lammps_cases.scene import casefile
@@ -63,7 +63,8 @@ def explain_command(
     if not casefile.names_like(name, cases):
         if name not in others:
             known = dict.fromkeys(case.name.split(".")[0] for case in cases)
-            raise unknown("case, finding, field or verdict", name, [*others, *known, *(case.name for case in cases)])
+            every = [*others, *known, *(case.name for case in cases)]
+            raise casefile.unknown_case("case, finding, field or verdict", name, every)
         if atom is not None:
             raise InputError("option --atom", "is that of a particle of a case", name)
         others[name](name, as_json)

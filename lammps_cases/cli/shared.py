@@ -203,8 +203,9 @@ def _details(run: RunRecord) -> None:
 
     click.echo(f"{tally(run)} ({run.seconds:.1f} s)")
     for case in run.cases:
-        if not case.as_expected:
-            show(f"  {case.verdict:9s} {case.case}: {case.message}", 12 * " ", fg="red")
+        if not case.as_expected or case.outlook:
+            color = "yellow" if case.as_expected else "red"
+            show(f"  {case.verdict:9s} {case.case}: {case.message}", 12 * " ", fg=color)
     skipped = Counter(case.message for case in run.cases if case.verdict == "skipped")
     for reason, cases in skipped.items():
         show(f"  {counted(cases, 'case')} skipped: {reason}", "    ")

@@ -143,10 +143,16 @@ class Outcome:
         wrong = Counter(wording.kind(case) for case in self.run.cases if not case.as_expected)
         each = ", ".join(f"{count} {name}" for name, count in wording.by_severity(wrong).items())
         ended = [f"{counted(wrong.total(), 'case')} not as expected: {each}"] if wrong else []
+        early = sum(case.as_expected and case.outlook is not None for case in self.run.cases)
         compared = any(case.verdict != "skipped" for case in self.run.cases)
         known = {name: severity for name, severity in self.known.items() if name not in self.regressions}
         return headline(
-            known, [*first, *ended, *new], fail_on=self.run.fail_on, compared=compared, allowed=self.run.allowed
+            known,
+            [*first, *ended, *new],
+            differences=f"LAMMPS ends {counted(early, 'case')} early" if early else "",
+            fail_on=self.run.fail_on,
+            compared=compared,
+            allowed=self.run.allowed,
         )
 
     def accepted(self, case: CaseRecord) -> bool:

@@ -187,7 +187,11 @@ def _region_types(case: Case, lattice: Lattice, place_nc: FloatArray) -> IntArra
     """
     type_n = np.full(len(place_nc), -1)
     for region in lattice.regions:
-        type_n[np.all((place_nc >= region.low) & (place_nc < region.high), axis=1)] = region.type or 0
+        inside_n = np.all((place_nc >= region.low) & (place_nc < region.high), axis=1)
+        if not inside_n.any():
+            corners = f"low {list(region.low)} and high {list(region.high)}"
+            raise InputError("positions", f"{corners} enclose no site; they are fractions of the lattice")
+        type_n[inside_n] = region.type or 0
     if not (type_n != 0).any():
         raise InputError("positions", "the scene is empty: its regions remove every particle")
     named = {region.type for region in lattice.regions}

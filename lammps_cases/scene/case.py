@@ -193,9 +193,10 @@ class Scene(SceneModel):
                 raise BrokenRule(
                     f"type of a region must lie within 1 to {n}", "positions", "regions", found=region.type
                 )
-        for types in (*(f.types for f in self.forces), *(self.rheo.shifting.exclude if self.rheo.shifting else ())):
-            if types is not None:
-                type_range(types, n)
+        for types in self.rheo.shifting.exclude if self.rheo.shifting else ():
+            _check_range(types, n, "rheo", "shift")
+        for k, force in enumerate(self.forces):
+            _check_range(force.types or "*", n, "forces", k, "types")
         if any(t.thermal for t in self.types) and self.energy is None and not isinstance(self.positions, FromFile):
             raise BrokenRule("conductivity, specific_heat, latent_heat and T_freeze need energy", "types")
 
@@ -229,7 +230,7 @@ class Scene(SceneModel):
             if stop.stretch:
                 self._check_stretch(stop.stretch)
             if stop.displace:
-                type_range(stop.displace.types or "*", len(self.types))
+                _check_range(stop.displace.types or "*", len(self.types), *STOPS)
                 if stop.displace.z and self.dimension == 2:
                     raise BrokenRule("displace.z must be 0 in 2D", *STOPS, found=stop.displace.z)
 
@@ -410,3 +411,10 @@ def check_name(name: str) -> None:
     """
     if not NAME.fullmatch(name) or len(name) > 60:
         raise InputError("name", "must be at most 60 lower-case letters, digits, hyphens and +", name)
+
+
+def _check_range(types: str, ntypes: int, *at: str | int) -> None:
+    try:
+        type_range(types, ntypes)
+    except InputError as error:
+        raise BrokenRule(f"type range {error.rule}", *at, found=repr(types)) from None

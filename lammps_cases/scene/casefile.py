@@ -13,7 +13,7 @@ import functools
 import itertools
 import math
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -326,7 +326,7 @@ def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = N
     """
     for name in names:
         if not names_like(name, cases):
-            raise unknown("case", name, sorted({part for c in cases for part in (c.name, c.name.split(".")[0])}))
+            raise unknown_case("case", name, sorted({part for c in cases for part in (c.name, c.name.split(".")[0])}))
     names_chosen = set[str]().union(*(names_like(name, cases) for name in names))
     chosen = [case for case in cases if not names or case.name in names_chosen]
     if tag is not None:
@@ -340,6 +340,13 @@ def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = N
     if not chosen:
         raise InputError("cases", "none left to run (are all tagged long?)")
     return chosen
+
+
+def unknown_case(what: str, name: str, names: Iterable[str]) -> InputError:
+    """Return the complaint that there is no such case, with the name or, for a file, the option that was meant."""
+    if Path(name).suffix in (".yaml", ".yml"):
+        return InputError(what, "must be a name; a file of cases is given by --cases", name)
+    return unknown(what, name, names)
 
 
 def by_default(case: Case) -> bool:

@@ -215,7 +215,7 @@ def _step(of: FlowScales, c: float, h: float, bounds: dict[str, float], limits: 
     dt = _rounded(least / max(1.0, fraction), 2, up=False)
     why = f"{name} is the smallest of {', '.join(f'{key} = {number(v)}' for key, v in bounds.items())}"
     if measured:
-        why += f"; measured to fail from {number(1 / fraction, 2)} times that on ({text})"
+        why += f"; measured to fail above {number(1 / fraction, 2)} times that ({text})"
     if not (of.damps or of.artificial):
         why += "; without viscosity sound grows at any step (rate c^2 k^2 dt/4)"
     return Chosen("time step", of.timestep, dt, why), least / fraction if measured else None

@@ -107,6 +107,7 @@ def test_good_extxyz_is_accepted(case_file: Write, eos_ref_command: Run, tmp_pat
 
 LINES = f"""
 run nera-rho0 | no such case: 'nera-rho0' (did you mean 'near-rho0'?)
+run mine.yaml | case: must be a name; a file of cases is given by --cases, found 'mine.yaml'
 run --tag none-such | quick
 run --tag quik | tag: no case has the tag 'quik'; did you mean 'quick'? (tags:
 run --shard 3/2 | i/n
@@ -134,6 +135,7 @@ run near-rho0.linear.2d --out . | must not be the current folder or above it
 run near-rho0.linear.2d --out .. | must not be the current folder or above it
 run near-rho0.linear.2d --out / | must not be the current folder or above it
 explain nothing | no such case, finding, field or verdict: 'nothing'
+explain mine.yml | must be a name; a file of cases is given by --cases, found 'mine.yml'
 explain force-per-volum | (did you mean 'force-per-volume'?)
 explain surface/dvr | (did you mean 'surface/divr'?)
 explain explaind | (did you mean 'explained'?)

@@ -291,7 +291,7 @@ ARRAYS = st.one_of(
 )
 
 
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 @given(st.dictionaries(st.text(max_size=9), ARRAYS, max_size=3), st.data())
 def test_entry_is_read_as_written_or_not_at_all(arrays: dict[str, Any], data: Any) -> None:
     """Type, shape and bits are kept; an entry of another name, cut or changed anywhere, counts as absent."""

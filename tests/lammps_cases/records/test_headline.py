@@ -104,6 +104,16 @@ def test_state_and_words_of_decks(snapshot: SnapshotAssertion) -> None:
     assert said == snapshot
 
 
+def test_headline_of_a_run_counts_cases_that_end_early() -> None:
+    """A known bug may leave a case without a single number to compare: the count of bugs alone hides that."""
+    why = outlook("findings", BUG)
+    early = CaseRecord(case="drop", verdict="explained", ended="refused", explained_by=[BUG], outlook=why)
+    sentence = str(outcome(run(early)).headline)
+    assert sentence == "KNOWN BUGS: LAMMPS ends 1 case early; 1 known bug seen in this LAMMPS (severe); nothing new"
+    other = early.model_copy(update={"outlook": None})
+    assert "early" not in str(outcome(run(other)).headline)
+
+
 def test_every_state_looks_different() -> None:
     for name in ("css", "terminal", "mark"):
         assert len({getattr(look, name) for look in LOOKS.values()}) == len(LOOKS)

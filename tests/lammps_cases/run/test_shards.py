@@ -21,7 +21,7 @@ COST = st.sampled_from([0.0, 1.0, 2.5]) | st.floats(0, 1e4)  # many costs are eq
 SECONDS = st.dictionaries(st.text("abc", min_size=1, max_size=4), COST, min_size=1, max_size=20)
 
 
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 @given(SECONDS, st.integers(1, 12), st.randoms())
 def test_shards_are_a_balanced_partition_in_any_order(
     seconds: dict[str, float], count: int, chance: random.Random

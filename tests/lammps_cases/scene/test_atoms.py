@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eos_ref import InputError
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import Atoms, seed
@@ -76,6 +77,13 @@ def test_regions_give_types_and_remove_particles(case_file: Write) -> None:
     assert len(atoms) == 9
     np.testing.assert_array_equal(atoms.type_n, np.where(atoms.x_nc[:, 1] < 0.75, 2, 1))
     np.testing.assert_array_equal(atoms.mass_n, np.where(atoms.type_n == 2, 3.0, 2.0))
+
+
+def test_region_without_sites_is_refused(case_file: Write) -> None:
+    """Corners in units of length, where fractions are meant, would leave out a type without a word."""
+    lengths = {"type": 2, "low": [1.0, 1.0], "high": [2.0, 1.5]}
+    with pytest.raises(InputError, match=r"low \[1.0, 1.0\] and high \[2.0, 1.5\] enclose no site; they are fractions"):
+        atoms_of(case_file(types=TWO, positions={**ORDERED, "regions": [lengths]}))
 
 
 def test_energy_per_type_is_multiplied_by_mass(case_file: Write) -> None:

@@ -137,6 +137,10 @@ STOPPING = "  evolve: {steps: 4, timestep: 0.1, stops: [{at: 1, stretch: {z: 2}}
             WHOLE.replace(", rho0: 1", "") + "  forces: [{style: addforce, vector: [0, 0, 1]}]\n",
             "forces.vector needs 2 components, found 3 (line 10, column 38)",
         ),
+        (
+            WHOLE.replace(", rho0: 1", "") + "  forces: [{style: addforce, types: 3, vector: [0, 0]}]\n",
+            "type range must lie within the atom types 1 to 2, found '3' (line 10, column 37)",
+        ),
         (WHOLE.replace(", rho0: 1", "") + STOPPING, "stretch.z must be 1 in 2D, found 2.0 (line 10, column 44)"),
     ],
 )
@@ -247,7 +251,7 @@ def edited_files(draw: st.DrawFn) -> dict[str, Any]:
 
 
 @given(edited_files())
-@settings(max_examples=200)
+@settings(max_examples=200, deadline=None)
 def test_edited_scene_is_valid_or_refused_in_lines_with_a_location(content: dict[str, Any]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mine.yaml"

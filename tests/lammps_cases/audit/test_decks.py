@@ -378,6 +378,14 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
         fluid_deck(f"mass * 1\nset group all rheo/rho 1.05\n{FIXES}{LINEAR}run 1\n"), {}, {
         "verdict": None, "fields": ("pressure",),
         "warns": ["type 1: rho0 = 1 was never reached: ", "type 2: rho0 = 1 was never reached: "]}),
+    # runs without a set-up
+    **{f"{name} without a set-up": (BLOCK, {"run          20": f"run 10\n{command}\nrun 20 pre no"}, {
+        "verdict": None, "warns": [f"run 2: 'pre no' leaves out the set-up that {name} before it needs"],
+        "unchecked": dict.fromkeys(("pressure", "grad/v", "f"), f"the run has no set-up (pre no), which {name} ")})
+       for name, command in {"mass": "mass * 1.2", "pair_style": "pair_style rheo 3.0\npair_coeff * *",
+                             "change_box": "change_box all x scale 1.2 remap"}.items()},
+    "velocities without a set-up": (BLOCK, {"run          20": "run 10\nvelocity all set 0.01 0 0\nrun 20 pre no"}, {
+        "verdict": None, "half": set(), "compared": frozenset({"pressure", "grad/v", "f"})}),
     # runs that have no pressure
     "run of another system": (
         f"{MELT}clear\n{fluid_deck(f'set group all rheo/rho 1.0{chr(10)}{FIXES}{LINEAR}run 5{chr(10)}')}", {}, {

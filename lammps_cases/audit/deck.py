@@ -25,6 +25,11 @@ from eos_ref.syntax.words import Words
 HARMLESS = frozenset(
     {"print", "variable", "info", "log", "write_data", "write_dump", "write_restart", "thermo", "NULL"}
 )
+# Those after which a run needs no set-up ('pre no'), as LAMMPS reads what they change at every step.
+UNPREPARED = HARMLESS | {
+    *("dump", "dump_modify", "undump", "thermo_style", "thermo_modify", "restart", "timer", "echo", "shell", "python"),
+    *("compute", "uncompute", "group", "region", "lattice", "velocity", "set", "displace_atoms", "timestep"),
+}
 
 
 @dataclass(frozen=True)

@@ -101,10 +101,11 @@ class Health:
         speed_n = np.abs(state.v_nc).max(axis=1, initial=0.0)
         at_rest = replace(state, v_nc=np.zeros(state.v_nc.shape))
         self._runs_away(run, step, id_n, "v", speed_n, speed_n > RUNAWAY * fastest(model, at_rest))
-        beyond_n = (density_n > RUNAWAY * self._density) | ((density_n <= 0) & (not first))
-        self._runs_away(run, step, id_n, "rho", state.rho_n, beyond_n)
-        if self._energy and not heated and not self.changes:
-            self._runs_away(run, step, id_n, "energy", energy_n, energy_n > RUNAWAY * self._energy)
+        self._runs_away(run, step, id_n, "rho", state.rho_n, density_n <= 0, given=first)
+        if not self.changes:  # particles that are added begin with values of their own
+            self._runs_away(run, step, id_n, "rho", state.rho_n, density_n > RUNAWAY * self._density)
+            if self._energy and not heated:
+                self._runs_away(run, step, id_n, "energy", energy_n, energy_n > RUNAWAY * self._energy)
 
     def ended(self, error: str, run: int, step: int) -> None:
         """Take the error with which LAMMPS ended a run."""
@@ -132,13 +133,15 @@ class Health:
             return False
         return True
 
-    def _runs_away(self, run: int, step: int, id_n: Array, column: str, values_n: Array, beyond_n: Array) -> None:
+    def _runs_away(
+        self, run: int, step: int, id_n: Array, column: str, values_n: Array, beyond_n: Array, given: bool = False
+    ) -> None:
         if self.broke is not None or not beyond_n.any():
             return
         row = int(np.argmax(np.where(beyond_n, np.abs(values_n), -1.0)))
         self.broke = BreakRecord(
             kind="runaway", run=run, step=step, column=column, atom=int(id_n[row]), value=float(values_n[row]),
-            particles=int(beyond_n.sum()), of=len(id_n), both=False,
+            particles=int(beyond_n.sum()), of=len(id_n), both=False, given=given,
         )  # fmt: skip
 
 

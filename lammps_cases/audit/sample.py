@@ -201,7 +201,8 @@ def judged(
 ) -> JudgedSample:
     """Compare fields of a sample with the reference, and explain those that lie outside their bounds.
 
-    Particles for which neither side has a number are left out.
+    Particles for which neither side has a number are left out, and where there are any, those that they leave without a
+    bound.
 
     Parameters
     ----------
@@ -217,7 +218,9 @@ def judged(
     rows_of = {}
     for field in fields:
         finite_n = _finite(shown[field])
-        rows_n = reference.comparable(field) & (finite_n | _finite(value(reference.output(field))))
+        output = reference.output(field)
+        numbered_n = finite_n | _finite(value(output))
+        rows_n = reference.comparable(field) & numbered_n & (numbered_n.all() | _finite(error(output)))
         rows_n = rows_n & finite_n if printed else rows_n
         if rows_n.any():
             rows_of[field] = rows_n

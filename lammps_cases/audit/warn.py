@@ -139,6 +139,13 @@ class Questions:
         """Note a run without laws."""
         self._lines.append(f"run {run}: no fix rheo/pressure was defined, nothing was checked")
 
+    def unprepared(self, run: int, command: str) -> None:
+        """Note a run without a set-up that a command before it needs."""
+        self._lines.append(
+            f"run {run}: 'pre no' leaves out the set-up that {command} before it needs: LAMMPS may keep neighbour "
+            "lists and settings of the run before; fields were not checked there"
+        )
+
     def run_away(self, run: int, step: int) -> None:
         """Note a sample in which particles are much faster than sound."""
         if self._ran_away != run:

@@ -27,7 +27,7 @@ from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import arrays, fields, sample, share
 from lammps_cases.audit.arrays import PressureSample
 from lammps_cases.audit.budgets import budget
-from lammps_cases.audit.deck import Action, Deck, between, hyphens
+from lammps_cases.audit.deck import UNPREPARED, Action, Deck, between, hyphens
 from lammps_cases.audit.effects import Acting, Explained, of_pressure, touching
 from lammps_cases.audit.evaluation import ParticleSample, TimedSample
 from lammps_cases.audit.fields import leans_open
@@ -102,6 +102,7 @@ class DeckWatch:
         self.runs = self.done = 0
         self.lammps_seconds = self.sample_seconds = 0.0
         self._run: WatchedRun | None = None
+        self._waiting = ""  # the first command since the last set-up that needs another one
         self._last: PressureSample | None = None  # the last sample
         self._differing: PressureSample | None = None  # the first sample in which a field differs
         self._previous: int | None = None  # step of the last call
@@ -134,6 +135,8 @@ class DeckWatch:
         """Note a command that LAMMPS has executed."""
         rheo = self.deck.fix("rheo")
         self.deck.note(values)
+        if values[0] not in UNPREPARED:
+            self._waiting = self._waiting or values[0]
         if self.deck.fix("rheo") is not rheo:
             sample.drop(self.lmp)
         for each in (self.questions, self.health, self.acting):
@@ -188,7 +191,14 @@ class DeckWatch:
             self._run = replace(
                 self._run, first=first, stop=stop, continued=True, table=table, mass_t=mass_t, steps=count
             )
+            if self._waiting:
+                self.questions.unprepared(self.runs, self._waiting)
+                reason = f"the run has no set-up (pre no), which {self._waiting} before it needs"
+                known = self._run.choice
+                choice = fields.Choice((), {**known.unchecked, **dict.fromkeys(known.fields, reason)})
+                self._run = replace(self._run, choice=choice, sampler=None, shared="")
         else:
+            self._waiting = ""
             sample.drop(lmp)
             choice, sampler, actions = fields.Choice((), {}), None, self.deck.plain_actions()
             if table is not None:

@@ -128,7 +128,7 @@ def bugs(case: CaseRecord) -> list[str]:
 
 def broke(of: BreakRecord) -> str:
     """Describe where the state of a deck stops being that of a fluid."""
-    if of.kind == "runaway":
+    if of.kind == "runaway" and not of.given:
         return f"{plural(of.column)} run away from {_step(of)} on"
     return f"{of.column} of atom {of.atom} is {of.value} at {_step(of)}"
 
@@ -154,7 +154,7 @@ def lost(of: LostRecord) -> str:
 
 def event(case: CaseRecord) -> str:
     """Describe how a deck failed; empty if it did not."""
-    if case.broke and case.broke.kind == "not a number":
+    if case.broke and (case.broke.kind == "not a number" or case.broke.given):
         return broke(case.broke)
     if case.lost and not case.lost.ignored and not case.as_expected:
         return f"LAMMPS loses {case.lost.lost} of {counted(case.lost.of, 'atom')} by {_step(case.lost)}"

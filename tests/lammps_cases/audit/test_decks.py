@@ -242,6 +242,15 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
     # states that break
     "heat in 40 steps": (BLOCK, OVERFLOWING | {"run          20": CONDUCTS.format(0.1) + "40"}, HEAT_DIVERGES),
     "heat in 700 steps": (BLOCK, OVERFLOWING | {"run          20": CONDUCTS.format(0.1) + "700"}, HEAT_DIVERGES),
+    **{f"density of {rho}": (BLOCK, {"velocity ": f"set atom 7 rheo/rho {rho}\nvelocity "}, {
+        "verdict": verdict, "broke": {"column": "rho", "atom": 7, "step": 0, "given": True}, "message": (
+            f"unstable as set up: run 1 begins with rho = {rho} of atom 7")})
+       for rho, verdict in ((-0.5, "error"), (0.0, "refused"))},
+    "deposited at the default density": (
+        BLOCK, ROOM | LATTICE | {"density 1.0 1.0": "density 0.05 0.05", "mass         * 1.0": "mass * 0.05",
+                                 "rheo/rho 1.0": "rheo/rho 0.05", "run          20":
+                                 "region top block 0 5 12 14 -0.1 0.1\nfix 5 all deposit 1 1 9 7 region top\nrun 20"}, {
+        "verdict": None, "broke": None, "warns": ["type 1: rho is 20 times rho0 = 0.05"]}),
     "coinciding particles": (  # neither code defines forces there, so there is no difference between them
         BLOCK, LATTICE | {"set          group": "create_atoms 1 single 3.0 4.0 0.0\nset          group"}, {
         "verdict": "error", "broke": {"kind": "not a number", "step": 0, "both": True},
@@ -378,6 +387,14 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
         fluid_deck(f"mass * 1\nset group all rheo/rho 1.05\n{FIXES}{LINEAR}run 1\n"), {}, {
         "verdict": None, "fields": ("pressure",),
         "warns": ["type 1: rho0 = 1 was never reached: ", "type 2: rho0 = 1 was never reached: "]}),
+    # runs without a set-up
+    **{f"{name} without a set-up": (BLOCK, {"run          20": f"run 10\n{command}\nrun 20 pre no"}, {
+        "verdict": None, "warns": [f"run 2: 'pre no' leaves out the set-up that {name} before it needs"],
+        "unchecked": dict.fromkeys(("pressure", "grad/v", "f"), f"the run has no set-up (pre no), which {name} ")})
+       for name, command in {"mass": "mass * 1.2", "pair_style": "pair_style rheo 3.0\npair_coeff * *",
+                             "change_box": "change_box all x scale 1.2 remap"}.items()},
+    "velocities without a set-up": (BLOCK, {"run          20": "run 10\nvelocity all set 0.01 0 0\nrun 20 pre no"}, {
+        "verdict": None, "half": set(), "compared": frozenset({"pressure", "grad/v", "f"})}),
     # runs that have no pressure
     "run of another system": (
         f"{MELT}clear\n{fluid_deck(f'set group all rheo/rho 1.0{chr(10)}{FIXES}{LINEAR}run 5{chr(10)}')}", {}, {

@@ -19,7 +19,7 @@ from eos_ref.errors import InputError
 from eos_ref.evaluation.pairs import ROWS, Search, directed_pairs, separations
 from eos_ref.model.box import BoolArray
 from lammps_cases.audit.evaluation import ParticleSample
-from lammps_cases.records.wording import counted, number
+from lammps_cases.records.wording import counted, number, times
 
 Array = npt.NDArray[Any]
 FAR = 0.1  # of rho0: ten times the variation that a weakly compressible fluid is set up for
@@ -171,13 +171,14 @@ def _mass(t: int, law: EOS, mass_n: Array, n_n: Array, rho_n: Array, far: bool) 
         if fits or not abs(filled - 1) > FAR:
             continue
         volume = float(np.median(1 / n_n[own_n]))
+        factor = times(filled)
         line = (
-            f"type {t}: m = {mass:.6g} is {filled:.3g} times rho0 V = {law.rho0 * volume:.6g} (V = {volume:.6g} by the "
-            f"spacing of {own_n.sum()} fluid particles with full support): sum_j m/rho0 W_ij is {filled:.3g} instead "
+            f"type {t}: m = {mass:.6g} is {factor} times rho0 V = {law.rho0 * volume:.6g} (V = {volume:.6g} by the "
+            f"spacing of {own_n.sum()} fluid particles with full support): sum_j m/rho0 W_ij is {factor} instead "
             "of 1, and gradients and forces are wrong by this factor"
         )
         yield Lint(
-            f"mass {t}", line, abs(math.log(filled)) if filled > 0 else math.inf, f"mass is {filled:.3g} times rho0 V"
+            f"mass {t}", line, abs(math.log(filled)) if filled > 0 else math.inf, f"mass is {factor} times rho0 V"
         )
 
 
@@ -187,7 +188,7 @@ def _speed(t: int, law: EOS, v_nc: Array) -> Iterator[Lint]:
     if speed and float(f"{law.cs / speed:.3g}") < SLOW:  # as it is printed
         line = (
             f"type {t}: speed of sound {law.cs:g} is {law.cs / speed:.3g} times the largest speed of its fluid, "
-            f"{speed:.3g}: its density will vary by about {100 * (speed / law.cs) ** 2:.2g} %; a ratio of {SLOW:g} "
+            f"{speed:.3g}: its density will vary by about {times(100 * (speed / law.cs) ** 2)} %; a ratio of {SLOW:g} "
             "would limit this to 1 %"
         )
         yield Lint(f"speed {t}", line, speed / law.cs, f"fluid reaches {speed / law.cs:.3g} times the speed of sound")

@@ -35,6 +35,7 @@ from lammps_cases.records.deck_wording import percent
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.progress import SILENT
 from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.wording import times
 from lammps_cases.setup.twins import Scale
 
 SKINS = {"lj": "0.3", "si": "0.001", "cgs": "0.1"}  # of neighbour lists by default; no other system is rescaled
@@ -113,7 +114,7 @@ def _report(made: RescaledDeck, case: CaseRecord, target: Path) -> list[str]:
         f"{target}: unit of length {made.length:.6g}, in which m/rho0 is 1 instead of {made.volume:.3g}; LAMMPS runs "
         f"it, {case.steps} steps, {case.natoms} atoms",
         f"same physics: forces and rates by the reference differ by {made.same:.2g} x bound; forces of pairs are "
-        f"{1 / made.volume:.3g} times too large in LAMMPS before, now off by at most "
+        f"{times(1 / made.volume)} times too large in LAMMPS before, now off by at most "
         f"{percent(max(left, default=0.0))} % (rho/rho0 - 1)",
     ]
     lines += made.notes

@@ -105,6 +105,7 @@ class DeckWatch:
         self._waiting = ""  # the first command since the last set-up that needs another one
         self._last: PressureSample | None = None  # the last sample
         self._differing: PressureSample | None = None  # the first sample in which a field differs
+        self._explained: PressureSample | None = None  # the first one in which a known bug shows
         self._previous: int | None = None  # step of the last call
         self.kept: dict[int, dict[str, Array]] = {}  # by step, the first and the last sample of the first run
         self.thermo: list[dict[str, float]] = []
@@ -352,8 +353,11 @@ class DeckWatch:
         budgets = self._budget(run, step, 0.0 if setup else 0.5 * dt, bool(found))
         open_ = {field: tuple(entry.id for entry in entries) for field, entries in unpredictable.items()}
         self.send(SampleRows(step, self.runs, self.done + step - run.first, rows, found, budgets, open_))
-        if self._differing is None and any(row.verdict == "differs" for row in rows.values()):
+        verdicts = {row.verdict for row in rows.values()}
+        if self._differing is None and "differs" in verdicts:
             self._differing = now
+        if self._explained is None and "explained" in verdicts:
+            self._explained = now
 
     def _taken(self, run: WatchedRun, table: EOSTable, n: int, x_nc: Array, setup: bool) -> ParticleSample | None:
         """Return the particles of a sample; None without a model."""
@@ -425,12 +429,16 @@ class DeckWatch:
         """Return arrays by id, and the pressure's fields per type in the last sample with the digits lost.
 
         The arrays are those of the first sample in which a field differs, which shows more than what a run that has
-        blown up ends with; of the last one if none does.
+        blown up ends with. If none does, those of the last sample, or, if atoms are missing there, of the first one in
+        which a known bug shows.
         """
         if self._last is None:
             return {}, {}
         of_last, records = self._last.result()
-        return (of_last if self._differing is None else self._differing.result()[0]), records
+        shown = self._differing
+        if shown is None and self._explained and len(self._explained.arrays["id"]) > len(self._last.arrays["id"]):
+            shown = self._explained
+        return (of_last if shown is None else shown.result()[0]), records
 
 
 def _steps(values: list[str], first: int) -> int:

@@ -203,7 +203,7 @@ class Outcome:
     def next_command(self) -> str:
         """Return the next command: the worst case alone, a bug report of the worst finding, or the manual's claims.
 
-        After the audit of a deck: the finding that ends it early, or nothing.
+        After the audit of a deck: the finding that ends it early, a bug report of the worst finding, or nothing.
         """
         wrong = [case for case in self.unaccepted if not case.as_expected and case.reproduce]
         if wrong:
@@ -212,7 +212,9 @@ class Outcome:
             if broken:
                 return shlex.join(["eos-ref", "findings", broken[0]])
             return "" if "audit" in wrong[0].tags else wrong[0].reproduce
-        return self.report_bug(self.shown[0].entry) if self.shown else self._command("claims")
+        if self.shown:
+            return self.report_bug(self.shown[0].entry)
+        return "" if self.of_decks else self._command("claims")
 
     def report_bug(self, finding: Finding) -> str:
         """Return the command that writes a deck and an issue for a finding on the LAMMPS of this run."""

@@ -540,7 +540,7 @@ def test_copy_is_bounded_and_writable(tmp_path: Path) -> None:
         ("plain", "surface", "fix rheo has no surface/detection in this deck"),
         ("plain", "rho", "integrated over time"),
         ("plain", "x", "input to the check, not a result"),
-        ("walls_corrected", "f", "reproducing kernels used densities of walls"),
+        ("walls_corrected", "f", "reproducing kernels use wall densities"),
     ],
 )
 def test_field_missing_from_the_deck(name: str, field: str, why: str) -> None:

@@ -367,6 +367,10 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
     "column that flies": (FIXED, {"gravity 1.0 vector 0 -1 0": "gravity 40.0 vector 0 1 0"}, {
         "verdict": "refused", "outlook": {"cause": "not understood", "findings": []}, "message": "not understood",
         "says": "continued from step "}),
+    "column out of balance": (
+        COLUMN, {"set             group all rheo/rho 1.0\n": "set             group all rheo/rho 1.01\n",
+                 "boundary        p s p": "boundary        p f p"}, {
+        "verdict": "refused", "by": {"f": {BUG}}}),
     # the total f cannot be compared, as an unknown force adds to it; that of the finding is density over mass
     "finding hidden by other forces": (
         COLUMN, {"set             group all rheo/rho 1.0\n":
@@ -500,6 +504,14 @@ def test_finding_that_makes_a_deck_unstable_is_the_next_command(audited: Callabl
     unexplained = findings.outcome(without)
     assert unexplained.next_command == "" and not any(line.startswith("next") for line in unexplained.closing())
     assert field_table(case)[0].startswith("field") and field_table(case.model_copy(update={"fields": []})) == []
+
+
+def test_arrays_are_of_the_finding_that_loses_atoms(audited: Callable[[str], AuditResult]) -> None:
+    """At the end no atom is left whose force is wrong."""
+    result = audited("column out of balance")
+    shown = {check.step: check.natoms for check in case_of(result).checks if check.verdict == "explained"}
+    assert int(result.arrays["step"]) == min(shown)
+    assert len(result.arrays["id"]) == shown[min(shown)] > case_of(result).natoms
 
 
 def test_finding_hidden_by_other_forces_concerns_most_particles(audited: Callable[[str], AuditResult]) -> None:

@@ -194,7 +194,7 @@ run 10
 def test_three_dimensions_and_heat(tmp_path: Path) -> None:
     first, second = written(THREE, tmp_path)
     assert "unit of length 0.02, in which m/rho0 is 1 instead of 8e-06; LAMMPS runs it, 20 steps" in first
-    assert second.startswith("same physics: ") and "1.25e+05 times too large in LAMMPS before" in second
+    assert second.startswith("same physics: ") and "120 000 times too large in LAMMPS before" in second
     deck = (tmp_path / "new" / "in.new").read_text()
     assert "fix 7 all add/heat constant 0.025" in deck and "group few id 157:159\n" in deck
     assert deck.index("run 10") < deck.index("unfix 5") < deck.rindex("run 10")

@@ -114,6 +114,10 @@ def test_headline_of_a_run_counts_cases_that_end_early() -> None:
     assert "early" not in str(outcome(run(other)).headline)
 
 
+def test_deck_without_a_bug_needs_no_next_command() -> None:
+    assert not any(line.startswith("next") for line in outcome(run(deck())).closing())
+
+
 def test_every_state_looks_different() -> None:
     for name in ("css", "terminal", "mark"):
         assert len({getattr(look, name) for look in LOOKS.values()}) == len(LOOKS)

@@ -113,7 +113,7 @@ def end(case: CaseRecord) -> str:
     """Describe how LAMMPS ended a case, if not with numbers to compare, and which finding predicts that."""
     text = _own_end(case)
     if text and _predicted(case):
-        text = f"{_foreseen(case)}, as ledger entry {listed(case.explained_by)} predicts: {text}"
+        text = f"{_foreseen(case)}, as finding {listed(case.explained_by)} predicts: {text}"
     return f"LAMMPS answers, and its twin ({case.twin}) does not: {text}" if case.only_twin else text
 
 

@@ -30,7 +30,7 @@ NAMED = 3  # findings in the closing lines of a run without a severe one
 
 @dataclass(frozen=True)
 class RunFinding:
-    """A ledger entry with the cases of a run that show it, and those that would if it were still present."""
+    """A finding with the cases of a run that show it, and those that would if it were still present."""
 
     entry: Finding
     cases: list[str]

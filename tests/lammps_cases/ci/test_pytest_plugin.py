@@ -192,7 +192,7 @@ def test_shipped_cases_and_strictness(pytester: pytest.Pytester) -> None:
     case = f"{casefile.SHIPPED / 'refused.yaml'}::refused.range-two-stars"
     strict = run(pytester, "--eos-ref", case, "--eos-ref-strict")
     strict.assert_outcomes(failed=1)
-    strict.stdout.fnmatch_lines(["explained: crashed, as ledger entry double-star-abort predicts: *"])
+    strict.stdout.fnmatch_lines(["explained: crashed, as finding double-star-abort predicts: *"])
     strict.stdout.fnmatch_lines(["FAIL: 1 known bug seen in this LAMMPS (not severe); 1 rejected by --fail-on low; *"])
     run(pytester, "--eos-ref", case, "--eos-ref-fail-on=medium").assert_outcomes(passed=1)
     run(pytester, "--eos-ref", case, "--eos-ref-fail-on=low").assert_outcomes(failed=1)

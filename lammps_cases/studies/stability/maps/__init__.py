@@ -76,7 +76,7 @@ def of_cell(by_id: Mapping[str, StabilityMap], cell: MapCell) -> StabilityMap:
 
 @dataclass(frozen=True)
 class ExpectedDifference:
-    """The reason why the engines differ; ``finding``: id of a ledger entry, empty if no statement is broken."""
+    """The reason why the engines differ; ``finding``: id of a finding, empty if no statement is broken."""
 
     finding: str
     why: str

@@ -468,5 +468,5 @@ def test_invalid_deformations_are_refused() -> None:
             built.with_model(deform=made)
     with pytest.raises(InputError, match="remap v goes without shift"):
         scene(2, shift=Shift()).with_model(deform=replace(GROWS, remap="v"))
-    with pytest.raises(InputError, match="sums of all particles at once: take ArrayEvaluator"):
+    with pytest.raises(InputError, match="sums of all particles at once: use ArrayEvaluator"):
         built.with_model(deform=GROWS).simulate([], evaluator=CompiledEvaluator).run(1, DT)

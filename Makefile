@@ -91,7 +91,7 @@ check: $(TEST) $(VENV)/.check ## lint, format, types, direction of imports
 kills: $(TEST) ## kill runs at random moments and resume them, 300 times here, 100 on a Dask cluster (over an hour)
 	$(BIN)/python -m pytest -s -m kills tests/workshop
 
-large: $(TEST) ## a million particles, every one judged, on one rank and on two, in 4 GB (some minutes); LARGE=large.four-million
+large: $(TEST) ## a million particles, every one judged, on one rank, two and four, in 4 GB (some minutes); LARGE=large.million-3d, large.four-million
 	$(BIN)/python -m tests.workshop.large $(LARGE)
 
 soak: $(TEST) ## 20 000 cases in one campaign, here and through Dask (an hour); SOAK=2000 for fewer

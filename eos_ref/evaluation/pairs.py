@@ -63,7 +63,8 @@ class Search:
         beyond = tree.sparse_distance_matrix(copies, self.wide, output_type="ndarray")
         i, j = (np.concatenate([a, b]) for a, b in ((pair_p[:, 0], beyond["i"]), (pair_p[:, 1], of_g[beyond["j"]])))
         outside_nc = self.outside_nc.astype(np.int32)
-        image_pc = outside_nc[i] - outside_nc[j]
+        image_pc = outside_nc[i]
+        image_pc -= outside_nc[j]
         image_pc[len(pair_p) :] += image_gc[beyond["j"]].astype(np.int32)
         return i, j, image_pc
 

@@ -1,7 +1,7 @@
 """Very many particles judged, and the memory needed: ``python -m tests.workshop.large [CASE ...]``.
 
-Without names a million particles, on one rank and on two. The exit code is 1 if LAMMPS differs beyond known findings,
-or if the process that judges, and on one rank runs LAMMPS, takes more than 4 GB for each million.
+Without names a million particles in 2D, on one rank, two and four. The exit code is 1 if LAMMPS differs beyond known
+findings, or if the process that judges, and on one rank runs LAMMPS, takes more than 4 GB for each million, 6 in 3D.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 
 CASES = Path(__file__).with_name("large.yaml")
-MILLION, LIMIT = 1_000_000, 4e9  # particles, and bytes for as many
+MILLION, LIMIT = 1_000_000, 4e9  # particles, and bytes for as many in 2D
+IN_SPACE = 1.5  # times as many for those in 3D, which have more neighbours
 PATIENCE = 7200.0
 
 
@@ -39,11 +40,12 @@ class JudgedScene:
     memory: int
     verdict: str = ""
     report: int = 0
+    dimension: int = 2
 
     @property
     def allowed(self) -> float:
         """Return the bytes that judging it may take."""
-        return LIMIT * max(1.0, self.particles / MILLION)
+        return LIMIT * max(1.0, self.particles / MILLION) * (IN_SPACE if self.dimension == 3 else 1.0)
 
     def __str__(self) -> str:
         """Return its line."""
@@ -66,6 +68,7 @@ def _judged(site: str | None, case: Case, folder: Path) -> JudgedScene:
         resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
         record.verdict,
         sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
+        case.scene.dimension,
     )
 
 

@@ -89,7 +89,8 @@ def test_arguments_name_existing_functions_and_lines_in_them() -> None:
 
 def test_large_scenes_have_the_stated_number_of_particles() -> None:
     cases = {case.name: case for case in load((large.CASES,))}
-    sizes, ranks = {"million": 1_000_000, "four-million": 4_000_000}, {"one": 1, "two": 2}
+    sizes = {"million": 1_000_000, "four-million": 4_000_000, "million-3d": 1_000_000}
+    ranks = {"one": 1, "two": 2, "four": 4}
     assert {name: (math.prod(case.scene.positions.cells), case.scene.engine.ranks) for name, case in cases.items()} == {
         f"large.{size}.{count}": (sizes[size], ranks[count]) for size in sizes for count in ranks
     }

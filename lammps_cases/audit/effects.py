@@ -23,7 +23,7 @@ from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.deck import Deck
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation, model_with_forces
 from lammps_cases.audit.lints import FEW, MOST
-from lammps_cases.findings import LEDGER, Finding, accepting, applicable
+from lammps_cases.findings import LEDGER, Finding, accepting, applicable, refusing
 from lammps_cases.findings.entry import DeckRun
 from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.findings.outcomes import GAS_WITHOUT_WORK
@@ -242,6 +242,7 @@ class Acting:
     _shown: set[str] = field(default_factory=lambda: {"press"})  # by thermo_style one, the default
     _kept: list[str] | None = None  # fix rheo of the previous run, or of the file that was read
     _created: bool = False  # whether particles were created after a run
+    _stepping: str = ""  # run_style, if it is not the default
 
     def note(self, values: list[str]) -> None:
         """Take a command that LAMMPS has executed."""
@@ -254,10 +255,12 @@ class Acting:
                 self._shown |= {PRINTED} if "press" in self._shown else set()
             case ["read_restart", *_]:
                 self._kept = values
+            case ["run_style", *_]:
+                self._stepping = " ".join(values)
             case ["create_atoms", *_]:
                 self._created = self._kept is not None
             case ["clear"]:
-                self._kept, self._created = None, False
+                self._kept, self._created, self._stepping = None, False, ""
 
     def accepted(self, error: InputError) -> InputError:
         """Record an argument that LAMMPS accepted and the reference refuses; return its error with the known bug."""
@@ -288,6 +291,12 @@ class Acting:
         for entry in LEDGER:
             if entry.id not in self.found and entry.listed(self.engine) and (does := entry.acting(setting)):
                 self._take(entry, does)
+
+    def refused(self, error: str, deck: Deck) -> None:
+        """Take the error with which LAMMPS refuses the deck."""
+        lines = [self._stepping, *(" ".join(words) for words in deck.fixes.values())]
+        if entry := refusing(error, "\n".join(lines), self.engine):
+            self._take(entry, entry.effect)
 
     def gas(self) -> None:
         """Take a gas without a model of its particles."""

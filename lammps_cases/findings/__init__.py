@@ -150,7 +150,7 @@ def accepting(error: InputError, engine: str) -> Finding | None:
 
 
 def refusing(error: str, deck: str, engine: str) -> Finding | None:
-    """Return the entry by which an engine refuses a deck, by its error and the deck's run_style and fixes, by line."""
+    """Return the entry by which an engine refuses a deck, by its error and the deck's run_style, fixes and computes."""
     text = f"{error}\n{deck}\n"
     of_ends = (entry for entry in LEDGER if isinstance(entry, OutcomeFinding) and entry.refuses)
     return next((e for e in of_ends if e.listed(engine) and re.search(e.refuses, text, re.DOTALL)), None)

@@ -328,6 +328,11 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
             "run          20": "run 0\nwrite_data walls.data\nclear\natom_style rheo\nread_data walls.data"}),
         (set(), {"fix          2 all rheo/viscosity * constant 0.1\n": ""}),
         (set(), {FIX: "quintic 0 shift exclude/type 3 density"}))},
+    **{f"killed by {name}": (
+        BLOCK, {"run          20": f"compute c all rheo/property/atom {shown}\ndump 1 all custom 5 d id c_c\nrun 20"}, {
+        "verdict": "crashed", "bugs": {name}, "died": "SIGSEGV"})
+       for name, shown in (("stress-without-pressure-segfault", "stress/t/xx"),
+                           ("nbond-shell-segfault", "nbond/shell"))},
     # units and masses
     "units lj": (cube(), {}, {"bugs": {BUG}, "state": "KNOWN BUGS", "codes": (0, 1)}),
     "units real": (cube("real"), {}, {

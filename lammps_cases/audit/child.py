@@ -252,6 +252,7 @@ def audit(task: AuditTask, sender: Sender) -> DeckEnd:
         follower.deck(Path(task.deck))
     except EngineRefused as error:
         refused = str(error)
+        watch.acting.refused(refused, watch.deck)
         if isinstance(error, EngineBroken):  # on this rank alone: the others wait for it
             sender.silent = False
     except EngineLacks as error:

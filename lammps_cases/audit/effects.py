@@ -23,7 +23,7 @@ from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.deck import Deck
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation, model_with_forces
 from lammps_cases.audit.lints import FEW, MOST
-from lammps_cases.findings import LEDGER, Finding, accepting, applicable
+from lammps_cases.findings import LEDGER, Finding, accepting, applicable, refusing
 from lammps_cases.findings.entry import DeckRun
 from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.findings.outcomes import GAS_WITHOUT_WORK
@@ -242,22 +242,29 @@ class Acting:
     _shown: set[str] = field(default_factory=lambda: {"press"})  # by thermo_style one, the default
     _kept: list[str] | None = None  # fix rheo of the previous run, or of the file that was read
     _created: bool = False  # whether particles were created after a run
+    _stepping: str = ""  # run_style, if it is not the default
+    _computes: dict[str, str] = field(default_factory=dict)  # those of RHEO's attributes
 
     def note(self, values: list[str]) -> None:
         """Take a command that LAMMPS has executed."""
         match values:
-            case ["compute", _, _, style, *words]:
+            case ["compute", name, _, style, *words]:
+                self._computes |= {name: " ".join(values)} if style == "rheo/property/atom" else {}
                 self._shown |= {f"compute {style}", *(words if style == "rheo/property/atom" else ())}
             case ["thermo_style", style, *columns]:
                 self._shown.discard("press")
                 self._shown |= {"press"} if style in ("one", "multi") else {*columns}
                 self._shown |= {PRINTED} if "press" in self._shown else set()
+            case ["uncompute", name]:
+                self._computes.pop(name, None)
             case ["read_restart", *_]:
                 self._kept = values
+            case ["run_style", *_]:
+                self._stepping = " ".join(values)
             case ["create_atoms", *_]:
                 self._created = self._kept is not None
             case ["clear"]:
-                self._kept, self._created = None, False
+                self._kept, self._created, self._stepping, self._computes = None, False, "", {}
 
     def accepted(self, error: InputError) -> InputError:
         """Record an argument that LAMMPS accepted and the reference refuses; return its error with the known bug."""
@@ -288,6 +295,20 @@ class Acting:
         for entry in LEDGER:
             if entry.id not in self.found and entry.listed(self.engine) and (does := entry.acting(setting)):
                 self._take(entry, does)
+
+    def refused(self, error: str, deck: Deck) -> None:
+        """Take the error with which LAMMPS refuses the deck."""
+        if entry := self._ending(error, deck):
+            self._take(entry, entry.effect)
+
+    def killing(self, deck: Deck) -> str:
+        """Return the finding by which a segmentation fault would end the deck; or nothing."""
+        entry = self._ending("SIGSEGV", deck)
+        return entry.id if entry else ""
+
+    def _ending(self, error: str, deck: Deck) -> Finding | None:
+        lines = [self._stepping, *(" ".join(words) for words in deck.fixes.values()), *self._computes.values()]
+        return refusing(error, "\n".join(lines), self.engine)
 
     def gas(self) -> None:
         """Take a gas without a model of its particles."""

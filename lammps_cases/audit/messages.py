@@ -211,7 +211,10 @@ class SampleRows:
 
 @dataclass(frozen=True)
 class RunFacts:
-    """Facts of a run at its start; ``derivations`` are for the pressure per type, ``derivation`` for the rest."""
+    """Facts of a run at its start; ``derivations`` are for the pressure per type, ``derivation`` for the rest.
+
+    ``killing`` is the finding by which a segmentation fault would end it.
+    """
 
     natoms: int
     dimension: int
@@ -222,6 +225,7 @@ class RunFacts:
     unchecked: dict[str, str] = field(default_factory=dict)
     stages: dict[str, str] = field(default_factory=dict)
     derivation: str = ""
+    killing: str = ""
 
 
 @dataclass(frozen=True)

@@ -132,6 +132,8 @@ class Findings:
         effects = [of for of in self.effects if not self._inside(of)]
         missed = (self.chosen | {name for name, _ in self.unchecked}) - {record.field for record in fields}
         acting = self._acting(ended)
+        if self.facts and self.facts.killing and failure and failure.died == "SIGSEGV":
+            acting.append(record_of(finding(self.facts.killing), finding(self.facts.killing).effect))
         touching = [
             *ended.touching,
             *(of.finding for of in acting),

@@ -292,6 +292,7 @@ class DeckWatch:
             run.choice.unchecked if laws else {},
             {field: FIELDS[field].stage for field in run.choice.fields},
             derived(0),
+            self.acting.killing(self.deck),
         )
 
     def _called_first(self, caller: object, step: int, n: int, tag_n: Array, x_nc: Array, force_nc: Array) -> None:

@@ -8,6 +8,7 @@ changes how LAMMPS refuses predicts the outcome. Neither changes the reference o
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -146,6 +147,13 @@ def accepting(error: InputError, engine: str) -> Finding | None:
     """Return the entry by which an engine accepts an argument that the reference refuses."""
     of_inputs = (entry for entry in LEDGER if isinstance(entry, OutcomeFinding) and error.what in entry.accepts)
     return next((entry for entry in of_inputs if entry.listed(engine)), None)
+
+
+def refusing(error: str, deck: str, engine: str) -> Finding | None:
+    """Return the entry by which an engine refuses a deck, by its error and the deck's run_style, fixes and computes."""
+    text = f"{error}\n{deck}\n"
+    of_ends = (entry for entry in LEDGER if isinstance(entry, OutcomeFinding) and entry.refuses)
+    return next((e for e in of_ends if e.listed(engine) and re.search(e.refuses, text, re.DOTALL)), None)
 
 
 def explain_pressure(case: str, table: EOSTable, state: EosState, comparison: Comparison) -> Finding | None:

@@ -213,11 +213,14 @@ class OutcomeFinding(Finding):
     Attributes
     ----------
     ends : part of LAMMPS' error on a scene that shows it, whatever its name; empty for others
+    refuses : regular expression of LAMMPS' error on decks that show it, followed by the deck's run_style, fixes and
+        computes, or of SIGSEGV in its place; empty where the error of a mistake can be the same
     accepts : arguments that the manual forbids and LAMMPS accepts, named as in the reference's input errors
     expected_inputs : bad inputs (ids of the table of `eos-ref stability`) that LAMMPS treats as the finding says
     """
 
     ends: Callable[[Scene], str] = lambda scene: ""
+    refuses: str = ""
     accepts: tuple[str, ...] = ()
     expected_inputs: tuple[str, ...] = ()
 

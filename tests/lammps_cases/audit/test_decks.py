@@ -314,6 +314,25 @@ ROWS: dict[str, tuple[str, Edits, dict[str, Any]]] = {
     "hyphen that is refused": (BASIN, {"rheo/pressure * linear": "rheo/pressure 1-2 linear"}, {
         "verdict": "refused",
         "warnings": ["fix 3 (rheo/pressure): '1-2' is not a valid type range: LAMMPS reads it as '1' only "]}),
+    # documented input that LAMMPS refuses, and the same error of a mistake
+    **{f"refused by {names}": (BLOCK, edits, {"verdict": "refused", "bugs": names}) for names, edits in (
+        ({"self-mass-missing"}, {FIX: "quintic 0 rho/sum self/mass density"}),
+        ({"exclude-takes-one-range"}, {FIX: "quintic 0 shift exclude/type 1 2 density"}),
+        ({"reconstruct-refuses-cubic"}, {FIX: "quintic 0 interface/reconstruct density", "* linear": "* cubic 1.0"}),
+        ({"example-surface-detection"}, {"density 1.0 1.0 speed/sound 1.0 1.0": "surface/detection coordination 40"}),
+        ({"example-rhosum"}, {FIX: "quintic 0 rhosum density"}),
+        ({"pressure-takes-one-range"}, {"* linear": "1,2 linear"}),
+        ({"respa-refused"}, {"run          20": "run_style respa 2 2 pair 1\nrun 20"}),
+        ({"data-file-of-walls"}, {
+            FIX: "quintic 0 interface/reconstruct density",
+            "run          20": "run 0\nwrite_data walls.data\nclear\natom_style rheo\nread_data walls.data"}),
+        (set(), {"fix          2 all rheo/viscosity * constant 0.1\n": ""}),
+        (set(), {FIX: "quintic 0 shift exclude/type 3 density"}))},
+    **{f"killed by {name}": (
+        BLOCK, {"run          20": f"compute c all rheo/property/atom {shown}\ndump 1 all custom 5 d id c_c\nrun 20"}, {
+        "verdict": "crashed", "bugs": {name}, "died": "SIGSEGV"})
+       for name, shown in (("stress-without-pressure-segfault", "stress/t/xx"),
+                           ("nbond-shell-segfault", "nbond/shell"))},
     # units and masses
     "units lj": (cube(), {}, {"bugs": {BUG}, "state": "KNOWN BUGS", "codes": (0, 1)}),
     "units real": (cube("real"), {}, {

@@ -37,6 +37,7 @@ LINE = "eosref_line"
 _UNSET = re.compile(r"Substitution for illegal variable (\w+)")
 _FLOW = frozenset({"jump", "include", "label", "next", "clear", "run", "partition"})
 ENDLESS = 2**31 - 1
+DEEPEST = 64  # scripts that include one another; as Python counts calls, the last message may otherwise not be sent
 # What a restart file lacks; it has the box, the particles, their masses and their groups.
 DEFINITIONS = frozenset(
     {
@@ -112,6 +113,8 @@ class Follower:
         self._line(command)
 
     def _file(self, path: Path) -> None:
+        if len(self.scripts) == DEEPEST:
+            raise InputError("deck", place.NESTED, where=self.where)
         self.scripts.append(self._script(path))
         while (line := next(self.scripts[-1].lines, None)) is not None:
             self.where = f"{self.scripts[-1].path}:{line.number}"

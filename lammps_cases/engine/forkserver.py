@@ -159,27 +159,31 @@ class Server:
         EOFError, OSError
             The server died twice.
         """
-        for again in (True, False):
-            with _starting:
-                if not self.running:
-                    self.start()
-            try:
-                return self._fork(output, held, pickle.dumps((function, arguments)))
-            except (EOFError, OSError):
-                self.end()
-                if not again:
-                    raise
-        raise AssertionError
+        task, tasks = pickle.dumps((function, arguments)), self._started()
+        try:
+            return _forked(tasks, task, output, held)
+        except (EOFError, OSError):
+            return _forked(self._started(after=tasks), task, output, held)
 
-    def _fork(self, output: int, held: int, task: bytes) -> Fork:
-        assert self._socket
-        reading, writing = os.pipe()
-        report = Connection(reading, writable=False)
-        with os.fdopen(os.memfd_create("task"), "wb") as given, os.fdopen(writing, "wb"):
-            given.write(task)
-            given.flush()
-            socket.send_fds(self._socket, [b"!"], [given.fileno(), output, held, writing])
-        return Fork(report)
+    def _started(self, after: socket.socket | None = None) -> socket.socket:
+        """Return the socket of the server, started if there is none, ``after`` that of one that died."""
+        with _starting:
+            if self._socket is after is not None:
+                self.end()
+            if self._socket is None:
+                self.start()
+            assert self._socket
+            return self._socket
+
+
+def _forked(tasks: socket.socket, task: bytes, output: int, held: int) -> Fork:
+    reading, writing = os.pipe()
+    report = Connection(reading, writable=False)
+    with os.fdopen(os.memfd_create("task"), "wb") as given, os.fdopen(writing, "wb"):
+        given.write(task)
+        given.flush()
+        socket.send_fds(tasks, [b"!"], [given.fileno(), output, held, writing])
+    return Fork(report)
 
 
 workers = Server([OF_WORKERS])

@@ -166,7 +166,7 @@ class Server:
             return _forked(self._started(after=tasks), task, output, held)
 
     def _started(self, after: socket.socket | None = None) -> socket.socket:
-        """Return the socket of the server, started if there is none, ``after`` that of one that died."""
+        """Return the socket of the server, which is started if it does not run; ``after``: that of one that died."""
         with _starting:
             if self._socket is after is not None:
                 self.end()
